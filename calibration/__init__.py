@@ -1,0 +1,1 @@
+"""From pixels to the cell frame: lens, homography and the perception that uses them."""

@@ -1,0 +1,1 @@
+"""The application: what an operator types, the orchestrator, its monitors and its record."""

@@ -1,0 +1,50 @@
+"""The one family of errors that the cell raises on purpose."""
+
+
+class CellError(Exception):
+    """Root of every expected error; `exit_code` is what the command line returns for it."""
+
+    exit_code = 1
+
+
+class ConfigurationError(CellError):
+    """A file, key or argument that cannot be used; reads `file: key: what, what is allowed`."""
+
+    exit_code = 2
+
+
+class PreflightRefused(CellError):
+    """A check before the motion failed; nothing has moved."""
+
+    exit_code = 3
+
+
+class Fault(CellError):
+    """The run was stopped by a monitor, a driver or the plant; `name` goes into the record."""
+
+    exit_code = 4
+
+    def __init__(self, name: str, reason: str) -> None:
+        super().__init__(f"{name}: {reason}")
+        self.name = name
+        self.reason = reason
+
+
+class SimulationNotFinite(Fault):
+    """The simulated strip diverged: a property of model and step, not of the controller."""
+
+    def __init__(self, engine: str, time: float) -> None:
+        super().__init__(
+            "simulation_not_finite",
+            f"the {engine} left the finite numbers at {time:.3f} s; "
+            "use more damping, a smaller step or slower motion",
+        )
+
+
+class Unsupported(CellError):
+    """An engine was given a part of the description that it cannot represent."""
+
+    exit_code = 2
+
+    def __init__(self, engine: str, part: str) -> None:
+        super().__init__(f"the {engine} cannot simulate {part}; use the other engine")

@@ -1,0 +1,38 @@
+"""Where the cell frame stands in the robot's base frame."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class CellInRobot:
+    """Rigid transform from the cell frame (x along the strip, z up) to the robot base."""
+
+    matrix: Matrix
+
+    @classmethod
+    def from_yaw(cls, x: float, y: float, z: float, yaw: float) -> Self:
+        """Cell origin (x, y, z) [m] in the base, cell x-axis turned by `yaw` [rad] about z."""
+        c, s = np.cos(yaw), np.sin(yaw)
+        return cls(np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]]))
+
+    def to_robot(self, x: float, z: float, pitch: float) -> Matrix:
+        """End-effector pose (4, 4) in the base for a gripper pose in the cell frame.
+
+        The hand's approach axis is its z-axis; at pitch pi/2 it points straight down.
+        """
+        lean = pitch - np.pi / 2
+        c, s = np.cos(lean), np.sin(lean)
+        in_cell = np.array([[c, 0, s, x], [0, -1, 0, 0], [s, 0, -c, z], [0, 0, 0, 1.0]])
+        return np.asarray(self.matrix @ in_cell, dtype=np.float64)
+
+    def to_cell(self, pose: Matrix) -> tuple[float, float, float]:
+        """(x, z, pitch) in the cell frame of an end-effector pose (4, 4) in the base."""
+        in_cell = np.linalg.solve(self.matrix, pose)
+        pitch = np.pi / 2 + np.arctan2(in_cell[2, 0], in_cell[0, 0])
+        return float(in_cell[0, 3]), float(in_cell[2, 3]), float(pitch)

@@ -1,0 +1,1 @@
+"""Smooth commanded motion, by ruckig."""

@@ -1,0 +1,89 @@
+"""Seams between the cell and its devices. The twin and real hardware both satisfy these."""
+
+from typing import Protocol
+
+from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+
+
+class Clock(Protocol):
+    """Monotonic seconds since the run began. Nobody else tells time or sleeps."""
+
+    def now(self) -> float:
+        """Seconds since the run began."""
+        ...
+
+    def wait_until(self, time: float) -> None:
+        """Return when `time` has come; on the twin this, and only this, advances the world."""
+        ...
+
+
+class Arm(Protocol):
+    """A gripper point that moves in the plane of the strip, in the cell frame.
+
+    The arm side owns the 1 kHz servo. Methods return at once; `state().moving` tells the rest.
+    Raises `Fault` when the robot refuses or has stopped by itself.
+    """
+
+    def connect(self) -> None:
+        """Take hold of the arm, at rest."""
+        ...
+
+    def state(self) -> ArmState:
+        """The newest measured state."""
+        ...
+
+    def move_to(self, pose: Pose) -> None:
+        """Start a motion to rest at `pose` within the limits; a new command replaces it."""
+        ...
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow `velocity` from now on; without a fresh target the arm brakes by itself."""
+        ...
+
+    def stop(self) -> None:
+        """Brake within the limits; allowed at any time, from any state."""
+        ...
+
+    def close(self) -> None:
+        """Brake and let go of the device; allowed twice."""
+        ...
+
+
+class Hand(Protocol):
+    """Two fingers."""
+
+    def open(self) -> None:
+        """Start to open."""
+        ...
+
+    def grasp(self) -> None:
+        """Start to close on the strip's edge."""
+        ...
+
+    def state(self) -> HandState:
+        """The newest measured state."""
+        ...
+
+    def stop(self) -> None:
+        """Hold the fingers where they are."""
+        ...
+
+
+class Camera(Protocol):
+    """A source of stamped frames."""
+
+    def connect(self) -> None:
+        """Start delivering frames."""
+        ...
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        """The newest frame that has arrived with a stamp later than `after`, or None.
+
+        Waits at most `timeout` [s]; 0 only looks. On the twin it never steps the world, so any
+        timeout there is 0: the caller waits on the clock.
+        """
+        ...
+
+    def close(self) -> None:
+        """Stop and let go of the device; allowed twice."""
+        ...

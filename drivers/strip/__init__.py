@@ -1,0 +1,1 @@
+"""The strip as the controller may know it: file, description, effects, engines' seam."""

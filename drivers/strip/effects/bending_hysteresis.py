@@ -1,0 +1,31 @@
+"""Dry friction between yarns: the moment of an elasto-plastic element beside the elastic one."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    law = replace(
+        model.mechanics.law,
+        yield_curvature=values["yield_curvature"],
+        stiffness_ratio=values["stiffness_ratio"],
+    )
+    return replace(model, mechanics=replace(model.mechanics, law=law))
+
+
+EFFECT = Effect(
+    name="bending_hysteresis",
+    sentence="the strip resists bending like dry friction",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
+        Parameter("stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0),
+    ),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
+)

@@ -1,0 +1,24 @@
+"""Rigidity that grows or falls with curvature."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    law = replace(model.mechanics.law, cubic=values["cubic"])
+    return replace(model, mechanics=replace(model.mechanics, law=law))
+
+
+EFFECT = Effect(
+    name="nonlinear_bending",
+    sentence="the strip grows stiffer (or softer) the more sharply it is bent",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("cubic", "m^2", low=-2e-5, high=1e-3),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a slow fold with a low and a high carry: only sharp bends change",
+)

@@ -1,0 +1,100 @@
+"""The seam of both engines: a stepper over a batch, and a whole motion in ten lines."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from drivers.strip.model import StripModel
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Observables:
+    """What n strips show at one instant `time` [s].
+
+    `contact_x` (n,) [m], `tip` (n, 2) [m] (the fold's rightmost point), `holding_force` (n,) [N]
+    (horizontal, that the fixed edge exerts on the strip), `touch` per strip, set once for all.
+    """
+
+    time: float
+    contact_x: Array
+    tip: Array
+    holding_force: Array
+    touch: tuple[Touch | None, ...]
+
+
+class Stepper(Protocol):
+    """An engine that simulates n strips at once, each held by its own gripper."""
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
+
+        Raises Unsupported for a part of a description that the engine cannot represent.
+        """
+        ...
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
+
+        Raises SimulationNotFinite when a shape leaves the finite numbers.
+        """
+        ...
+
+    def shapes(self) -> Array:
+        """Midlines (n, nodes, 2) [m] from the fixed to the grasped edge, both included."""
+        ...
+
+    def arc(self) -> Array:
+        """Arc lengths of the nodes (n, nodes) [m], unstretched, from the fixed edge."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class StripMotion:
+    """A simulated motion: times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2),
+    holding_force (k,), shapes (k, nodes, 2) or (0, nodes, 2), and the layer_touch if any.
+    """
+
+    t: Array
+    poses: Array
+    contact_x: Array
+    tip: Array
+    holding_force: Array
+    shapes: Array
+    touch: Touch | None
+
+
+def simulate(
+    engine: Stepper,
+    model: StripModel,
+    t: Array,
+    poses: Array,
+    *,
+    dt: float = 0.005,
+    shapes: bool = False,
+) -> StripMotion:
+    """One strip along a gripper path: times t (m,) [s], poses (m, 3); stops at layer_touch."""
+    engine.reset([model])
+    steps = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
+    path = np.stack([np.interp(steps + t[0], t, poses[:, c]) for c in range(3)], axis=1)
+    seen: list[Observables] = []
+    curves: list[Array] = []
+    for pose in path:
+        seen.append(engine.step(pose[None], dt))
+        if shapes:
+            curves.append(engine.shapes()[0].copy())
+        if seen[-1].touch[0] is not None:
+            break
+    nodes = engine.shapes().shape[1]
+    return StripMotion(
+        t=steps[: len(seen)] + t[0],
+        poses=path[: len(seen)],
+        contact_x=np.array([o.contact_x[0] for o in seen]),
+        tip=np.array([o.tip[0] for o in seen]),
+        holding_force=np.array([o.holding_force[0] for o in seen]),
+        shapes=np.array(curves) if curves else np.empty((0, nodes, 2)),
+        touch=seen[-1].touch[0] if seen else None,
+    )

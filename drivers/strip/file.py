@@ -1,0 +1,93 @@
+"""Strip files: what a person states about a fabric strip."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from drivers.settings import Settings, load
+
+GRAVITY = 9.81  # m/s^2
+PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
+PAPER_SPACING = 0.002  # m
+
+Positive = Annotated[float, Field(gt=0)]
+Channel = Annotated[int, Field(ge=0, le=255)]
+
+
+class Provenance(Settings):
+    """Where a value comes from; `assumed` where nobody published it."""
+
+    key: str
+    source: str
+    note: str = ""
+
+
+class StripFile(Settings):
+    """A fabric strip in SI units; see the strip file contract."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    kind: Literal["strip"] = "strip"
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
+    length: float = Field(ge=0.1, le=2.0)  # m, fixed edge to grasped edge
+    width: float = Field(gt=0, le=1.0)  # m
+    areal_density: float = Field(gt=0, le=5.0)  # kg/m^2
+    bending_length: float = Field(ge=0.002, le=0.2)  # m, (B / areal weight)^(1/3)
+    retardation_time: float = Field(ge=0, le=10.0)  # s, Kelvin-Voigt
+    thickness: float = Field(0.001, gt=0, le=0.02)  # m
+    colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
+    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+    spread: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    provenance: tuple[Provenance, ...] = ()
+
+    @field_validator("spread")
+    @classmethod
+    def _ordered(cls, spread: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        known = {"bending_length", "retardation_time", "areal_density", "thickness"}
+        for key, (low, high) in spread.items():
+            if key not in known:
+                raise ValueError(f"{key} cannot be spread; allowed: {', '.join(sorted(known))}")
+            if not 0 < low <= high:
+                raise ValueError(f"{key} needs 0 < low <= high, found [{low}, {high}]")
+        return spread
+
+    @property
+    def linear_density(self) -> float:
+        """Mass per length [kg/m]."""
+        return self.areal_density * self.width
+
+    @property
+    def rigidity(self) -> float:
+        """Bending rigidity EI = c^3 w of the whole width [N m^2], w the weight per length."""
+        return self.bending_length**3 * self.linear_density * GRAVITY
+
+
+def load_strip(path: Path) -> StripFile:
+    """The strip or plant file at `path`, its effects checked against the registry."""
+    from drivers.strip.effects import check_effects
+
+    strip = load(path, StripFile)
+    check_effects(strip.effects, origin=str(path), of="strip")
+    return strip
+
+
+def paper_strip(k: float, b: float, **changes: Any) -> StripFile:
+    """The paper's strip with joint stiffness `k` [N m/rad] and damping `b` [N m s/rad].
+
+    Spheres of 3.3 g every 2 mm: c = (k ds / w)^(1/3), retardation time = b / k.
+    """
+    content: dict[str, Any] = {
+        "schema": 1,
+        "name": "paper",
+        "length": 0.6,
+        "width": 0.05,
+        "areal_density": PAPER_LINEAR_DENSITY / 0.05,
+        "bending_length": (k * PAPER_SPACING / (PAPER_LINEAR_DENSITY * GRAVITY)) ** (1 / 3),
+        "retardation_time": b / k,
+    }
+    return StripFile.model_validate(content | changes)
+
+
+def paper_damping_minimum(k: float) -> float:
+    """Smallest damping of the paper's range, b_min(k) = 3e-3 k + 3.5e-4 (appendix)."""
+    return 3e-3 * k + 3.5e-4

@@ -1,0 +1,121 @@
+"""What a strip's shape says: desk_contact, tip of the fold, layer_touch.
+
+One definition for truth, both engines, policies and perception. A shape is the midline as nodes
+(n, 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """layer_touch: when [s], where x [m], and the lengths to both edges [m]."""
+
+    time: float
+    x: float
+    to_grasped: float
+    to_fixed: float
+
+    @property
+    def displacement(self) -> float:
+        """d = l1 - l2, misalignment of the layers [m] (paper, figure of l1 and l2)."""
+        return self.to_grasped - self.to_fixed
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Smallest vertical distance `height` [m] between the layers, at `x` and arc length `s`."""
+
+    height: float
+    x: float
+    s: float
+
+
+def desk_contact(points: Array, height: float) -> float:
+    """x [m] where the midline first stands `height` above rest, from the fixed end.
+
+    The whole strip below `height` gives the x of its grasped end.
+    """
+    above = np.flatnonzero(points[:, 1] > height)
+    if len(above) == 0:
+        return float(points[-1, 0])
+    j = int(above[0])
+    if j == 0:
+        return float(points[0, 0])
+    (xa, za), (xb, zb) = points[j - 1], points[j]
+    return float(xa + (xb - xa) * (height - za) / (zb - za))
+
+
+def fold_tip(points: Array) -> tuple[float, float]:
+    """(x, z) of the rightmost point, refined by a parabola through three nodes."""
+    j = int(np.argmax(points[:, 0]))
+    if j in (0, len(points) - 1):
+        return float(points[j, 0]), float(points[j, 1])
+    left, here, right = points[j - 1], points[j], points[j + 1]
+    offset = _vertex(left[0], here[0], right[0])
+    x = here[0] - 0.25 * (left[0] - right[0]) * offset
+    z = (
+        here[1]
+        + 0.5 * offset * (right[1] - left[1])
+        + 0.5 * offset**2 * (left[1] - 2 * here[1] + right[1])
+    )
+    return float(x), float(z)
+
+
+def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
+    """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
+
+    The upper layer runs from the fold's rightmost point to the grasped edge. Beside that point
+    both layers meet by definition, so the gap counts from where it first exceeds `opening` [m],
+    and only once it has begun to close again: at a node that is a local minimum.
+    """
+    tip = int(np.argmax(points[:, 0]))
+    upper = points[tip:]
+    if len(upper) < 4 or tip < 2:
+        return None
+    lower_z = np.interp(upper[:, 0], points[: tip + 1, 0], points[: tip + 1, 1])
+    gap = np.where(upper[:, 0] >= points[0, 0], upper[:, 1] - lower_z, np.inf)
+    opened = np.flatnonzero(gap > opening)
+    if len(opened) == 0:
+        return None
+    inner = np.arange(max(int(opened[0]), 1), len(gap) - 1)
+    minima = inner[(gap[inner] <= gap[inner - 1]) & (gap[inner] < gap[inner + 1])]
+    if len(minima) == 0:
+        return None
+    j = int(minima[np.argmin(gap[minima])])
+    if not np.isfinite(gap[j - 1 : j + 2]).all():
+        return Gap(float(gap[j]), float(upper[j, 0]), float(s[tip + j]))
+    offset = _vertex(gap[j - 1], gap[j], gap[j + 1])
+    height = gap[j] - 0.25 * (gap[j - 1] - gap[j + 1]) * offset
+    index = j + offset
+    places = np.arange(len(upper))
+    x = np.interp(index, places, upper[:, 0])
+    return Gap(float(height), float(x), float(np.interp(index, places, s[tip:])))
+
+
+def touch_between(
+    before: tuple[float, Gap | None], after: tuple[float, Gap | None], gap: float, length: float
+) -> Touch | None:
+    """layer_touch between two instants (time, Gap), interpolated to where the gap is `gap`."""
+    (t0, g0), (t1, g1) = before, after
+    if g1 is None or g1.height > gap:
+        return None
+    share = 1.0
+    if g0 is not None and g0.height > gap:
+        share = (g0.height - gap) / (g0.height - g1.height)
+    start = g0 if g0 is not None and g0.height > gap else g1
+    x = start.x + share * (g1.x - start.x)
+    s = start.s + share * (g1.s - start.s)
+    return Touch(t0 + share * (t1 - t0), x, to_grasped=length - s, to_fixed=x)
+
+
+def _vertex(left: float, here: float, right: float) -> float:
+    """Offset in nodes, within +-0.5, of the extremum of a parabola through three values."""
+    bend = left - 2 * here + right
+    if bend == 0:
+        return 0.0
+    return float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5))

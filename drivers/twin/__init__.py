@@ -1,0 +1,1 @@
+"""The digital twin: what stands in for hardware. No controller may import it."""

@@ -1,0 +1,96 @@
+"""Values that travel between drivers and the cell: poses, states, frames."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Gripper point in the cell frame: x, z [m], pitch of the strip's end tangent [rad].
+
+    Pitch is 0 with the end flat along +x and pi/2 with the strip hanging straight down.
+    """
+
+    x: float
+    z: float
+    pitch: float
+
+    def as_array(self) -> Array:
+        """(3,) array x, z, pitch."""
+        return np.array([self.x, self.z, self.pitch])
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """Rate of a pose: vx, vz [m/s], pitch_rate [rad/s]."""
+
+    vx: float
+    vz: float
+    pitch_rate: float
+
+    @property
+    def speed(self) -> float:
+        """Speed of the gripper point [m/s]."""
+        return float(np.hypot(self.vx, self.vz))
+
+
+STILL = Velocity(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """When the world was so, when that became known, and who says it; times in run seconds."""
+
+    stamp: float
+    arrival: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArmState(Reading):
+    """What the arm measured (`pose`, `velocity`) and what its servo commands now.
+
+    `moving` is true while a motion is under way; `expired` once a velocity target ran out and
+    the arm braked by itself. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
+    """
+
+    pose: Pose
+    velocity: Velocity
+    commanded: Pose
+    moving: bool
+    expired: bool
+    force: tuple[float, float] = (float("nan"), float("nan"))
+
+
+@dataclass(frozen=True, slots=True)
+class HandState(Reading):
+    """Width between the fingers [m], whether they hold something, whether they move."""
+
+    width: float
+    grasped: bool
+    moving: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Frame(Reading):
+    """One camera image, (height, width, 3) BGR; `stamp` is the middle of the exposure."""
+
+    sequence: int
+    image: Image
+
+    def restamped(self, offset: float) -> Self:
+        """The same frame with its stamp moved by `offset` [s]."""
+        return replace(self, stamp=self.stamp + offset)
+
+
+def frozen(values: object) -> Array:
+    """A read-only float64 copy of `values`."""
+    array = np.array(values, dtype=np.float64)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,1 @@
+"""What decides where the gripper goes: paths, feedback, and their training."""

@@ -1,0 +1,57 @@
+"""Gripper paths in the plane of the strip, as polylines measured along their length."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.types import Array, frozen
+
+LIFT_TRAVEL = 0.10  # m of path over which the pitch grows from flat to hanging
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A polyline: `points` (m, 2) of x, z [m] at distances `travel` (m,) [m] from its start."""
+
+    points: Array
+    travel: Array
+
+    @classmethod
+    def through(cls, points: Array) -> Self:
+        """The path through `points` (m, 2), m at least 2."""
+        steps = np.hypot(*np.diff(points, axis=0).T)
+        return cls(frozen(points), frozen(np.concatenate([[0.0], np.cumsum(steps)])))
+
+    @property
+    def length(self) -> float:
+        """Length of the whole path [m]."""
+        return float(self.travel[-1])
+
+    def at(self, travel: Array | float) -> Array:
+        """Points (..., 2) at distances along the path, clamped to its ends."""
+        x = np.interp(travel, self.travel, self.points[:, 0])
+        z = np.interp(travel, self.travel, self.points[:, 1])
+        return np.stack([x, z], axis=-1)
+
+    def poses(self, travel: Array | float) -> Array:
+        """Gripper poses (..., 3): the points, and the pitch of a flat start."""
+        return np.concatenate([self.at(travel), lift_pitch(travel)[..., None]], axis=-1)
+
+
+def lift_pitch(travel: Array | float) -> Array:
+    """Pitch [rad] after `travel` [m] from a flat start: in proportion, to pi/2 at 0.10 m."""
+    return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
+
+
+def triangular(length: float, rise: float = 0.0) -> Path:
+    """(L, 0) to (L/2, L/2 + rise) to (0, rise): the triangle, moved up by `rise` [m]."""
+    apex = (length / 2, length / 2 + rise)
+    return Path.through(np.array([(length, 0.0), apex, (0.0, rise)]))
+
+
+def circular(length: float) -> Path:
+    """Half a circle about (L/2, 0) with radius L/2, from (L, 0) to (0, 0)."""
+    angle = np.linspace(0.0, np.pi, 361)
+    radius = length / 2
+    return Path.through(np.stack([radius + radius * np.cos(angle), radius * np.sin(angle)], -1))

@@ -1,0 +1,58 @@
+"""The seam of every policy: an observation in, a direction out, for a batch of strips."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.path import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What n strips show a policy; every array is (n,), [m] and [s].
+
+    `x`, `z` are the gripper's, measured now; `contact_x` is the desk contact and `tip_x`, `tip_z`
+    the fold's rightmost point at `stamp`, when the newest image was so; `time` is now.
+    """
+
+    time: Array
+    x: Array
+    z: Array
+    stamp: Array
+    contact_x: Array
+    tip_x: Array
+    tip_z: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Where n grippers go: `direction` phi from the x-axis [rad], `speed` [m/s],
+    `pitch_rate` [rad/s], `done` where the policy has nothing left to do; arrays (n,).
+    """
+
+    direction: Array
+    speed: Array
+    pitch_rate: Array
+    done: NDArray[np.bool_]
+
+
+class Policy(Protocol):
+    """Decides on each new frame; holds its own memory, forgotten at `reset`."""
+
+    name: str
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s]."""
+        ...
+
+    def lift(self) -> Path:
+        """The path whose first stretch lifts the edge from (L, 0) to the take-over height."""
+        ...
+
+    def decide(self, observation: Observation) -> Decision:
+        """Direction and speed for each strip."""
+        ...
