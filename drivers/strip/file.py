@@ -31,7 +31,7 @@ class StripFile(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     length: float = Field(ge=0.1, le=2.0)  # m, fixed edge to grasped edge
     width: float = Field(gt=0, le=1.0)  # m
-    areal_density: float = Field(gt=0, le=5.0)  # kg/m^2
+    areal_density: float = Field(gt=0, le=50.0)  # kg/m^2; the paper's spheres make 33
     bending_length: float = Field(ge=0.002, le=0.2)  # m, (B / areal weight)^(1/3)
     retardation_time: float = Field(ge=0, le=10.0)  # s, Kelvin-Voigt
     thickness: float = Field(0.001, gt=0, le=0.02)  # m
