@@ -1,0 +1,60 @@
+"""Policies by name."""
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+
+from drivers.errors import ConfigurationError
+from policies.policy import Policy
+
+
+def policy_names() -> tuple[str, ...]:
+    """The names that `make_policy` knows, in the order in which to show them."""
+    return tuple(_MAKERS)
+
+
+def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
+    """The policy called `name`, not yet reset.
+
+    `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
+    for an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
+    """
+    if name not in _MAKERS:
+        raise ConfigurationError(f"policy: unknown name {name!r}; allowed: {', '.join(_MAKERS)}")
+    if checkpoint is not None and name not in _LEARNED:
+        raise ConfigurationError(
+            f"checkpoint: {name} has no weights; allowed only for: {', '.join(sorted(_LEARNED))}"
+        )
+    return _MAKERS[name](checkpoint)
+
+
+def _triangular(_: FilePath | None) -> Policy:
+    from policies.triangular import Triangular
+
+    return Triangular()
+
+
+def _circular(_: FilePath | None) -> Policy:
+    from policies.circular import Circular
+
+    return Circular()
+
+
+def _shifted(_: FilePath | None) -> Policy:
+    from policies.shifted import Shifted
+
+    return Shifted()
+
+
+def _feedback(checkpoint: FilePath | None) -> Policy:
+    from policies.feedback import load_feedback
+
+    return load_feedback(checkpoint)
+
+
+_LEARNED = frozenset({"feedback"})
+_MAKERS: dict[str, Callable[[FilePath | None], Policy]] = {
+    "triangular": _triangular,
+    "circular": _circular,
+    "shifted": _shifted,
+    "feedback": _feedback,
+}

@@ -1,0 +1,129 @@
+"""Path policies: followed within a millimetre, by one gripper and by many."""
+
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.strip.file import paper_strip
+from drivers.types import Array
+from policies.path import Path, circular, lift_pitch, triangular
+from policies.policy import Observation, Policy
+from policies.registry import make_policy, policy_names
+
+SPEED = 0.1
+PERIOD = 1 / 60
+STRIP = paper_strip(0.1, 0.01)
+
+
+def observe(time: float, points: Array) -> Observation:
+    n = len(points)
+    blank = np.full(n, np.nan)
+    return Observation(
+        np.full(n, time), points[:, 0], points[:, 1], np.full(n, time), blank, blank, blank
+    )
+
+
+def follow(policy: Policy, start: Array, acceleration: float = 1.0) -> tuple[Array, Array]:
+    """Trace (k, n, 2) of grippers whose velocity answers within `acceleration`, and done (n,)."""
+    policy.reset(STRIP, SPEED, len(start))
+    points, velocity = start.copy(), np.zeros_like(start)
+    trace = [points.copy()]
+    done = np.zeros(len(start), dtype=bool)
+    for k in range(800):
+        decision = policy.decide(observe(k * PERIOD, points))
+        done = decision.done
+        if done.all():
+            break
+        heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], -1)
+        change = decision.speed[:, None] * heading - velocity
+        size = np.linalg.norm(change, axis=-1, keepdims=True)
+        velocity += change * np.minimum(1.0, acceleration * PERIOD / np.maximum(size, 1e-12))
+        points = points + velocity * PERIOD
+        trace.append(points.copy())
+    return np.array(trace), done
+
+
+def distance_to(path: Path, points: Array) -> Array:
+    dense = path.at(np.linspace(0, path.length, 4001))
+    return np.array([np.linalg.norm(dense - p, axis=-1).min() for p in points])
+
+
+def takeover(path: Path) -> Array:
+    travel = np.linspace(0, path.length / 2, 2001)
+    height = path.at(travel)[:, 1]
+    return path.at(travel[np.argmax(height >= 0.10)])[None]
+
+
+@pytest.mark.parametrize("name", ["triangular", "circular", "shifted"])
+def test_gripper_stays_within_a_millimetre_of_the_path_but_at_the_apex(name: str) -> None:
+    policy = make_policy(name)
+    policy.reset(STRIP, SPEED, 1)
+    path = policy.lift()
+    trace, done = follow(policy, takeover(path))
+    away = distance_to(path, trace[:-1, 0])
+    apex = path.at(path.length / 2) if name != "circular" else np.array([np.inf, np.inf])
+    near_apex = np.linalg.norm(trace[:-1, 0] - apex, axis=-1) < 0.03
+    assert done.all()
+    assert away[~near_apex].max() < 1e-3
+    assert away.max() < 5e-3
+    assert np.linalg.norm(trace[-1, 0] - path.points[-1]) < 2e-3
+
+
+def test_gripper_off_the_path_comes_back_to_it() -> None:
+    policy = make_policy("triangular")
+    policy.reset(STRIP, SPEED, 1)
+    path = policy.lift()
+    trace, _ = follow(policy, takeover(path) + np.array([0.003, 0.003]))
+    assert distance_to(path, trace[60:100, 0]).max() < 1e-3
+
+
+def test_batch_of_grippers_moves_like_each_alone() -> None:
+    starts = takeover(triangular(0.6)) + np.array([[0.0, 0.0], [0.002, 0.0], [-0.02, 0.02]])
+    together, _ = follow(make_policy("triangular"), starts)
+    for j, start in enumerate(starts):
+        alone, _ = follow(make_policy("triangular"), start[None])
+        steps = min(len(alone), len(together))
+        np.testing.assert_array_equal(alone[:steps, 0], together[:steps, j])
+
+
+def test_progress_never_jumps_from_one_leg_to_the_other() -> None:
+    policy = make_policy("triangular")
+    policy.reset(STRIP, SPEED, 1)
+    trace, _ = follow(policy, takeover(policy.lift()))
+    rising = trace[:-1, 0, 0] > 0.31
+    assert np.all(np.diff(trace[:, 0, 1])[rising] > 0)
+
+
+def test_policy_forgets_at_reset() -> None:
+    policy = make_policy("triangular")
+    first, _ = follow(policy, takeover(triangular(0.6)))
+    second, _ = follow(policy, takeover(triangular(0.6)))
+    np.testing.assert_array_equal(first, second)
+
+
+def test_shifted_is_the_triangle_moved_up() -> None:
+    policy = make_policy("shifted")
+    policy.reset(STRIP, SPEED, 1)
+    points = policy.lift().points
+    assert points[0] == pytest.approx([0.6, 0.0])
+    assert points[1] == pytest.approx([0.3, 0.345])
+    assert points[2] == pytest.approx([0.0, 0.045])
+
+
+def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
+    poses = circular(0.6).poses(np.array([0.0, 0.05, 0.1, 0.5]))
+    assert poses[:, 2] == pytest.approx(np.pi / 2 * np.array([0, 0.5, 1, 1]))
+    assert lift_pitch(0.05) == pytest.approx(np.pi / 4)
+
+
+def test_unknown_policy_names_the_known_ones() -> None:
+    with pytest.raises(ConfigurationError, match="triangular, circular, shifted, feedback"):
+        make_policy("square")
+    assert policy_names() == ("triangular", "circular", "shifted", "feedback")
+
+
+def test_checkpoint_for_a_path_policy_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="triangular has no weights"):
+        make_policy("triangular", checkpoint=FilePath("x.json"))
