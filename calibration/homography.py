@@ -1,0 +1,134 @@
+"""The map between the undistorted image and the plane of the strip's near edge."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.types import Array, frozen
+
+MINIMUM_POINTS = 12
+THRESHOLD = 1.5  # px, RANSAC on millimetres to pixels
+
+
+@dataclass(frozen=True, slots=True)
+class Homography:
+    """`matrix` (3, 3) takes undistorted pixels to (x, z) [m]; `inverse` takes them back."""
+
+    matrix: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, matrix: Array) -> Self:
+        """The map with this matrix; a singular one is a ConfigurationError."""
+        scaled = np.asarray(matrix, dtype=np.float64)
+        if not np.isfinite(scaled).all() or abs(np.linalg.det(scaled)) < 1e-18:
+            raise ConfigurationError("homography: the matrix is singular; calibrate again")
+        return cls(frozen(scaled), frozen(np.linalg.inv(scaled)))
+
+    def to_plane(self, pixels: Array) -> Array:
+        """(n, 2) undistorted pixels -> (n, 2) x, z [m]."""
+        return _apply(self.matrix, pixels)
+
+    def to_image(self, points: Array) -> Array:
+        """(n, 2) x, z [m] -> (n, 2) undistorted pixels."""
+        return _apply(self.inverse, points)
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A touched point that the fit refused: its index, place [m] and distance [px] from the map."""
+
+    index: int
+    x: float
+    z: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"point {self.index} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
+
+
+@dataclass(frozen=True, slots=True)
+class HomographyFit:
+    """A homography, which points it used (n,), and the ones it refused, named."""
+
+    homography: Homography
+    used: NDArray[np.bool_]
+    rejected: tuple[Rejected, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """The camera's centre in the cell frame [m]: (x, z), and its distance from the plane.
+
+    Lines along y meet in the image at the picture of (x, z): a curve at depth y appears in the
+    plane as the curve itself drawn towards (x, z) by the share y / (distance + y).
+    """
+
+    x: float
+    z: float
+    distance: float
+
+    def foot(self) -> Array:
+        """(2,) x, z [m]: where all lines along y seem to go."""
+        return np.array([self.x, self.z])
+
+    def sweep(self, depth: float) -> float:
+        """Share of the way to the foot by which a point at `depth` [m] is drawn towards it."""
+        return depth / (self.distance + depth)
+
+
+def fit_homography(pixels: Array, points: Array) -> HomographyFit:
+    """Homography from undistorted pixels (n, 2) and touched points (n, 2) x, z [m].
+
+    RANSAC from millimetres to pixels at 1.5 px, then a refit on the inliers. Fewer than twelve
+    points, or points that determine no map, are a ConfigurationError.
+    """
+    if len(points) < MINIMUM_POINTS:
+        raise ConfigurationError(
+            f"homography: {len(points)} touched points, at least {MINIMUM_POINTS} are needed; "
+            "touch more"
+        )
+    millimetres = 1e3 * np.asarray(points, dtype=np.float64)
+    to_pixels, mask = cv2.findHomography(millimetres, pixels, cv2.RANSAC, THRESHOLD)
+    if to_pixels is None:
+        raise ConfigurationError("homography: the touched points determine no map; spread them")
+    used = np.ravel(mask).astype(bool)
+    if used.sum() < MINIMUM_POINTS * 3 // 4:
+        raise ConfigurationError(
+            f"homography: only {used.sum()} of {len(points)} touched points agree; "
+            "check the pointer and touch again"
+        )
+    refit, _ = cv2.findHomography(millimetres[used], pixels[used], 0)
+    errors = np.linalg.norm(_apply(refit, millimetres) - pixels, axis=1)
+    rejected = tuple(
+        Rejected(int(i), float(points[i, 0]), float(points[i, 1]), float(errors[i]))
+        for i in np.flatnonzero(~used)
+    )
+    homography = Homography.of(np.diag([1e-3, 1e-3, 1.0]) @ np.linalg.inv(refit))
+    return HomographyFit(homography, used, rejected)
+
+
+def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
+    """Where the camera stands, from the lens and the map alone."""
+    corners = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
+    pixels = corners * (lens.width, lens.height)
+    plane = homography.to_plane(pixels)
+    world = np.column_stack([plane[:, 0], np.zeros(len(plane)), plane[:, 1]])
+    found, rotation, translation = cv2.solvePnP(world, pixels, lens.matrix, None)
+    if not found:
+        raise ConfigurationError("homography: lens and map contradict each other; do both again")
+    centre = -cv2.Rodrigues(rotation)[0].T @ translation.ravel()
+    if not centre[1] < 0:
+        raise ConfigurationError("homography: the camera looks from behind; check the y-axis")
+    return Viewpoint(float(centre[0]), float(centre[2]), float(-centre[1]))
+
+
+def _apply(matrix: Array, points: Array) -> Array:
+    flat = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    mapped = flat @ matrix[:, :2].T + matrix[:, 2]
+    return np.asarray(mapped[:, :2] / mapped[:, 2:], dtype=np.float64)
