@@ -1,0 +1,87 @@
+"""YAML documents and JSON lines that are either whole on the disk or not there."""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+
+def plain(value: object) -> Any:
+    """`value` as text, numbers, lists and mappings; a number that is not finite becomes None.
+
+    Raises TypeError for anything that has no plain form.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist())
+    return _scalar(value)
+
+
+def _scalar(value: object) -> str | int | float | None:
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"a record cannot hold {type(value).__name__}")
+
+
+def write_document(path: Path, content: Mapping[str, Any]) -> None:
+    """`content` as YAML at `path`, on the disk when this returns, never half of it."""
+    text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
+    replace_file(path, text.encode())
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """`content` at `path` in one step: a reader sees the old file or the new one."""
+    scratch = path.with_name(path.name + ".part")
+    with scratch.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    scratch.replace(path)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in `folder` survive a power cut."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def json_line(content: Mapping[str, Any]) -> bytes:
+    """`content` as one line of JSON."""
+    return json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": ")).encode() + b"\n"
+
+
+def read_json_lines(path: Path) -> list[dict[str, Any]]:
+    """The whole lines of a JSON lines file; empty without the file.
+
+    What a killed process left half written is passed over.
+    """
+    if not path.exists():
+        return []
+    lines: list[dict[str, Any]] = []
+    for line in path.read_bytes().split(b"\n"):
+        try:
+            content = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(content, dict):
+            lines.append(content)
+    return lines

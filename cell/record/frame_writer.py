@@ -1,0 +1,89 @@
+"""Writes images beside the control loop: its own thread, a bounded queue."""
+
+import queue
+import threading
+from pathlib import Path
+
+from cell.record.documents import json_line
+from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
+from drivers.types import Frame
+
+QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
+
+
+class FrameWriter:
+    """Takes images without making the caller wait, and says later what the disk refused.
+
+    `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the
+    run nothing, wrong on hardware, where an image without room keeps its place in the index only.
+    """
+
+    def __init__(self, folder: Path, keep: Keep, patient: bool) -> None:
+        self.dropped = 0
+        self._failure: OSError | None = None
+        self._given_up = False
+        self._folder, self._keep, self._patient = folder, keep, patient
+        self._choice = KeyFrames()
+        self._last: Frame | None = None
+        self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
+        (folder / FOLDER).mkdir()
+        self._index = (folder / INDEX).open("xb", buffering=0)
+        self._thread = threading.Thread(target=self._drain, name="frames", daemon=True)
+        self._thread.start()
+
+    def put(self, frame: Frame, mark: bool) -> None:
+        """Record `frame`; `mark` asks for its image to be among the kept ones."""
+        try:
+            self._waiting.put((frame, mark), block=self._patient)
+        except queue.Full:
+            self.dropped += 1
+            self._note(frame, sha256=None)
+
+    def close(self) -> None:
+        """Wait until all is written; allowed twice. The run's last image is always a key frame."""
+        if self._index.closed:
+            return
+        self._waiting.put(None)
+        self._thread.join()
+        self._index.close()
+
+    def take_failure(self) -> OSError | None:
+        """What the disk refused since the last call; afterwards no image is written any more."""
+        failure, self._failure = self._failure, None
+        return failure
+
+    def _drain(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            self._attempt(*item)
+        if self._keep == "key" and self._last is not None:
+            self._attempt(self._last, True, again=True)
+
+    def _attempt(self, frame: Frame, mark: bool, again: bool = False) -> None:
+        if self._given_up:
+            return
+        try:
+            if again:
+                self._store(frame)
+            else:
+                self._record(frame, mark)
+        except OSError as error:
+            self._failure, self._given_up = error, True
+
+    def _record(self, frame: Frame, mark: bool) -> None:
+        self._note(frame, sha256=digest(frame.image))
+        self._last = frame
+        keep, given_up = self._keep == "all", list[int]()
+        if self._keep == "key":
+            keep, given_up = self._choice.choose(frame.sequence, mark)
+        for sequence in given_up:
+            frame_file(self._folder, sequence).unlink(missing_ok=True)
+        if keep:
+            self._store(frame)
+
+    def _store(self, frame: Frame) -> None:
+        frame_file(self._folder, frame.sequence).write_bytes(encode(frame.image))
+
+    def _note(self, frame: Frame, sha256: str | None) -> None:
+        note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
+        line = json_line({**note, "source": frame.source, "sha256": sha256})
+        self._index.write(line)

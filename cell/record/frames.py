@@ -1,0 +1,123 @@
+"""Which images of a run are kept: the choice, their files, their index, their hashes."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from cell.record.documents import read_json_lines
+from drivers.errors import ConfigurationError
+from drivers.types import Frame, Image
+
+Keep = Literal["all", "key", "none"]
+FOLDER, INDEX = "frames", "frames/index.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNote:
+    """An image that perception saw: times [s], sha256 of its pixels, its file if it was kept.
+
+    `sha256` is empty for an image that came while the disk lagged behind.
+    """
+
+    sequence: int
+    stamp: float
+    arrival: float
+    source: str
+    sha256: str
+    file: Path | None
+
+
+def digest(image: Image) -> str:
+    """sha256 of the pixels of an image, row by row."""
+    return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
+
+
+def frame_file(folder: Path, sequence: int) -> Path:
+    """Where the image of a run with this sequence number lies."""
+    return folder / FOLDER / f"{sequence:06d}.png"
+
+
+def encode(image: Image) -> bytes:
+    """`image` as PNG, lossless; Huffman coding alone is fastest, and smallest on camera noise."""
+    import cv2
+
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY]
+    done, content = cv2.imencode(".png", image, [*options, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY])
+    if not done:
+        raise OSError("the image could not be encoded")
+    return bytes(content)
+
+
+def decode(path: Path) -> Image:
+    """The image in a file; ConfigurationError when it is none."""
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ConfigurationError(f"{path}: is not an image that can be read")
+    return np.asarray(image, dtype=np.uint8)
+
+
+class KeyFrames:
+    """Chooses about ten images of a run of unknown length: marked ones, and some evenly spread.
+
+    Every second of the spread ones is given up whenever they become too many.
+    """
+
+    def __init__(self, spread: int = 8, marked: int = 8) -> None:
+        self._limit = spread
+        self._marks_left = marked
+        self._stride = 1
+        self._spread: list[tuple[int, int]] = []
+        self._count = 0
+
+    def choose(self, sequence: int, mark: bool) -> tuple[bool, list[int]]:
+        """Whether to keep the next image, and the sequence numbers of those to give up."""
+        place, self._count = self._count, self._count + 1
+        if mark and self._marks_left > 0:
+            self._marks_left -= 1
+            return True, []
+        if place % self._stride:
+            return False, []
+        self._spread.append((place, sequence))
+        if len(self._spread) <= self._limit:
+            return True, []
+        self._stride *= 2
+        given_up = [s for p, s in self._spread if p % self._stride]
+        self._spread = [(p, s) for p, s in self._spread if p % self._stride == 0]
+        return sequence not in given_up, [s for s in given_up if s != sequence]
+
+
+def read_index(folder: Path) -> tuple[FrameNote, ...]:
+    """Every image that the run in `folder` saw, in order."""
+    return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
+
+
+def read_frames(folder: Path) -> Iterator[Frame]:
+    """The kept images of a run, each checked against its hash.
+
+    Raises ConfigurationError for an image that is not the one that was recorded.
+    """
+    for note in read_index(folder):
+        if note.file is None:
+            continue
+        image = decode(note.file)
+        if digest(image) != note.sha256:
+            raise ConfigurationError(f"{note.file}: is not the image that was recorded")
+        yield Frame(note.stamp, note.arrival, note.source, note.sequence, image)
+
+
+def _note(folder: Path, line: dict[str, Any]) -> FrameNote:
+    path = frame_file(folder, int(line["sequence"]))
+    return FrameNote(
+        sequence=int(line["sequence"]),
+        stamp=float(line["stamp"]),
+        arrival=float(line["arrival"]),
+        source=str(line.get("source", "")),
+        sha256=str(line.get("sha256") or ""),
+        file=path if path.exists() else None,
+    )

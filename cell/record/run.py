@@ -1,0 +1,140 @@
+"""A run as it can be read: complete, broken off, or written by hand in a laboratory."""
+
+import fcntl
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cell.record.columns import Profile, Sights, Ticks, read_parquet
+from cell.record.documents import read_json_lines
+from cell.record.frames import FrameNote, read_frames, read_index
+from cell.record.header import Header, Result
+from cell.record.stream import TICKS, read_stream
+from cell.record.tables import SIGHT_STREAM, TICK_STREAM, Tables, assemble, write_tables
+from cell.record.writer import EVENTS, RESULT, RUN
+from drivers.errors import ConfigurationError
+from drivers.settings import load
+from drivers.types import Array, Frame, frozen
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at `t` [s]: its `kind` and its `facts`."""
+
+    t: float
+    kind: str
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A measured run. `result` is None when the process died before it could write one."""
+
+    folder: Path
+    header: Header
+    ticks: Ticks
+    profile: Profile
+    result: Result | None
+
+    @property
+    def name(self) -> str:
+        """Name of the folder."""
+        return self.folder.name
+
+    @property
+    def died(self) -> bool:
+        """Whether the run ended without a result and is not under way any more."""
+        return self.result is None and not is_under_way(self.folder)
+
+    def events(self) -> tuple[Event, ...]:
+        """What happened, in the order in which it was written; empty in a laboratory's run."""
+        lines = read_json_lines(self.folder / EVENTS)
+        return tuple(
+            Event(float(line.pop("t", 0.0) or 0.0), str(line.pop("kind", "")), line)
+            for line in lines
+        )
+
+    def sights(self) -> Sights:
+        """What each image showed; empty in a laboratory's run."""
+        path = self.folder / "sights.parquet"
+        if path.exists():
+            return Sights.of(read_parquet(path), str(path))
+        if (self.folder / SIGHT_STREAM).exists():
+            return Sights.of(assemble(self.folder).sights, str(self.folder / SIGHT_STREAM))
+        return Sights.none()
+
+    def costs(self) -> Array:
+        """The computer's own time of each turn of the loop (n,) [s]; empty where not kept."""
+        path = self.folder / TICK_STREAM
+        if not path.exists():
+            return frozen([])
+        table = read_stream(path, TICKS)
+        return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
+
+    def frame_index(self) -> tuple[FrameNote, ...]:
+        """Every image that perception saw, in order; empty in a laboratory's run."""
+        return read_index(self.folder)
+
+    def frames(self) -> Iterator[Frame]:
+        """The kept images, each checked against its hash."""
+        return read_frames(self.folder)
+
+
+def read_run(folder: Path) -> Run:
+    """The run in `folder`; only the four files of a measured run are opened.
+
+    A run that died before its tables were written is read from its streams. Raises
+    ConfigurationError for what is missing, broken, or written by a newer version.
+    """
+    if not (folder / RUN).exists():
+        raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
+    header = load(folder / RUN, Header)
+    result = load(folder / RESULT, Result) if (folder / RESULT).exists() else None
+    ticks, profile = folder / "ticks.parquet", folder / "profile.parquet"
+    if result is None and not (ticks.exists() and profile.exists()):
+        tables, origin = _broken_off(folder)
+        return Run(
+            folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
+        )
+    return Run(
+        folder,
+        header,
+        Ticks.of(read_parquet(ticks), str(ticks)),
+        Profile.of(read_parquet(profile), str(profile)),
+        result,
+    )
+
+
+def recover(folder: Path) -> bool:
+    """Write the tables of a run that died, from its streams; False when there is nothing to do.
+
+    A recovered run still has no result. Raises ConfigurationError for a run under way.
+    """
+    if is_under_way(folder):
+        raise ConfigurationError(f"{folder}: is still under way; let it finish")
+    tables = [folder / name for name in ("ticks.parquet", "profile.parquet", "sights.parquet")]
+    if all(path.exists() for path in tables) or not (folder / TICK_STREAM).exists():
+        return False
+    write_tables(folder, assemble(folder))
+    return True
+
+
+def is_under_way(folder: Path) -> bool:
+    """Whether a living process is writing the run in `folder`."""
+    try:
+        with (folder / EVENTS).open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
+
+
+def _broken_off(folder: Path) -> tuple[Tables, str]:
+    if not any((folder / name).exists() for name in (TICK_STREAM, EVENTS)):
+        raise ConfigurationError(
+            f"{folder}: ticks.parquet: is missing, and there is no {TICK_STREAM} to make it from"
+        )
+    return assemble(folder), str(folder / TICK_STREAM)

@@ -1,0 +1,117 @@
+"""The Parquet tables of a run, made from its streams; the same rows give the same bytes."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from cell.record.documents import sync_folder
+from cell.record.stream import SIGHTS, TICKS, read_stream
+from drivers.settings import SCHEMA
+from drivers.types import Array
+
+TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """`ticks`, `profile` (points of the midlines) and `sights` (one row an image) of a run."""
+
+    ticks: pa.Table
+    profile: pa.Table
+    sights: pa.Table
+
+
+def assemble(folder: Path) -> Tables:
+    """The tables of a run from its streams, whole or broken off.
+
+    Raises OSError when a stream cannot be read.
+    """
+    ticks = read_stream(folder / TICK_STREAM, TICKS)
+    sights = read_stream(folder / SIGHT_STREAM, SIGHTS)
+    return Tables(
+        ticks=tick_table(ticks, sights),
+        profile=profile_table(sights),
+        sights=sights.drop_columns(["profile_x", "profile_z"]),
+    )
+
+
+def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
+    """Rows of the loop with each contact in the row nearest to its image's stamp.
+
+    A row whose stamp did not advance brings no new measurement and is left out, and so is what
+    the computer's own time would make different from run to run.
+    """
+    t = _numbers(ticks, "t")
+    latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
+    ticks = ticks.filter(pa.array(t > latest))
+    t = _numbers(ticks, "t")
+    contact_x, contact_t = place_contacts(
+        t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")
+    )
+    columns = {name: ticks[name] for name in ("t", "x", "z", "pitch", "x_cmd", "z_cmd")}
+    columns |= {"contact_x": pa.array(contact_x), "contact_t": pa.array(contact_t)}
+    columns |= {name: ticks[name] for name in ("f_x", "f_z", "image_age", "state")}
+    return pa.table(columns)
+
+
+def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
+    """Contacts and their stamps as columns over `t` (n,), NaN where no image belongs.
+
+    Of two images nearest to one row the nearer stays; one outside the rows is dropped.
+    """
+    placed_x, placed_t = np.full(t.size, np.nan), np.full(t.size, np.nan)
+    if t.size < 2:
+        return placed_x, placed_t
+    reach = 0.5 * float(np.median(np.diff(t)))
+    keep = np.isfinite(contact_x) & (stamp >= t[0] - reach) & (stamp <= t[-1] + reach)
+    stamp, contact_x = stamp[keep], contact_x[keep]
+    after = np.clip(np.searchsorted(t, stamp), 1, t.size - 1)
+    row = np.where(stamp - t[after - 1] <= t[after] - stamp, after - 1, after)
+    nearest_last = np.argsort(-np.abs(t[row] - stamp), kind="stable")
+    placed_x[row[nearest_last]] = contact_x[nearest_last]
+    placed_t[row[nearest_last]] = stamp[nearest_last]
+    return placed_x, placed_t
+
+
+def profile_table(sights: pa.Table) -> pa.Table:
+    """Points t, i, x, z of all images, in the order of their stamps."""
+    counts = [len(points) for points in sights["profile_x"].to_pylist()]
+    return pa.table(
+        {
+            "t": pa.array(np.repeat(_numbers(sights, "stamp"), counts), pa.float64()),
+            "i": pa.array([i for count in counts for i in range(count)], pa.int64()),
+            "x": _flat(sights["profile_x"]),
+            "z": _flat(sights["profile_z"]),
+        }
+    )
+
+
+def write_parquet(path: Path, table: pa.Table) -> None:
+    """`table` at `path`, whole or not at all, the schema's number in the file's metadata."""
+    scratch = path.with_name(path.name + ".part")
+    marked = table.replace_schema_metadata({"schema": str(SCHEMA)})
+    pq.write_table(marked, scratch, compression="zstd", row_group_size=1 << 20)
+    with scratch.open("rb") as file:
+        os.fsync(file.fileno())
+    scratch.replace(path)
+    sync_folder(path.parent)
+
+
+def write_tables(folder: Path, tables: Tables) -> None:
+    """ticks.parquet, profile.parquet and sights.parquet in `folder`."""
+    write_parquet(folder / "sights.parquet", tables.sights)
+    write_parquet(folder / "profile.parquet", tables.profile)
+    write_parquet(folder / "ticks.parquet", tables.ticks)
+
+
+def _numbers(table: pa.Table, column: str) -> Array:
+    return np.asarray(table[column].to_numpy(), dtype=np.float64)
+
+
+def _flat(column: pa.ChunkedArray) -> pa.Array:
+    chunks = [chunk.flatten() for chunk in column.chunks]
+    return pa.concat_arrays(chunks) if chunks else pa.array([], pa.float64())

@@ -1,0 +1,141 @@
+"""Writes the record of one run while it happens."""
+
+import fcntl
+import secrets
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+from calibration.perception.sight import Sight
+from cell.record.documents import json_line, write_document
+from cell.record.frame_writer import FrameWriter
+from cell.record.frames import Keep
+from cell.record.header import Header, Result
+from cell.record.stream import SIGHTS, TICKS, StreamFile
+from cell.record.tables import SIGHT_STREAM, TICK_STREAM, assemble, write_tables
+from cell.record.tick import Tick
+from drivers.errors import ConfigurationError, Fault
+from drivers.settings import SCHEMA, parse
+from drivers.types import Frame
+
+RUN, RESULT, EVENTS = "run.yaml", "result.yaml", "events.jsonl"
+
+
+class RunWriter:
+    """The record of one run, safe against the death of its process at any moment.
+
+    run.yaml is on the disk before anything moves, rows and events reach the operating system
+    one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while
+    the run is under way raises Fault `record`.
+    """
+
+    def __init__(
+        self, folder: Path, header: Mapping[str, Any], frames: Keep, patient: bool
+    ) -> None:
+        self.folder = folder
+        self._newest = float("nan")
+        self._mark = False
+        self._finished = False
+        write_document(folder / RUN, header)
+        self._events = (folder / EVENTS).open("xb", buffering=0)
+        fcntl.flock(self._events, fcntl.LOCK_EX)
+        self._ticks = StreamFile(folder / TICK_STREAM, TICKS)
+        self._sights = StreamFile(folder / SIGHT_STREAM, SIGHTS)
+        self._frames = FrameWriter(folder, frames, patient)
+
+    @classmethod
+    def create(
+        cls, root: Path, header: Mapping[str, Any], frames: Keep = "key", *, patient: bool = False
+    ) -> Self:
+        """A new run folder under `root`, named by time, strip and chance.
+
+        `patient` lets `frame` wait for the disk; use it where the clock is virtual. Raises
+        ConfigurationError for a header that readers would refuse or a folder that cannot be
+        written.
+        """
+        content = {"schema": SCHEMA, **header}
+        strip = parse(content, Header, RUN).strip
+        moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+        folder = root / f"{moment}-{strip}-fold-{secrets.token_hex(2)}"
+        try:
+            folder.mkdir(parents=True)
+            return cls(folder, content, frames, patient)
+        except OSError as error:
+            raise ConfigurationError(
+                f"{root}: runs cannot be recorded here: {error.strerror}; "
+                "name another folder with --runs or make room"
+            ) from None
+
+    def tick(self, tick: Tick) -> None:
+        """Add a turn of the control loop."""
+        row = {
+            field.name: getattr(tick, field.name) for field in TICKS if field.name != "image_age"
+        }
+        with self._recording():
+            self._ticks.append({**row, "image_age": tick.t - self._newest})
+
+    def sight(self, sight: Sight) -> None:
+        """Add what was seen in one image."""
+        row = {name: getattr(sight, name) for name in ("stamp", "sequence", "contact_x")}
+        row |= {name: getattr(sight, name) for name in ("gap", "gap_x", "contact_confidence")}
+        row |= {"profile_confidence": sight.profile_confidence}
+        row |= {"tip_x": sight.tip[0], "tip_z": sight.tip[1]}
+        row |= {"profile_x": sight.profile[:, 0], "profile_z": sight.profile[:, 1]}
+        self._newest = sight.stamp
+        with self._recording():
+            self._sights.append(row)
+
+    def frame(self, frame: Frame) -> None:
+        """Add an image; its pixels must not change afterwards."""
+        with self._recording():
+            self._frames.put(frame, self._mark)
+        self._mark = False
+
+    def event(self, t: float, kind: str, **facts: Any) -> None:
+        """Add something that happened at `t` [s]; the next image is kept to show it."""
+        self._mark = self._mark or kind == "state"
+        with self._recording():
+            self._events.write(json_line({"t": t, "kind": kind, **facts}))
+
+    def finish(self, result: Mapping[str, Any]) -> None:
+        """Close the streams, write the tables, and last of all result.yaml; allowed twice.
+
+        Raises ConfigurationError for a result that readers would refuse.
+        """
+        if self._finished:
+            return
+        content = {"schema": SCHEMA, **result}
+        parse({key: value for key, value in content.items() if value is not None}, Result, RESULT)
+        with self._recording():
+            self._close_streams()
+        with self._recording():
+            write_tables(self.folder, assemble(self.folder))
+            write_document(self.folder / RESULT, content)
+        self._finished = True
+        self._events.close()
+
+    def close(self) -> None:
+        """Let go of the files; without `finish` before it, the run counts as one that died."""
+        with self._recording():
+            try:
+                self._close_streams()
+            finally:
+                self._events.close()
+
+    def _close_streams(self) -> None:
+        self._frames.close()
+        self._ticks.close()
+        self._sights.close()
+
+    @contextmanager
+    def _recording(self) -> Iterator[None]:
+        try:
+            yield
+            failure = self._frames.take_failure()
+        except OSError as error:
+            failure = error
+        if failure is not None:
+            reason = failure.strerror or str(failure)
+            raise Fault("record", f"{self.folder}: {reason}; the run cannot be recorded any more")
