@@ -1,1 +1,195 @@
-"""Smooth commanded motion, by ruckig."""
+"""Smooth commanded motion of a gripper point, by ruckig; for every arm, real or simulated."""
+
+from typing import Any
+
+import ruckig
+
+from drivers.errors import Fault
+from drivers.limits import MotionLimits, Workspace
+from drivers.types import Pose, Velocity
+
+TICK = 0.001  # s, the servo's period
+EXPIRY = 0.1  # s for which a velocity target holds
+BORDER = 1e-9  # m or rad, rounding at the border of the workspace
+
+Numbers = list[float]
+State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
+_STILL = [0.0, 0.0, 0.0]
+
+
+class MotionProfile:
+    """What the servo commands at each tick: a pose under limits on velocity, acceleration, jerk.
+
+    The newest order replaces the one before: follow a velocity, move to rest at a pose, brake.
+    A velocity holds for `EXPIRY`, then the profile brakes by itself and `expired` says so. A
+    velocity that leads out of the workspace is braked, axis by axis, so that the gripper rests
+    inside; the other axes go on.
+    """
+
+    def __init__(
+        self, limits: MotionLimits, workspace: Workspace, start: Pose, period: float = TICK
+    ) -> None:
+        """At rest at `start`, which may lie outside the workspace; ticks of `period` [s]."""
+        self.period = period
+        self.expired = False
+        self._limits = limits
+        self._workspace = workspace
+        self._expiry = round(EXPIRY / period)
+        self._age = 0
+        self._ruckig = ruckig.Ruckig(3, period)
+        self._order = _blank_order(limits, ruckig.Synchronization.Phase)
+        self._brake = _blank_order(limits, ruckig.Synchronization.No)
+        self._plan = ruckig.Trajectory(3)
+        self._stopping = ruckig.Trajectory(3)
+        self._elapsed = 0
+        self._wish: Numbers | None = None
+        self._blocked: frozenset[int] = frozenset()
+        self._next_move: Numbers | None = None
+        self._position: Numbers = [start.x, start.z, start.pitch]
+        self._velocity: Numbers = _STILL
+        self._acceleration: Numbers = _STILL
+        self._follow(_STILL)
+
+    @property
+    def pose(self) -> Pose:
+        """The commanded pose."""
+        return Pose(*self._position)
+
+    @property
+    def velocity(self) -> Velocity:
+        """The commanded velocity."""
+        return Velocity(*self._velocity)
+
+    @property
+    def acceleration(self) -> Velocity:
+        """The commanded acceleration [m/s^2, rad/s^2]."""
+        return Velocity(*self._acceleration)
+
+    @property
+    def moving(self) -> bool:
+        """True until the commanded motion has come to rest."""
+        return self._next_move is not None or self._pending or any(self._velocity)
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow `velocity`; refused above the limits with Fault `velocity_refused`."""
+        self._limits.check(velocity)
+        self._begin()
+        self._follow([velocity.vx, velocity.vz, velocity.pitch_rate])
+
+    def move_to(self, pose: Pose) -> None:
+        """Move to rest at `pose`, on a straight line from rest; from motion as fast as allowed.
+
+        Refused with Fault `outside_workspace`. A motion that would swing out of the workspace
+        on its way is braked first.
+        """
+        self._workspace.check(pose)
+        self._begin()
+        goal = [pose.x, pose.z, pose.pitch]
+        if not self._move(goal):
+            self._follow(_STILL)
+            self._next_move = goal
+
+    def stop(self) -> None:
+        """Brake as fast as the limits allow."""
+        self._begin()
+        self._follow(_STILL)
+
+    def tick(self) -> Numbers:
+        """Advance by one period; the commanded x, z [m], pitch [rad] at its end."""
+        self._age += 1
+        if self._age > self._expiry and self._wish is not None and any(self._wish):
+            self.expired = True
+            self._follow(_STILL)
+        self._elapsed += 1
+        state = self._plan.at_time(self._elapsed * self.period)
+        if self._wish is not None and any(state[1]):
+            state = self._kept_inside(state)
+        self._position, self._velocity, self._acceleration = state
+        if not self._pending:
+            self._arrive()
+        return self._position
+
+    @property
+    def _pending(self) -> bool:
+        return bool(self._elapsed * self.period < self._plan.duration)
+
+    def _begin(self) -> None:
+        self.expired = False
+        self._age = 0
+        self._next_move = None
+
+    def _arrive(self) -> None:
+        self._velocity, self._acceleration = self._order.target_velocity, _STILL
+        if self._wish is None:
+            self._position = self._order.target_position
+        if self._next_move is not None:
+            goal, self._next_move = self._next_move, None
+            self._move(goal)
+
+    def _follow(self, wish: Numbers, blocked: frozenset[int] = frozenset()) -> None:
+        """Plan towards a velocity; the `blocked` axes brake, each as fast as it can."""
+        order, synchronization = self._order, ruckig.Synchronization
+        order.control_interface = ruckig.ControlInterface.Velocity
+        order.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(wish)]
+        order.per_dof_synchronization = [
+            synchronization.No if i in blocked else synchronization.Phase for i in range(3)
+        ]
+        self._wish, self._blocked = wish, blocked
+        self._calculate(order, self._plan, self._state)
+        self._elapsed = 0
+
+    def _move(self, goal: Numbers) -> bool:
+        """Plan a move to rest at `goal`; False when it would swing out of the workspace."""
+        order = self._order
+        order.control_interface = ruckig.ControlInterface.Position
+        order.per_dof_synchronization = None
+        order.target_position, order.target_velocity = goal, _STILL
+        self._wish = None
+        self._calculate(order, self._plan, self._state)
+        self._elapsed = 0
+        return not self._leaving(self._plan)
+
+    def _kept_inside(self, state: State) -> State:
+        """`state`, or one in which the axes brake that could no longer stop inside after it."""
+        for _ in range(3):
+            self._calculate(self._brake, self._stopping, state)
+            leaving = self._leaving(self._stopping) - self._blocked
+            if self._wish is None or not leaving:
+                break
+            self._follow(self._wish, self._blocked | leaving)
+            self._elapsed = 1
+            state = self._plan.at_time(self.period)
+        return state
+
+    def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:
+        """Axes on which `plan` goes out of the workspace, and further out than we are."""
+        low, high, here = self._workspace.low, self._workspace.high, self._position
+        return frozenset(
+            i
+            for i, reach in enumerate(plan.position_extrema)
+            if reach.max > max(high[i], here[i]) + BORDER
+            or reach.min < min(low[i], here[i]) - BORDER
+        )
+
+    @property
+    def _state(self) -> State:
+        return self._position, self._velocity, self._acceleration
+
+    def _calculate(
+        self, order: ruckig.InputParameter, plan: ruckig.Trajectory, state: State
+    ) -> None:
+        order.current_position, order.current_velocity, order.current_acceleration = state
+        try:
+            self._ruckig.calculate(order, plan)
+        except ruckig.RuckigError as error:
+            raise Fault("motion_refused", " ".join(str(error).split())) from None
+
+
+def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:
+    order = ruckig.InputParameter(3)
+    order.control_interface = ruckig.ControlInterface.Velocity
+    order.synchronization = synchronization
+    order.max_velocity = [axis.velocity for axis in limits.axes]
+    order.max_acceleration = [axis.acceleration for axis in limits.axes]
+    order.max_jerk = [axis.jerk for axis in limits.axes]
+    return order

@@ -1,0 +1,89 @@
+"""What every motion of an arm must respect; each limit always has a value."""
+
+from math import isfinite, pi
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from drivers.errors import Fault
+from drivers.settings import Settings
+from drivers.types import Pose, Velocity
+
+AXES = ("x", "z", "pitch")
+UNITS = ("m", "m", "rad")
+
+
+class AxisLimits(Settings):
+    """Largest magnitudes on one axis: [m/s, m/s^2, m/s^3], or the same in rad."""
+
+    velocity: float = Field(gt=0)
+    acceleration: float = Field(gt=0)
+    jerk: float = Field(gt=0)
+
+
+class MotionLimits(Settings):
+    """Limits of the gripper's motion on each axis.
+
+    Those of the pitch stand to those of x as pi/2 to the 0.10 m of path over which it turns, as
+    far as the robot's 2.6 rad/s allow, so that a lift stays on its line.
+    """
+
+    x: AxisLimits = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
+    z: AxisLimits = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
+    pitch: AxisLimits = AxisLimits(velocity=2.6, acceleration=16.0, jerk=1500.0)
+
+    @property
+    def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
+        """The limits in the order x, z, pitch."""
+        return self.x, self.z, self.pitch
+
+    def check(self, velocity: Velocity) -> None:
+        """Refuse a velocity that is not finite or too fast, with Fault `velocity_refused`."""
+        rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
+        for axis, unit, limits, rate in zip(AXES, UNITS, self.axes, rates, strict=True):
+            if not isfinite(rate) or abs(rate) > limits.velocity:
+                raise Fault(
+                    "velocity_refused",
+                    f"{rate:g} {unit}/s on {axis} is over the limit; "
+                    f"allowed: {limits.velocity:g} {unit}/s at most",
+                )
+
+
+def _ordered(span: tuple[float, float]) -> tuple[float, float]:
+    if span[0] >= span[1]:
+        raise ValueError(f"needs low < high, found [{span[0]:g}, {span[1]:g}]")
+    return span
+
+
+Span = Annotated[tuple[float, float], AfterValidator(_ordered)]
+
+
+class Workspace(Settings):
+    """The box that the gripper stays in: [low, high] of x, z [m] and pitch [rad], cell frame."""
+
+    x: Span = (-0.15, 0.85)
+    z: Span = (-0.01, 0.5)
+    pitch: Span = (-0.2, pi + 0.2)
+
+    @property
+    def low(self) -> tuple[float, float, float]:
+        """Lower corner, in the order x, z, pitch."""
+        return self.x[0], self.z[0], self.pitch[0]
+
+    @property
+    def high(self) -> tuple[float, float, float]:
+        """Upper corner, in the order x, z, pitch."""
+        return self.x[1], self.z[1], self.pitch[1]
+
+    def check(self, pose: Pose) -> None:
+        """Refuse a pose that is not finite or outside, with Fault `outside_workspace`."""
+        values = (pose.x, pose.z, pose.pitch)
+        for axis, unit, low, high, value in zip(
+            AXES, UNITS, self.low, self.high, values, strict=True
+        ):
+            if not (isfinite(value) and low <= value <= high):
+                raise Fault(
+                    "outside_workspace",
+                    f"{axis} = {value:g} {unit} is out of reach; "
+                    f"allowed: {low:g} to {high:g} {unit}",
+                )

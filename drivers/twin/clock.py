@@ -1,0 +1,113 @@
+"""The simulated clock: the only thing that moves the twin's world forward."""
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+from drivers.errors import CellError
+
+NANO = 1_000_000_000
+
+Action = Callable[[float], None]
+
+
+class Turn(IntEnum):
+    """Who goes first among events of the same instant."""
+
+    SERVO = 0
+    HAND = 1
+    WORLD = 2
+    CAMERA = 3
+    JOB = 4
+
+
+@dataclass(slots=True)
+class Event:
+    """An action on the clock, once or periodic; `cancel` takes it off."""
+
+    action: Action
+    turn: Turn
+    number: int
+    start: float
+    period: float | None
+    count: int = 0
+    cancelled: bool = False
+
+    def cancel(self) -> None:
+        """Never run again; allowed twice and from within the action."""
+        self.cancelled = True
+
+    def due(self) -> int:
+        """When it runs next [ns]: the whole multiple `count` of its period, so it cannot drift."""
+        return nanoseconds(self.start + self.count * (self.period or 0.0))
+
+
+class TwinClock:
+    """Seconds since the run began, moved only by `wait_until` through an ordered queue of events.
+
+    Instants are whole nanoseconds, so that a servo tick, a strip step and a frame that fall on
+    the same moment are equal; they then run in the order of their `Turn`, and within a turn in
+    the order in which they were asked for.
+    """
+
+    def __init__(self) -> None:
+        self._now = 0
+        self._queue: list[tuple[int, int, int, Event]] = []
+        self._numbers = 0
+        self._running = False
+
+    def now(self) -> float:
+        """Seconds since the run began."""
+        return self._now / NANO
+
+    def every(self, period: float, action: Action, turn: Turn, start: float | None = None) -> Event:
+        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given."""
+        if nanoseconds(period) < 1:
+            raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
+        begin = self.now() if start is None else start
+        return self._push(Event(action, turn, self._numbered(), begin, period, count=1))
+
+    def at(self, time: float, action: Action, turn: Turn) -> Event:
+        """Call `action(now)` once at `time` [s], or as soon as the clock moves when it is past."""
+        return self._push(Event(action, turn, self._numbered(), max(time, self.now()), None))
+
+    def wait_until(self, time: float) -> None:
+        """Run every event up to and including `time` [s]; return at once when it is past.
+
+        An error of an event comes out here with the clock at that event's time.
+        """
+        if self._running:
+            raise CellError("clock: an event cannot wait; it can only ask for a later event")
+        end = nanoseconds(time)
+        self._running = True
+        try:
+            while self._queue and self._queue[0][0] <= end:
+                self._run_next()
+        finally:
+            self._running = False
+        self._now = max(self._now, end)
+
+    def _run_next(self) -> None:
+        due, _, _, event = self._queue[0]
+        if event.cancelled or event.period is None:
+            heapq.heappop(self._queue)
+        else:
+            event.count += 1
+            heapq.heapreplace(self._queue, (event.due(), event.turn, event.number, event))
+        if not event.cancelled:
+            self._now = max(self._now, due)
+            event.action(self._now / NANO)
+
+    def _numbered(self) -> int:
+        self._numbers += 1
+        return self._numbers
+
+    def _push(self, event: Event) -> Event:
+        heapq.heappush(self._queue, (event.due(), event.turn, event.number, event))
+        return event
+
+
+def nanoseconds(time: float) -> int:
+    """`time` [s] as the nearest whole nanosecond."""
+    return round(time * NANO)
