@@ -1,9 +1,6 @@
 """Following a path by heading, for a batch of grippers commanded by velocity."""
 
-from dataclasses import dataclass, field
-
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.strip.file import StripFile
 from drivers.types import Array
@@ -12,44 +9,45 @@ from policies.policy import Decision, Observation
 
 WINDOW = 0.03  # m of path ahead in which the nearest point is looked for
 LOOK_AHEAD = 0.01  # m over which a cross-track error is steered out
-LEAD = 0.05  # s of preview: half the time in which a gripper turns a corner
+LEAD = 0.04  # s of preview: half the time in which a gripper turns a corner
+END = 0.0005  # m before its end at which a path has been followed
 
 
-@dataclass(slots=True)
 class Follower:
-    """Progress of n grippers along one path; it never runs backwards."""
+    """Progress of n grippers along one path; it never runs backwards.
 
-    path: Path
-    progress: Array | None = field(default=None)
+    `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
+    """
 
-    def advance(self, points: Array) -> Array:
-        """Distances (n,) along the path [m] nearest to `points` (n, 2); the first call looks
-        along the whole path, later ones at most `WINDOW` ahead of the last.
+    def __init__(self, path: Path, count: int) -> None:
+        self.path = path
+        self.progress: Array = np.zeros(count)
+        self._reach = path.length
+
+    def decide(self, x: Array, z: Array, speed: float) -> Decision:
+        """Along the path at `speed` [m/s] from grippers at `x`, `z` (n,) [m]; done at its end.
+
+        The first call finds each gripper anywhere on the path, later ones at most `WINDOW` on.
         """
-        if self.progress is None:
-            low = np.zeros(len(points))
-            high = np.full(len(points), self.path.length)
-        else:
-            low = self.progress
-            high = np.minimum(low + WINDOW, self.path.length)
-        self.progress = nearest(self.path, points, low, high)
-        return self.progress
+        points = np.stack([x, z], axis=-1)
+        high = np.minimum(self.progress + self._reach, self.path.length)
+        self.progress = nearest(self.path, points, self.progress, high)
+        self._reach = WINDOW
+        done = self.progress >= self.path.length - END
+        still = np.zeros(len(points))
+        return Decision(
+            direction=self._heading(points, speed),
+            speed=np.where(done, 0.0, speed),
+            pitch_rate=still,
+            done=done,
+        )
 
-    def heading(self, points: Array, speed: float) -> Array:
-        """Directions (n,) [rad] that bring grippers at `points` (n, 2) along the path."""
-        progress = self.advance(points)
-        tangent = tangents(self.path, progress + speed * LEAD)
-        offset = self.path.at(progress) - points
+    def _heading(self, points: Array, speed: float) -> Array:
+        tangent = tangents(self.path, self.progress + speed * LEAD)
+        offset = self.path.at(self.progress) - points
         across = offset - np.sum(offset * tangent, axis=-1, keepdims=True) * tangent
         aim = LOOK_AHEAD * tangent + across
-        return np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi)
-
-    @property
-    def finished(self) -> NDArray[np.bool_]:
-        """Whether each gripper (n,) has come to the path's end."""
-        if self.progress is None:
-            return np.zeros(0, dtype=bool)
-        return np.asarray(self.progress >= self.path.length - 1e-6)
+        return np.asarray(np.arctan2(aim[:, 1], aim[:, 0]) % (2 * np.pi))
 
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
@@ -86,10 +84,10 @@ class PathPolicy:
         """The whole path for a strip of `length` [m]."""
         raise NotImplementedError
 
-    def reset(self, strip: StripFile, speed: float, count: int) -> None:  # noqa: ARG002
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Forget; draw the path for `strip`."""
         self._speed = speed
-        self._follower = Follower(self.path(strip.length))
+        self._follower = Follower(self.path(strip.length), count)
 
     def lift(self) -> Path:
         """The policy's own path."""
@@ -97,12 +95,7 @@ class PathPolicy:
 
     def decide(self, observation: Observation) -> Decision:
         """Along the path at the configured speed; done at its end."""
-        follower = self._ready()
-        points = np.stack([observation.x, observation.z], axis=-1)
-        direction = follower.heading(points, self._speed)
-        done = follower.finished
-        speed = np.where(done, 0.0, self._speed)
-        return Decision(direction, speed, np.zeros(len(points)), done)
+        return self._ready().decide(observation.x, observation.z, self._speed)
 
     def _ready(self) -> Follower:
         if self._follower is None:

@@ -25,7 +25,7 @@ def observe(time: float, points: Array) -> Observation:
     )
 
 
-def follow(policy: Policy, start: Array, acceleration: float = 1.0) -> tuple[Array, Array]:
+def follow(policy: Policy, start: Array, acceleration: float = 2.0) -> tuple[Array, Array]:
     """Trace (k, n, 2) of grippers whose velocity answers within `acceleration`, and done (n,)."""
     policy.reset(STRIP, SPEED, len(start))
     points, velocity = start.copy(), np.zeros_like(start)
