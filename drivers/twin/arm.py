@@ -1,0 +1,137 @@
+"""The twin's arm: a servo in simulated time that trails its commands and measures with noise."""
+
+from math import exp, hypot
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from drivers.errors import Fault
+from drivers.motion import TICK, MotionProfile
+from drivers.twin.clock import Turn, TwinClock
+from drivers.twin.settings import ArmSettings
+from drivers.twin.world import World
+from drivers.types import ArmState, Array, Pose, Velocity
+
+SOURCE = "twin arm"
+SETTLED = 1e-5  # m or rad behind the command at which a motion has ended
+NOISE_BLOCK = 1024  # ticks of noise that are drawn at once
+
+
+class TwinArm:
+    """A robot on its mounting whose servo ticks at 1 kHz of simulated time.
+
+    Commands and measurements pass through the robot's own frame, as they do on hardware. The
+    servo runs from the start, whether anybody is connected or not: it holds the arm still.
+    """
+
+    def __init__(
+        self, world: World, clock: TwinClock, settings: ArmSettings, rng: np.random.Generator
+    ) -> None:
+        """At rest where the gripper of `world` is, with the noise of `rng`."""
+        start = world.gripper
+        self._world = world
+        self._clock = clock
+        self._rng = rng
+        self._cell_in_robot = settings.mounting.transform()
+        self._profile = MotionProfile(settings.limits, settings.workspace, start)
+        self._follow = 1.0 if settings.lag == 0 else 1.0 - exp(-TICK / settings.lag)
+        self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])
+        self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
+        self._ticks = 0
+        self._stamp = clock.now()
+        self._actual = [start.x, start.z, start.pitch]
+        self._rate = [0.0, 0.0, 0.0]
+        self._connected = False
+        self._closed = False
+        clock.every(TICK, self._tick, Turn.SERVO)
+
+    def connect(self) -> None:
+        """Take hold of the arm, at rest; allowed twice, refused once closed."""
+        if self._closed:
+            raise Fault("arm_closed", "the arm was let go; open the cell again")
+        self._connected = True
+
+    def state(self) -> ArmState:
+        """The state that the servo measured at its newest tick."""
+        self._require_connection()
+        return ArmState(
+            stamp=self._stamp,
+            arrival=self._clock.now(),
+            source=SOURCE,
+            pose=self._measured(),
+            velocity=Velocity(*self._rate),
+            commanded=self._profile.pose,
+            moving=self._profile.moving or not self._settled,
+            expired=self._profile.expired,
+        )
+
+    def move_to(self, pose: Pose) -> None:
+        """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
+        self._require_connection()
+        self._profile.move_to(pose)
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow `velocity`; Fault `velocity_refused` above the limits."""
+        self._require_connection()
+        self._profile.set_velocity(velocity)
+
+    def stop(self) -> None:
+        """Brake within the limits; allowed at any time, from any state."""
+        self._profile.stop()
+
+    def close(self) -> None:
+        """Brake and let go; allowed twice. The servo ends the motion by itself."""
+        self._profile.stop()
+        self._connected = False
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        """Connected, until the block is left."""
+        self.connect()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Let go, whatever happened."""
+        self.close()
+
+    def _tick(self, now: float) -> None:
+        self._stamp = now
+        self._ticks += 1
+        if self._ticks % NOISE_BLOCK == 0:
+            self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
+        self._trail(self._profile.tick())
+        pose = self._cell_in_robot.to_robot(*self._actual)
+        self._world.follow(now, Pose(*self._cell_in_robot.to_cell(pose)))
+
+    def _trail(self, command: list[float]) -> None:
+        """Follow the command with a first-order lag."""
+        step = [self._follow * (c - a) for c, a in zip(command, self._actual, strict=True)]
+        self._actual = [a + s for a, s in zip(self._actual, step, strict=True)]
+        self._rate = [s / TICK for s in step]
+
+    @property
+    def _settled(self) -> bool:
+        commanded = self._profile.pose
+        x, z, pitch = self._actual
+        behind = hypot(commanded.x - x, commanded.z - z, commanded.pitch - pitch)
+        return behind <= SETTLED
+
+    def _measured(self) -> Pose:
+        """What the robot reports of itself, brought back into the cell frame."""
+        noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
+        x, z, pitch = self._actual
+        pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])
+        pose[:3, 3] += noise[:3]
+        return Pose(*self._cell_in_robot.to_cell(pose))
+
+    def _require_connection(self) -> None:
+        if self._closed:
+            raise Fault("arm_closed", "the arm was let go; open the cell again")
+        if not self._connected:
+            raise Fault("arm_not_connected", "the arm is not connected; connect it first")

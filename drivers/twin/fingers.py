@@ -1,0 +1,25 @@
+"""The width between two fingers as a function of time."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Fingers:
+    """On their way from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
+
+    width: float
+    target: float
+    start: float
+    speed: float
+
+    @property
+    def end(self) -> float:
+        """When they arrive [s]."""
+        return self.start + abs(self.target - self.width) / self.speed
+
+    def at(self, time: float) -> float:
+        """Width between them at `time` [m]."""
+        travel = self.speed * max(time - self.start, 0.0)
+        return float(np.clip(self.target, self.width - travel, self.width + travel))

@@ -1,0 +1,54 @@
+"""The twin of the whole cell on one simulated clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.strip.file import StripFile
+from drivers.strip.model import Effects, describe
+from drivers.twin.arm import TwinArm
+from drivers.twin.chain import Chain
+from drivers.twin.clock import Turn, TwinClock
+from drivers.twin.hand import TwinHand
+from drivers.twin.settings import TwinSettings
+from drivers.twin.truth import Truth
+from drivers.twin.world import World
+from drivers.types import Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """Clock, arm and hand of a cell whose strip is simulated, and the world that they share."""
+
+    clock: TwinClock
+    arm: TwinArm
+    hand: TwinHand
+    world: World
+
+    def truth(self) -> Truth:
+        """What really happened; for scoring alone."""
+        return self.world.truth()
+
+
+def open_twin(
+    settings: TwinSettings,
+    plant: StripFile,
+    cell_effects: Effects | None,
+    seed: int,
+    index: int = 0,
+) -> Twin:
+    """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
+
+    Same `seed`, same bytes. `index` counts the runs that this specimen has been through before.
+    Raises Unsupported for a plant or an effect that the chain cannot simulate.
+    """
+    model = describe(plant, cell_effects, index)
+    clock = TwinClock()
+    home = Pose(model.stated_length, settings.arm.home_height, 0.0)
+    chain = Chain(settings.world.links)
+    world = World(model, chain, settings.world, home, settings.hand.opening)
+    (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
+    arm = TwinArm(world, clock, settings.arm, np.random.default_rng(arm_seed))
+    hand = TwinHand(world, clock, settings.hand)
+    clock.every(settings.world.step, world.advance, Turn.WORLD)
+    return Twin(clock=clock, arm=arm, hand=hand, world=world)

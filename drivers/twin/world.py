@@ -1,0 +1,180 @@
+"""The twin's desk: a strip, the hand over it, and what both did."""
+
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from drivers.errors import Fault
+from drivers.strip.engine import Observables, Stepper
+from drivers.strip.model import StripModel
+from drivers.strip.shape import Touch
+from drivers.twin.clock import NANO, nanoseconds
+from drivers.twin.fingers import Fingers
+from drivers.twin.grip import Grip
+from drivers.twin.history import History
+from drivers.twin.scene import Scene
+from drivers.twin.settings import WorldSettings
+from drivers.twin.truth import Truth
+from drivers.types import Array, Pose, frozen
+
+
+class Plant(Stepper, Protocol):
+    """An engine whose strip can also be let go."""
+
+    def release(self) -> None:
+        """Let the grasped edge go; from now on the poses of a step hold nothing."""
+        ...
+
+
+class World:
+    """One strip on the desk, followed by whatever arm is connected through its stamped poses.
+
+    The strip lies flat and still until it is grasped. It moves in steps of `settings.step`, as
+    far as the poses of the gripper are known. The world has no clock: `advance` is told the time.
+    """
+
+    def __init__(
+        self, model: StripModel, plant: Plant, settings: WorldSettings, start: Pose, opening: float
+    ) -> None:
+        """The strip of `model` in `plant`, the gripper at `start`, fingers `opening` [m] apart."""
+        self.model = model
+        self._plant = plant
+        self._settings = settings
+        self._steps = 0
+        self._path: deque[tuple[float, Pose]] = deque([(0.0, start)])
+        self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
+        self._pointer = False
+        self._grip: Grip | None = None
+        self._grasped_at: float | None = None
+        plant.reset([model])
+        self._arc = frozen(plant.arc()[0])
+        self._points = frozen(plant.shapes()[0])
+        self._seen: list[Observables] = []
+        self._record: list[tuple[float, Pose, Pose, Array]] = []
+        self._history = History(settings.step, settings.memory)
+        self._history.add(self._scene(0.0, start))
+
+    @property
+    def time(self) -> float:
+        """How far the strip has been simulated [s]."""
+        return nanoseconds(self._steps * self._settings.step) / NANO
+
+    @property
+    def gripper(self) -> Pose:
+        """The newest true pose of the gripper."""
+        return self._path[-1][1]
+
+    def follow(self, stamp: float, pose: Pose) -> None:
+        """The gripper truly was at `pose` at `stamp` [s], later than the stamps before."""
+        self._path.append((stamp, pose))
+
+    def advance(self, time: float) -> None:
+        """Simulate up to `time` [s], or as far as the gripper's poses are known."""
+        end = nanoseconds(min(time, self._path[-1][0]))
+        while nanoseconds((self._steps + 1) * self._settings.step) <= end:
+            self._steps += 1
+            hand = self._hand_at(self.time)
+            if self._grasped_at is not None:
+                self._step_strip(hand)
+            self._history.add(self._scene(self.time, hand))
+
+    def scene(self, stamp: float) -> Scene:
+        """The world at `stamp` [s] within its memory; Fault `world_unknown` outside."""
+        return self._history.at(stamp)
+
+    def move_fingers(self, fingers: Fingers) -> None:
+        """The fingers move so from now on."""
+        self._fingers = fingers
+
+    def hold_pointer(self, held: bool) -> None:
+        """Put the pin of the calibration between the fingers, or take it out."""
+        self._pointer = held
+
+    def edge_within(self, reach: float, lean: float) -> bool:
+        """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the gripper."""
+        if not self._settings.strip or self._pointer:
+            return False
+        hand, edge = self.gripper, self._edge()
+        distance = float(np.hypot(edge.x - hand.x, edge.z - hand.z))
+        return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
+
+    def attach(self) -> None:
+        """The fingers hold the strip's edge from now on, as it lies between them."""
+        if self._grasped_at is not None:
+            raise Fault(
+                "grasp_not_simulated",
+                "the twin grasps a strip once; start another run for another grasp",
+            )
+        self._grip = Grip.between(self.gripper, self._edge())
+        self._grasped_at = self.time
+
+    def detach(self) -> None:
+        """The fingers let the strip go, if they hold it."""
+        if self._grip is not None:
+            self._grip = None
+            self._plant.release()
+
+    @property
+    def holds_strip(self) -> bool:
+        """Whether the fingers hold the strip's edge."""
+        return self._grip is not None
+
+    def truth(self) -> Truth:
+        """What happened since the grasp."""
+        count, nodes = len(self._record), len(self._arc)
+        return Truth(
+            t=frozen([time for time, *_ in self._record]),
+            contact_x=frozen([o.contact_x[0] for o in self._seen]),
+            tip=frozen(np.reshape([o.tip[0] for o in self._seen], (count, 2))),
+            gripper=frozen(np.reshape([h.as_array() for _, h, *_ in self._record], (count, 3))),
+            edge=frozen(np.reshape([e.as_array() for _, _, e, _ in self._record], (count, 3))),
+            shapes=frozen(np.reshape([s for *_, s in self._record], (count, nodes, 2))),
+            arc=self._arc,
+            holding_force=frozen([o.holding_force[0] for o in self._seen]),
+            touch=self._touch(),
+            edge_offset=float(self._points[0, 0] - self._points[-1, 0]),
+        )
+
+    def _touch(self) -> Touch | None:
+        touch = self._seen[-1].touch[0] if self._seen else None
+        if touch is None or self._grasped_at is None:
+            return None
+        return replace(touch, time=touch.time + self._grasped_at)
+
+    def _step_strip(self, hand: Pose) -> None:
+        edge = hand if self._grip is None else self._grip.edge(hand)
+        seen = self._plant.step(edge.as_array()[None], self._settings.step)
+        self._points = frozen(self._plant.shapes()[0])
+        self._seen.append(seen)
+        self._record.append((self.time, hand, edge, self._points))
+
+    def _edge(self) -> Pose:
+        dx, dz = self._points[-1] - self._points[-2]
+        x, z = self._points[-1].tolist()
+        return Pose(x, z, float(np.arctan2(dz, dx)))
+
+    def _hand_at(self, time: float) -> Pose:
+        path = self._path
+        while len(path) > 1 and path[1][0] <= time:
+            path.popleft()
+        (t0, here) = path[0]
+        if len(path) == 1 or time <= t0:
+            return here
+        (t1, there) = path[1]
+        share = (time - t0) / (t1 - t0)
+        x, z, pitch = (here.as_array() * (1 - share) + there.as_array() * share).tolist()
+        return Pose(x, z, pitch)
+
+    def _scene(self, time: float, hand: Pose) -> Scene:
+        return Scene(
+            stamp=time,
+            points=self._points,
+            arc=self._arc,
+            gripper=hand,
+            finger_width=self._fingers.at(time),
+            holds_strip=self.holds_strip,
+            pointer=self._pointer,
+            strip=self._settings.strip,
+        )
