@@ -1,0 +1,97 @@
+"""The twin's camera: frames of the simulated cell on its simulated clock."""
+
+from math import floor
+from typing import Protocol
+
+import numpy as np
+
+from drivers.errors import Fault
+from drivers.protocols import Clock
+from drivers.twin.camera_settings import CameraSettings
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.types import Frame
+
+SOURCE = "twin camera"
+
+
+class Visible(Protocol):
+    """A world that can say what stood in the cell at a moment of its last second."""
+
+    def scene(self, stamp: float) -> Scene:
+        """The cell at `stamp` [s]."""
+        ...
+
+
+class TwinCamera:
+    """Satisfies `drivers.protocols.Camera` for a simulated world.
+
+    Frame k is exposed about k / rate, its stamp, and known `transport_delay` later. Only frames
+    that are read are rendered. `latency` [s] is an untold one: the frame shows the world that
+    much before its stamp; a negative one delays the frame until the world has been there.
+    """
+
+    def __init__(
+        self,
+        world: Visible,
+        clock: Clock,
+        settings: CameraSettings,
+        look: StripLook,
+        seed: int,
+        *,
+        latency: float = 0.0,
+    ) -> None:
+        self._world = world
+        self._clock = clock
+        self._settings = settings
+        self._renderer = Renderer(settings, look, seed)
+        self._latency = latency
+        self._delay = max(settings.transport_delay, settings.exposure / 2 - latency)
+        self._newest: Frame | None = None
+        self._connected = False
+
+    def connect(self) -> None:
+        """Start delivering frames."""
+        self._connected = True
+
+    def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
+        """The newest frame that has arrived with a stamp later than `after`, or None.
+
+        Never waits, whatever `timeout` says: the caller waits on the clock. Raises Fault when the
+        camera is not connected.
+        """
+        if not self._connected:
+            raise Fault("camera_closed", "a frame was read before connect or after close")
+        sequence = self._last_arrived()
+        if sequence < 0 or sequence / self._settings.rate <= after:
+            return None
+        if self._newest is None or self._newest.sequence != sequence:
+            self._newest = self._frame(sequence)
+        return self._newest
+
+    def close(self) -> None:
+        """Stop delivering frames."""
+        self._connected = False
+        self._newest = None
+
+    def _last_arrived(self) -> int:
+        """Sequence of the newest frame that has arrived; -1 before the first."""
+        now, rate = self._clock.now(), self._settings.rate
+        sequence = floor((now - self._delay) * rate) + 1
+        while sequence >= 0 and sequence / rate + self._delay > now:
+            sequence -= 1
+        return max(sequence, -1)
+
+    def _frame(self, sequence: int) -> Frame:
+        stamp = sequence / self._settings.rate
+        image = self._renderer.render(self._exposure(stamp - self._latency), sequence)
+        image.setflags(write=False)
+        return Frame(stamp, stamp + self._delay, SOURCE, sequence, image)
+
+    def _exposure(self, middle: float) -> list[Scene]:
+        """Moments at the middles of equal parts of the exposure, none before the run began."""
+        count = self._settings.sub_shapes
+        offsets = (np.arange(count) + 0.5) / count - 0.5
+        moments = middle + offsets * self._settings.exposure
+        return [self._world.scene(max(float(moment), 0.0)) for moment in moments]

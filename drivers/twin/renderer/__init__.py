@@ -1,0 +1,1 @@
+"""Images of the cell, drawn with OpenCV through a pinhole with radial distortion."""

@@ -1,0 +1,81 @@
+"""The hand: two fingers that hold the strip's edge at mid width, or the pin of the calibration."""
+
+import cv2
+import numpy as np
+
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.stage import fill
+from drivers.twin.scene import Scene
+from drivers.types import Array, Image
+
+FINGER = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))  # m: along the finger, its thickness
+FINGER_DEPTH = 0.018  # m in y
+HAND = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
+HAND_DEPTH = 0.040  # m in y
+PLATE, DISC = 0.014, 0.005  # m, radii of the pin's dark plate and bright disc
+BRIGHT = np.array([236.0, 240.0, 240.0])
+
+Outline = tuple[Array, float, float]  # corners (m, 2) x, z; y of front and back [m]
+
+
+def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
+    """Convex outlines of hand and fingers about y = `middle` [m], far ones first, over `floor`."""
+    gap = 0.0 if scene.pointer else scene.finger_width / 2
+    parts = [(_hand(), HAND_DEPTH)]
+    parts += [(_finger(side * gap, side), FINGER_DEPTH) for side in (-1.0, 1.0)]
+    pose = scene.gripper
+    along = np.array([np.cos(pose.pitch), np.sin(pose.pitch)])
+    axes = np.stack([along, [-along[1], along[0]]])
+    placed = []
+    for corners, depth in parts:
+        outline = above(corners @ axes + (pose.x, pose.z), floor)
+        if len(outline) > 2:
+            placed.append((outline, middle - depth / 2, middle + depth / 2))
+    return placed
+
+
+def draw_hand(image: Image, parts: list[Outline], optics: Optics, colour: Array) -> None:
+    """Boxes with darker sides and a lit front, in place."""
+    for corners, front, back in parts:
+        near, far = optics.plane(corners, front), optics.plane(corners, back)
+        hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
+        fill(image, hull, colour * 0.7)
+        fill(image, near, colour)
+
+
+def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
+    """A dark plate with a bright disc whose centre is the gripper point in the plane y = 0."""
+    angle = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    centre = np.array([scene.gripper.x, scene.gripper.z])
+    fill(image, optics.plane(centre + PLATE * circle), colour * 0.5)
+    fill(image, optics.plane(centre + DISC * circle), BRIGHT)
+
+
+def extent(parts: list[Outline], optics: Optics) -> Array:
+    """(k, 2) pixels that bound the hand."""
+    sides = [optics.plane(corners, y) for corners, *ys in parts for y in ys]
+    return np.concatenate(sides) if sides else np.empty((0, 2))
+
+
+def above(outline: Array, floor: float) -> Array:
+    """The part (m, 2) of a convex outline of x, z that stands above `floor` [m]."""
+    kept: list[Array] = []
+    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        if here[1] >= floor:
+            kept.append(here)
+        if (here[1] >= floor) != (there[1] >= floor):
+            kept.append(here + (floor - here[1]) / (there[1] - here[1]) * (there - here))
+    return np.array(kept)
+
+
+def _hand() -> Array:
+    start, end, half = HAND
+    return np.array([(start, -half), (end, -half), (end, half), (start, half)])
+
+
+def _finger(inner: float, side: float) -> Array:
+    along = [place for place, _ in FINGER]
+    outer = [inner + side * thickness for _, thickness in FINGER]
+    inside = [(along[-1], inner), (along[0], inner)]
+    return np.array([*zip(along, outer, strict=True), *inside])

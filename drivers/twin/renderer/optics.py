@@ -1,0 +1,111 @@
+"""The twin camera's true model: a pinhole with radial distortion, at its place in the cell.
+
+Private to the twin: a calibration sees images and nothing of this.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.twin.camera_settings import CameraSettings
+from drivers.types import Array
+
+Pixels = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """Camera centre (3,) and rotation (3, 3) in the cell frame; focal, principal point [px].
+
+    `inverse` (5,) are coefficients of the undistorting factor in powers of the squared distorted
+    radius.
+    """
+
+    centre: Array
+    rotation: Array
+    focal: float
+    principal: tuple[float, float]
+    distortion: tuple[float, float]
+    inverse: Array
+
+    @classmethod
+    def of(cls, settings: CameraSettings) -> Self:
+        """The model that `settings` describe."""
+        height = settings.distance * np.tan(settings.elevation)
+        centre = np.array([settings.aim_x, -settings.distance, height])
+        aim = np.array([settings.aim_x, 0.0, settings.aim_z]) - centre
+        forward = aim / np.linalg.norm(aim)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right /= np.linalg.norm(right)
+        looking = np.stack([right, np.cross(forward, right), forward])
+        diagonal = float(np.hypot(settings.width, settings.height))
+        principal = (
+            (settings.width - 1) / 2 + settings.principal[0],
+            (settings.height - 1) / 2 + settings.principal[1],
+        )
+        return cls(
+            centre,
+            _mounting(settings.yaw, settings.tilt, settings.roll) @ looking,
+            settings.focal,
+            principal,
+            settings.distortion,
+            _inverse(settings.distortion, 0.6 * diagonal / settings.focal),
+        )
+
+    def project(self, points: Array) -> Array:
+        """Pixels (..., 2) of points (..., 3) of the cell frame [m]."""
+        seen = (points - self.centre) @ self.rotation.T
+        flat = seen[..., :2] / seen[..., 2:]
+        k1, k2 = self.distortion
+        r2 = (flat**2).sum(axis=-1, keepdims=True)
+        return np.asarray(flat * (1 + r2 * (k1 + k2 * r2)) * self.focal + self.principal)
+
+    def plane(self, points: Array, y: float = 0.0) -> Array:
+        """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
+        filled = np.empty((*points.shape[:-1], 3))
+        filled[..., 0], filled[..., 1], filled[..., 2] = points[..., 0], y, points[..., 1]
+        return self.project(filled)
+
+    def seen_from(self, origin: tuple[int, int]) -> Self:
+        """The same camera with pixels counted from `origin` (u, v)."""
+        u, v = self.principal
+        return replace(self, principal=(u - origin[0], v - origin[1]))
+
+    def rays(self, u: Pixels, v: Pixels) -> tuple[Pixels, Pixels, Pixels]:
+        """Directions x, y, z in the cell frame of the rays through pixels u, v, not unit long."""
+        a = (u - np.float32(self.principal[0])) / np.float32(self.focal)
+        b = (v - np.float32(self.principal[1])) / np.float32(self.focal)
+        r2 = a * a + b * b
+        factor = np.zeros_like(r2)
+        for coefficient in self.inverse[::-1]:
+            factor = factor * r2 + np.float32(coefficient)
+        a, b = a * factor, b * factor
+        m = self.rotation.astype(np.float32)
+        x, y, z = (a * m[0, j] + b * m[1, j] + m[2, j] for j in range(3))
+        return x, y, z
+
+    def on_level(self, rays: tuple[Pixels, Pixels, Pixels], z: float) -> tuple[Pixels, Pixels]:
+        """Where in x, y [m] rays that look down meet the level `z`; others meet it far away."""
+        reach = np.float32(z - self.centre[2]) / np.minimum(rays[2], np.float32(-1e-4))
+        x, y = (np.asarray(self.centre[j] + reach * rays[j], dtype=np.float32) for j in range(2))
+        return x, y
+
+
+def _mounting(yaw: float, tilt: float, roll: float) -> Array:
+    cy, sy, ct, st, cr, sr = (f(a) for a in (yaw, tilt, roll) for f in (np.cos, np.sin))
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]])
+    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    return np.asarray(about_z @ about_x @ about_y)
+
+
+def _inverse(distortion: tuple[float, float], field: float) -> Array:
+    """Factor from distorted to undistorted, a polynomial in the squared distorted radius."""
+    k1, k2 = distortion
+    radius = np.linspace(0.0, field, 400)
+    factor = 1 + radius**2 * (k1 + k2 * radius**2)
+    distorted = (radius * factor) ** 2
+    basis = np.stack([distorted**j for j in range(5)], axis=-1)
+    return np.asarray(np.linalg.lstsq(basis, 1 / factor, rcond=None)[0])
