@@ -81,7 +81,10 @@ class FrameWriter:
             self._store(frame)
 
     def _store(self, frame: Frame) -> None:
-        frame_file(self._folder, frame.sequence).write_bytes(encode(frame.image))
+        path = frame_file(self._folder, frame.sequence)
+        scratch = path.with_name(path.name + ".part")
+        scratch.write_bytes(encode(frame.image))
+        scratch.replace(path)
 
     def _note(self, frame: Frame, sha256: str | None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from calibration.calibration import Calibration, load_calibration
 from cell.record.columns import Profile, Sights, Ticks, read_parquet
 from cell.record.documents import read_json_lines
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
 from cell.record.stream import TICKS, read_stream
 from cell.record.tables import SIGHT_STREAM, TICK_STREAM, Tables, assemble, write_tables
-from cell.record.writer import EVENTS, RESULT, RUN
+from cell.record.writer import CALIBRATION, EVENTS, RESULT, RUN
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
@@ -71,6 +72,11 @@ class Run:
             return frozen([])
         table = read_stream(path, TICKS)
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
+
+    def calibration(self) -> Calibration | None:
+        """What the camera of the run was calibrated to, where the run kept it."""
+        path = self.folder / CALIBRATION
+        return load_calibration(path) if path.exists() else None
 
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Every image that perception saw, in order; empty in a laboratory's run."""

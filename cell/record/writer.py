@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
+from calibration.calibration import Calibration, save_calibration
 from calibration.perception.sight import Sight
 from cell.record.documents import json_line, write_document
 from cell.record.frame_writer import FrameWriter
@@ -20,7 +21,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.settings import SCHEMA, parse
 from drivers.types import Frame
 
-RUN, RESULT, EVENTS = "run.yaml", "result.yaml", "events.jsonl"
+RUN, RESULT, EVENTS, CALIBRATION = "run.yaml", "result.yaml", "events.jsonl", "calibration.yaml"
 
 
 class RunWriter:
@@ -34,6 +35,7 @@ class RunWriter:
     def __init__(
         self, folder: Path, header: Mapping[str, Any], frames: Keep, patient: bool
     ) -> None:
+        """Open the files of the run in the new, empty `folder`; see `create`."""
         self.folder = folder
         self._newest = float("nan")
         self._mark = False
@@ -47,11 +49,18 @@ class RunWriter:
 
     @classmethod
     def create(
-        cls, root: Path, header: Mapping[str, Any], frames: Keep = "key", *, patient: bool = False
+        cls,
+        root: Path,
+        header: Mapping[str, Any],
+        frames: Keep = "key",
+        *,
+        calibration: Calibration | None = None,
+        patient: bool = False,
     ) -> Self:
         """A new run folder under `root`, named by time, strip and chance.
 
-        `patient` lets `frame` wait for the disk; use it where the clock is virtual. Raises
+        `calibration` goes along so that what was seen can be drawn into the images; `patient`
+        lets `frame` wait for the disk and belongs where the clock is virtual. Raises
         ConfigurationError for a header that readers would refuse or a folder that cannot be
         written.
         """
@@ -61,6 +70,8 @@ class RunWriter:
         folder = root / f"{moment}-{strip}-fold-{secrets.token_hex(2)}"
         try:
             folder.mkdir(parents=True)
+            if calibration is not None:
+                save_calibration(calibration, folder / CALIBRATION)
             return cls(folder, content, frames, patient)
         except OSError as error:
             raise ConfigurationError(

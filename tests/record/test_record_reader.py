@@ -1,0 +1,160 @@
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.record.columns import Profile
+from cell.record.run import read_run
+from cell.record.truth import read_truth
+from drivers.errors import ConfigurationError
+
+SIGMA = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 1e-4, "displacement": 1e-3}
+
+
+def columns(n: int = 50) -> dict[str, np.ndarray]:
+    t = np.arange(n) * 0.01
+    still = np.full(n, 0.1)
+    contact = np.where(np.arange(n) % 5 == 0, 0.4, np.nan)
+    return {
+        "t": t, "x": still, "z": still, "pitch": still, "x_cmd": still, "z_cmd": still,
+        "contact_x": contact,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def laboratory(tmp_path: Path) -> Path:
+    """A run written by hand: the four files and nothing else."""
+    header = {"schema": 1, "strip": "denim", "sigma": SIGMA, "operator": "Ada"}
+    (tmp_path / "run.yaml").write_text(yaml.safe_dump(header))
+    pq.write_table(pa.table(columns()), tmp_path / "ticks.parquet")
+    points = {"t": [0.0, 0.0, 0.1, 0.1], "i": [0, 1, 1, 0], "x": [0.1, 0.2, 0.4, 0.3]}
+    pq.write_table(pa.table({**points, "z": [0.0, 0.1, 0.1, 0.0]}), tmp_path / "profile.parquet")
+    (tmp_path / "result.yaml").write_text(yaml.safe_dump({"outcome": "path_done", "mood": "good"}))
+    return tmp_path
+
+
+def change(folder: Path, file: str, **values: object) -> None:
+    if file.endswith(".yaml"):
+        content = yaml.safe_load((folder / file).read_text())
+        content = {k: v for k, v in {**content, **values}.items() if v is not None}
+        (folder / file).write_text(yaml.safe_dump(content))
+        return
+    table = {**columns(), **values} if file == "ticks.parquet" else values
+    table = {k: v for k, v in table.items() if v is not None}
+    pq.write_table(pa.table(table), folder / file)
+
+
+def test_run_written_by_hand_is_read(laboratory):
+    run = read_run(laboratory)
+    assert run.header.strip == "denim"
+    assert run.header.start == "flat"
+    assert run.header.contact_height == 0.001
+    assert run.ticks.t.size == 50
+    assert np.isnan(run.ticks.f_x).all()
+    assert run.result.outcome == "path_done"
+    assert not run.died
+    assert run.events() == ()
+    assert run.sights().stamp.size == 0
+    assert run.costs().size == 0
+    assert list(run.frames()) == []
+    assert run.calibration() is None
+    assert read_truth(laboratory) is None
+
+
+def test_unknown_keys_and_columns_are_kept_or_passed_over(laboratory):
+    change(laboratory, "ticks.parquet", mood=np.zeros(50))
+    run = read_run(laboratory)
+    assert run.header.model_extra["operator"] == "Ada"
+    assert run.result.model_extra["mood"] == "good"
+
+
+def test_points_of_an_image_come_in_their_order(laboratory):
+    curves = read_run(laboratory).profile.curves()
+    assert [t for t, _ in curves] == [0.0, 0.1]
+    assert curves[1][1][:, 0].tolist() == [0.3, 0.4]
+
+
+def test_no_image_is_no_curve():
+    empty = pa.table({name: pa.array([], pa.float64()) for name in ("t", "i", "x", "z")})
+    assert Profile.of(empty, "profile").curves() == []
+
+
+def test_arrays_of_a_run_are_read_only(laboratory):
+    with pytest.raises(ValueError, match="read-only"):
+        read_run(laboratory).ticks.x[0] = 1.0
+
+
+BROKEN = [
+    ("run.yaml", {"strip": None}, "run.yaml: strip: is missing"),
+    ("run.yaml", {"sigma": {**SIGMA, "profile": 0}}, "run.yaml: sigma.profile"),
+    ("run.yaml", {"start": "upside"}, "run.yaml: start"),
+    ("run.yaml", {"schema": 2}, "schema: is 2, this version reads 1"),
+    ("result.yaml", {"outcome": None}, "result.yaml: outcome: is missing"),
+    ("result.yaml", {"outcome": "layer_touch"}, "needs t_layer_touch"),
+    ("result.yaml", {"schema": 2}, "schema: is 2"),
+    ("ticks.parquet", {"contact_x": None}, "ticks.parquet: contact_x: the column is missing"),
+    ("ticks.parquet", {"x": np.full(50, np.nan)}, "ticks.parquet: x: row 0 is nan"),
+    ("ticks.parquet", {"t": np.zeros(50)}, "ticks.parquet: t: row 1"),
+    ("ticks.parquet", {"x": np.full(50, 600.0)}, "ticks.parquet: x: reaches 600"),
+    ("ticks.parquet", {"pitch": np.full(50, 90.0)}, "ticks.parquet: pitch: reaches 90"),
+    ("ticks.parquet", {"z": ["high"] * 50}, "ticks.parquet: z: holds string"),
+    ("profile.parquet", {"t": [0.0], "i": [0], "x": [0.1]}, "profile.parquet: z: the column"),
+]
+
+
+@pytest.mark.parametrize(("file", "values", "reason"), BROKEN)
+def test_broken_run_is_refused_in_one_line(laboratory, file, values, reason):
+    change(laboratory, file, **values)
+    with pytest.raises(ConfigurationError) as caught:
+        read_run(laboratory)
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_newer_parquet_is_refused(laboratory):
+    table = pa.table(columns()).replace_schema_metadata({"schema": "2"})
+    pq.write_table(table, laboratory / "ticks.parquet")
+    with pytest.raises(ConfigurationError, match=r"ticks.parquet: schema: is 2"):
+        read_run(laboratory)
+
+
+def test_broken_parquet_is_refused(laboratory):
+    content = (laboratory / "ticks.parquet").read_bytes()
+    (laboratory / "ticks.parquet").write_bytes(content[: len(content) // 2])
+    with pytest.raises(ConfigurationError, match="not a whole Parquet file"):
+        read_run(laboratory)
+
+
+def test_finished_run_without_its_table_is_refused(laboratory):
+    (laboratory / "profile.parquet").unlink()
+    with pytest.raises(ConfigurationError, match=r"profile.parquet: is missing"):
+        read_run(laboratory)
+
+
+def test_run_by_hand_without_result_died(laboratory):
+    (laboratory / "result.yaml").unlink()
+    run = read_run(laboratory)
+    assert run.died
+    assert run.result is None
+
+
+def test_folder_without_run_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="is not a run"):
+        read_run(tmp_path)
+
+
+def test_image_changed_behind_the_record_is_refused(make_run, tmp_path):
+    folder = make_run(tmp_path, frames="key")
+    kept = sorted((folder / "frames").glob("*.png"))
+    kept[1].write_bytes(kept[0].read_bytes())
+    with pytest.raises(ConfigurationError, match="not the image that was recorded"):
+        list(read_run(folder).frames())
+
+
+def test_key_frames_of_a_run_read_back(finished):
+    frames = list(read_run(finished).frames())
+    assert 6 <= len(frames) <= 18
+    assert all(frame.image.shape == (720, 1280, 3) for frame in frames)
