@@ -1,0 +1,60 @@
+"""Checkpoints of learned policies: weights and their origin, as plain numbers in JSON."""
+
+import json
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings, parse
+
+WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
+
+
+class Training(Settings):
+    """How the weights came about."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    seed: int
+    generations: int = Field(ge=0)
+    folds: int = Field(ge=0)
+
+
+class Checkpoint(Settings):
+    """Weights of the feedback network; see `policies.network.HeadingNetwork` for their order."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    policy: Literal["feedback"]
+    weights: Annotated[tuple[float, ...], Field(min_length=WEIGHTS, max_length=WEIGHTS)]
+    training: Training
+
+
+def load_checkpoint(path: FilePath) -> Checkpoint:
+    """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
+    try:
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: checkpoint cannot be read: {error.strerror}; name another or train one"
+        ) from None
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise ConfigurationError(
+            f"{path}: checkpoint is corrupt: not JSON; restore the file or train one"
+        ) from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(
+            f"{path}: checkpoint is corrupt: not a mapping; restore the file or train one"
+        )
+    return parse(content, Checkpoint, str(path))
+
+
+def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
+    """Write `checkpoint` to `path` at once: whole or not at all."""
+    content = checkpoint.model_dump(by_alias=True)
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    partial.replace(path)

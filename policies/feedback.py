@@ -1,0 +1,91 @@
+"""The feedback policy of the paper: phi from gripper x, z and desk_contact x."""
+
+import math
+from pathlib import Path as FilePath
+
+import numpy as np
+import torch
+
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.checkpoint import Checkpoint, load_checkpoint
+from policies.network import HeadingNetwork
+from policies.path import Path, triangular
+from policies.policy import Decision, Observation
+
+COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
+
+# Over the strip's length. Above LOFT or below FLOOR the gripper may only move level, which brings
+# the layers together; beyond PAST it has gone by the fixed edge and there is nothing to fold.
+LOFT = 0.75
+FLOOR = 0.05
+PAST = -0.20
+
+
+class Feedback:
+    """Decides phi by the network; `weights` (p, WEIGHTS) drive p equal groups of the batch.
+
+    Speed and pitch are constant. The direction always has a part toward the fixed edge, so that
+    every fold ends in a touch or past the edge.
+    """
+
+    name = "feedback"
+
+    def __init__(self, weights: Array) -> None:
+        self._network = HeadingNetwork(weights)
+        self._groups = len(np.atleast_2d(weights))
+        self._length = 1.0
+        self._speed = 0.0
+        self._contact: Array = np.zeros(0)
+        self._warm()
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Forget; `count` must be a multiple of the number of candidates."""
+        self._length = strip.length
+        self._speed = speed
+        self._contact = np.full(count, np.nan)
+
+    def lift(self) -> Path:
+        """The triangle, of which the first leg is used."""
+        return triangular(self._length)
+
+    def decide(self, observation: Observation) -> Decision:
+        """The network's direction, from the newest desk contact that was seen."""
+        seen = np.isfinite(observation.contact_x)
+        self._contact = np.where(seen, observation.contact_x, self._contact)
+        state = np.stack([observation.x, observation.z, self._contact], axis=-1) / self._length
+        blind = np.isnan(self._contact)
+        direction = np.where(blind, 0.75 * math.pi, self._direction(state))
+        done = state[:, 0] < PAST
+        return Decision(
+            direction=guarded(direction, state[:, 1]),
+            speed=np.where(done, 0.0, self._speed),
+            pitch_rate=np.zeros(len(direction)),
+            done=done,
+        )
+
+    def _direction(self, state: Array) -> Array:
+        batch = torch.from_numpy(state.reshape(self._groups, -1, 3))
+        with torch.inference_mode():
+            return np.asarray(self._network(batch).numpy().reshape(-1))
+
+    def _warm(self) -> None:
+        for _ in range(3):
+            self._direction(np.full((self._groups, 3), 0.5))
+
+
+def guarded(direction: Array, height: Array) -> Array:
+    """Directions (n,) kept within pi/2 to 3 pi/2, and level outside FLOOR to LOFT of `height`."""
+    low = np.where(height < FLOOR, 0.5, np.where(height > LOFT, 1.0, 0.5)) * math.pi
+    high = np.where(height < FLOOR, 1.0, 1.5) * math.pi
+    return np.asarray(np.clip(direction, low, high))
+
+
+def load_feedback(path: FilePath | None = None) -> Feedback:
+    """The policy with the weights of the checkpoint at `path`, or the committed one, warmed.
+
+    Keeps torch to one thread: the network is too small to gain from more.
+    """
+    checkpoint: Checkpoint = load_checkpoint(path or COMMITTED)
+    torch.set_num_threads(1)
+    return Feedback(np.array(checkpoint.weights))

@@ -1,0 +1,55 @@
+"""The paper's network: gripper x, z and desk_contact x in, direction of motion out."""
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from drivers.types import Array
+
+INPUTS = 3
+HIDDEN = 20
+WEIGHTS = (INPUTS + 1) * HIDDEN + HIDDEN + 1
+
+# Over the strip's length: a typical state, and the directions in which states spread around it,
+# so that a unit change of any weight means about as much as one of another.
+CENTRE = (0.47, 0.36, 0.35)
+SPREAD = ((0.26, 0.0, 0.0), (0.0, 0.16, 0.0), (0.20, -0.16, 0.08))
+
+
+class HeadingNetwork(nn.Module):
+    """One hidden layer of 20 tanh units for each of p candidates, evaluated side by side.
+
+    `weights` (p, WEIGHTS): per unit three input weights, then the hidden biases, the output
+    weights and the output bias.
+    """
+
+    def __init__(self, weights: Array) -> None:
+        super().__init__()
+        flat = torch.tensor(np.atleast_2d(weights), dtype=torch.float64)
+        cut = [INPUTS * HIDDEN, HIDDEN, HIDDEN, 1]
+        first, first_bias, last, last_bias = torch.split(flat, cut, dim=1)
+        self.first = nn.Parameter(first.reshape(-1, HIDDEN, INPUTS).transpose(1, 2).contiguous())
+        self.first_bias = nn.Parameter(first_bias[:, None].contiguous())
+        self.last = nn.Parameter(last[..., None].contiguous())
+        self.last_bias = nn.Parameter(last_bias[:, None].contiguous())
+        self.register_buffer("centre", torch.tensor(CENTRE, dtype=torch.float64))
+        whiten = np.linalg.inv(np.array(SPREAD)).T
+        self.register_buffer("whiten", torch.tensor(whiten, dtype=torch.float64))
+
+    def forward(self, state: Tensor) -> Tensor:
+        """Directions (p, m) [rad] for states (p, m, 3), lengths over the strip's length."""
+        hidden = torch.baddbmm(self.first_bias, self.features(state), self.first).tanh()
+        turn = torch.baddbmm(self.last_bias, hidden, self.last)[..., 0]
+        return math.pi + 0.5 * math.pi * turn
+
+    def features(self, state: Tensor) -> Tensor:
+        """States (..., 3) centred and whitened."""
+        centre, whiten = self.get_buffer("centre"), self.get_buffer("whiten")
+        return (state - centre) @ whiten
+
+
+def features(state: Array) -> Array:
+    """What `HeadingNetwork` makes of states (..., 3) before its first layer."""
+    return np.asarray((state - np.array(CENTRE)) @ np.linalg.inv(np.array(SPREAD)).T)

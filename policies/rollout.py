@@ -1,0 +1,162 @@
+"""Folds in simulation: any policy, any engine, a batch of strips in one closed loop."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.strip.engine import Observables, Stepper
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.shape import Touch
+from drivers.types import Array
+from policies.path import Path
+from policies.policy import Decision, Policy
+from policies.sensing import Eye, Sensing
+
+TAKEOVER = 0.10  # m at which the policy takes over from the lift
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """Settings of a simulated fold.
+
+    Decisions at `rate` [Hz], `substeps` engine steps in between; the gripper turns its velocity
+    with at most `acceleration` [m/s^2]; a fold that has not touched after `patience` times the
+    strip's length of travel is given up.
+    """
+
+    speed: float = 0.1
+    rate: float = 60.0
+    substeps: int = 3
+    acceleration: float = 2.0
+    patience: float = 2.4
+    sensing: Sensing = field(default_factory=Sensing)
+
+    @property
+    def period(self) -> float:
+        """Time between decisions [s]."""
+        return 1.0 / self.rate
+
+
+@dataclass(frozen=True, slots=True)
+class Folds:
+    """How n folds ended: `displacement` (n,) [m], NaN without a touch; `touch` each; mean
+    horizontal `holding_force` (n,) [N] until then; gripper `trace` (k, n, 2) [m] from take-over.
+    """
+
+    displacement: Array
+    touch: tuple[Touch | None, ...]
+    holding_force: Array
+    trace: Array
+
+    @property
+    def touched(self) -> NDArray[np.bool_]:
+        """Which folds ended in a touch (n,)."""
+        return np.isfinite(self.displacement)
+
+
+def roll_out(
+    policy: Policy,
+    engine: Stepper,
+    strip: StripFile,
+    models: Sequence[StripModel],
+    *,
+    settings: Rollout,
+    rng: np.random.Generator,
+    groups: int = 1,
+) -> Folds:
+    """Fold `models` at once, the policy knowing only `strip` and what it sees.
+
+    `groups` equal groups of strips meet the same noise and delays, so that candidates compare.
+    """
+    policy.reset(strip, settings.speed, len(models))
+    engine.reset(models)
+    eye = Eye(settings.sensing, settings.period, count=len(models), groups=groups, rng=rng)
+    loop = _Loop(engine, settings, eye)
+    loop.lift(policy.lift(), len(models))
+    for _ in range(round(settings.patience * strip.length / settings.speed * settings.rate)):
+        decision = policy.decide(loop.eye.look(loop.time, loop.poses[:, :2]))
+        if loop.follow(decision):
+            break
+    return loop.folds()
+
+
+class _Loop:
+    """Grippers and strips between two decisions."""
+
+    def __init__(self, engine: Stepper, settings: Rollout, eye: Eye) -> None:
+        self.eye = eye
+        self.time = 0.0
+        self.poses: Array = np.zeros((0, 3))
+        self._engine = engine
+        self._settings = settings
+        self._dt = settings.period / settings.substeps
+        self._velocity: Array = np.zeros((0, 2))
+        self._force: Array = np.zeros(0)
+        self._steps: Array = np.zeros(0)
+        self._trace: list[Array] = []
+        self._seen: Observables | None = None
+
+    def lift(self, path: Path, count: int) -> None:
+        """Along `path` from rest until the grippers stand at the take-over height."""
+        speed = self._settings.speed
+        rise = path.points[np.argmax(path.points[:, 1]), 1]
+        height = min(TAKEOVER, 0.9 * float(rise))
+        self._force, self._steps = np.zeros(count), np.zeros(count)
+        travel, pace = 0.0, 0.0
+        while path.at(travel)[1] < height:
+            along = []
+            for _ in range(self._settings.substeps):
+                pace = min(speed, pace + self._settings.acceleration * self._dt)
+                travel += pace * self._dt
+                along.append(travel)
+            poses = path.poses(np.array(along))
+            self._advance(np.repeat(poses[:, None], count, axis=1))
+        step = path.at(travel) - path.at(travel - pace * self._dt)
+        self._velocity = np.tile(step / self._dt, (count, 1))
+
+    def follow(self, decision: Decision) -> bool:
+        """Move as decided until the next decision; whether every fold has ended."""
+        if self._ended(decision):
+            return True
+        heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
+        wanted = decision.speed[:, None] * heading
+        poses = np.empty((self._settings.substeps, *self.poses.shape))
+        place = self.poses
+        for k in range(self._settings.substeps):
+            change = wanted - self._velocity
+            size = np.linalg.norm(change, axis=-1, keepdims=True)
+            most = self._settings.acceleration * self._dt
+            self._velocity = self._velocity + change * np.minimum(1.0, most / (size + 1e-12))
+            rates = np.column_stack([self._velocity, decision.pitch_rate])
+            place = place + rates * self._dt
+            poses[k] = place
+        self._advance(poses)
+        return False
+
+    def folds(self) -> Folds:
+        """What came of it."""
+        touch = self._seen.touch if self._seen is not None else ()
+        gone = [t.displacement if t is not None else np.nan for t in touch]
+        force = self._force / np.maximum(self._steps, 1)
+        return Folds(np.array(gone), touch, force, np.array(self._trace))
+
+    def _ended(self, decision: Decision) -> bool:
+        touch = self._seen.touch if self._seen is not None else ()
+        return all(t is not None or d for t, d in zip(touch, decision.done, strict=True))
+
+    def _advance(self, poses: Array) -> None:
+        seen = None
+        for pose in poses:
+            seen = self._engine.step(pose, self._dt)
+            going = np.array([t is None for t in seen.touch])
+            self._force += np.where(going, np.abs(seen.holding_force), 0.0)
+            self._steps += going
+        self.time += self._settings.period
+        self.poses = poses[-1]
+        self._seen = seen
+        if seen is not None:
+            self.eye.remember(seen)
+        self._trace.append(self.poses[:, :2].copy())
