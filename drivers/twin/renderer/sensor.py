@@ -23,6 +23,12 @@ def reach(sigma: float) -> int:
     return 2 * max(1, int(np.ceil(2.6 * sigma))) + 1
 
 
+def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
+    """`image` with noise of `sigma` grey levels, drawn afresh."""
+    noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
+    return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
     """Tiles larger than the image, (k, height, width, 3): what noise adds and what it takes."""

@@ -46,11 +46,11 @@ def stage(
     )
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
     _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
-    light = _light(settings)
-    np.minimum(canvas * light[..., None] + 0.5, 255, out=canvas)
+    glow = light(settings)
+    np.minimum(canvas * glow[..., None] + 0.5, 255, out=canvas)
     image = canvas.astype(np.uint8)
     _clamp(image, settings, optics, look)
-    return Stage(image, light)
+    return Stage(image, glow)
 
 
 def _grid(width: int, height: int) -> tuple[Pixels, Pixels]:
@@ -58,7 +58,8 @@ def _grid(width: int, height: int) -> tuple[Pixels, Pixels]:
     return u, v
 
 
-def _light(settings: CameraSettings) -> Field:
+def light(settings: CameraSettings) -> Field:
+    """(height, width) brightness that lamp, lens and exposure leave at each pixel."""
     u = np.linspace(-0.5, 0.5, settings.width, dtype=np.float32)[None, :]
     v = np.linspace(-0.5, 0.5, settings.height, dtype=np.float32)[:, None]
     gradient = 1 - settings.light_gradient * (0.8 * u + 0.6 * v)

@@ -1,0 +1,119 @@
+"""A ChArUco board before the twin's camera."""
+
+import cv2
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.geometry import Matrix
+from drivers.twin.camera_settings import CameraSettings
+from drivers.twin.renderer.optics import Optics, Pixels
+from drivers.twin.renderer.sensor import blurred, noisy
+from drivers.twin.renderer.stage import bgr, light
+from drivers.types import Array, Frame, Image
+
+SOURCE = "twin board"
+MARGIN = 0.5  # squares of white paper around the pattern
+FINE = 2  # samples per pixel and direction
+PAPER, INK = 232.0, 26.0  # grey levels of the print
+
+
+def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
+    """Pose (4, 4) in the cell frame of a board whose centre is at `centre` (x, y, z) [m].
+
+    The board's own frame starts at its centre, x to its right, y down, z into it. At zero angles
+    it stands upright and faces the camera; `tilt` [rad] leans its top away, `turn` moves its
+    right edge away, `roll` turns it clockwise.
+    """
+    ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
+    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
+    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    pose = np.eye(4)
+    pose[:3, :3] = upright @ about_y @ about_x @ about_z
+    pose[:3, 3] = centre
+    return pose
+
+
+def board_frame(
+    settings: CameraSettings,
+    board: cv2.aruco.CharucoBoard,
+    pose: Matrix,
+    seed: int,
+    *,
+    stamp: float = 0.0,
+    sequence: int = 0,
+) -> Frame:
+    """The camera's image of `board` at rest at `pose` (4, 4) in the cell frame, see `facing`.
+
+    Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that stands
+    behind the camera.
+    """
+    optics = Optics.of(settings)
+    image = np.empty((settings.height, settings.width, 3), np.uint8)
+    glow = light(settings)[..., None]
+    image[:] = bgr(settings.surroundings.backdrop) * glow
+    _show(image, optics, board, pose, glow)
+    rng = np.random.default_rng((seed, sequence, 0xB0))
+    seen = noisy(blurred(image, settings.lens_blur), settings.noise, rng)
+    seen.setflags(write=False)
+    return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, seen)
+
+
+def _show(
+    image: Image, optics: Optics, board: cv2.aruco.CharucoBoard, pose: Matrix, glow: Pixels
+) -> None:
+    """Draw `board` into `image` where the camera sees it, in place."""
+    square = board.getSquareLength()
+    half = (np.array(board.getChessboardSize()) / 2 + MARGIN) * square
+    corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * half
+    placed = np.column_stack([corners, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
+    depth = float(((placed - optics.centre) @ optics.rotation[2]).min())
+    if depth <= 0:
+        raise ConfigurationError("board: pose: is behind the camera; hold the board before it")
+    seen = optics.project(placed)
+    left, top = np.clip(np.floor(seen.min(axis=0)).astype(int) - 4, 0, image.shape[1::-1])
+    right, bottom = np.clip(np.ceil(seen.max(axis=0)).astype(int) + 5, 0, image.shape[1::-1])
+    if left >= right or top >= bottom:
+        return
+    x, y = _on_board(optics, pose, (left, top, right, bottom))
+    scale = max(2.5 * optics.focal / depth * square, 24.0)
+    print_, share = _sampled(board, x / square, y / square, round(scale))
+    part = image[top:bottom, left:right]
+    paper = print_[..., None] * glow[top:bottom, left:right]
+    part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
+
+
+def _on_board(
+    optics: Optics, pose: Matrix, box: tuple[int, int, int, int]
+) -> tuple[Pixels, Pixels]:
+    """Where on the board [m from its centre] rays meet it, FINE to a pixel of `box`."""
+    left, top, right, bottom = box
+    u, v = np.meshgrid(
+        (np.arange((right - left) * FINE) + 0.5) / FINE - 0.5 + left,
+        (np.arange((bottom - top) * FINE) + 0.5) / FINE - 0.5 + top,
+    )
+    rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
+    directions = rays @ pose[:3, :3].astype(np.float32)
+    start = (optics.centre - pose[:3, 3]) @ pose[:3, :3]
+    reach = np.float32(-start[2]) / directions[..., 2]
+    x, y = (np.float32(start[j]) + reach * directions[..., j] for j in range(2))
+    return x, y
+
+
+def _sampled(
+    board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
+) -> tuple[Pixels, Pixels]:
+    """Grey level of the print and share of the pixel that it fills, at x, y [squares]."""
+    columns, rows = board.getChessboardSize()
+    margin = round(MARGIN * scale)
+    size = (columns * scale + 2 * margin, rows * scale + 2 * margin)
+    print_ = board.generateImage(size, marginSize=margin)
+    u = (x + np.float32(columns / 2)) * scale + np.float32(margin - 0.5)
+    v = (y + np.float32(rows / 2)) * scale + np.float32(margin - 0.5)
+    grey = cv2.remap(print_, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    inside = (u > -0.5) & (u < size[0] - 0.5) & (v > -0.5) & (v < size[1] - 0.5)
+    whole = (x.shape[1] // FINE, x.shape[0] // FINE)
+    share = cv2.resize(inside.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
+    grey = cv2.resize(grey.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
+    return INK + grey * np.float32((PAPER - INK) / 255), share
