@@ -1,6 +1,5 @@
 """A run as it can be read: complete, broken off, or written by hand in a laboratory."""
 
-import fcntl
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +8,23 @@ from typing import Any
 from calibration.calibration import Calibration, load_calibration
 from cell.record.columns import Profile, Sights, Ticks, read_parquet
 from cell.record.documents import read_json_lines
+from cell.record.files import (
+    CALIBRATION,
+    EVENTS,
+    PROFILE,
+    RESULT,
+    RUN,
+    SIGHT_STREAM,
+    SIGHTS,
+    TICK_STREAM,
+    TICKS,
+    is_run,
+    is_under_way,
+)
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
-from cell.record.stream import TICKS, read_stream
-from cell.record.tables import SIGHT_STREAM, TICK_STREAM, Tables, assemble, write_tables
-from cell.record.writer import CALIBRATION, EVENTS, RESULT, RUN
+from cell.record.stream import TICK_ROWS, read_stream
+from cell.record.tables import Tables, assemble, write_tables
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
@@ -58,7 +69,7 @@ class Run:
 
     def sights(self) -> Sights:
         """What each image showed; empty in a laboratory's run."""
-        path = self.folder / "sights.parquet"
+        path = self.folder / SIGHTS
         if path.exists():
             return Sights.of(read_parquet(path), str(path))
         if (self.folder / SIGHT_STREAM).exists():
@@ -70,7 +81,7 @@ class Run:
         path = self.folder / TICK_STREAM
         if not path.exists():
             return frozen([])
-        table = read_stream(path, TICKS)
+        table = read_stream(path, TICK_ROWS)
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
     def calibration(self) -> Calibration | None:
@@ -93,11 +104,11 @@ def read_run(folder: Path) -> Run:
     A run that died before its tables were written is read from its streams. Raises
     ConfigurationError for what is missing, broken, or written by a newer version.
     """
-    if not (folder / RUN).exists():
+    if not is_run(folder):
         raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
     header = load(folder / RUN, Header)
     result = load(folder / RESULT, Result) if (folder / RESULT).exists() else None
-    ticks, profile = folder / "ticks.parquet", folder / "profile.parquet"
+    ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
         tables, origin = _broken_off(folder)
         return Run(
@@ -119,28 +130,16 @@ def recover(folder: Path) -> bool:
     """
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    tables = [folder / name for name in ("ticks.parquet", "profile.parquet", "sights.parquet")]
+    tables = [folder / name for name in (TICKS, PROFILE, SIGHTS)]
     if all(path.exists() for path in tables) or not (folder / TICK_STREAM).exists():
         return False
     write_tables(folder, assemble(folder))
     return True
 
 
-def is_under_way(folder: Path) -> bool:
-    """Whether a living process is writing the run in `folder`."""
-    try:
-        with (folder / EVENTS).open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return False
-    except BlockingIOError:
-        return True
-    return False
-
-
 def _broken_off(folder: Path) -> tuple[Tables, str]:
     if not any((folder / name).exists() for name in (TICK_STREAM, EVENTS)):
         raise ConfigurationError(
-            f"{folder}: ticks.parquet: is missing, and there is no {TICK_STREAM} to make it from"
+            f"{folder}: {TICKS}: is missing, and there is no {TICK_STREAM} to make it from"
         )
     return assemble(folder), str(folder / TICK_STREAM)

@@ -10,11 +10,11 @@ END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 NUMBER = pa.float64()
 POINTS = pa.list_(pa.float64())
 
-TICKS = pa.schema(
+TICK_ROWS = pa.schema(
     [(name, NUMBER) for name in ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")]
     + [("image_age", NUMBER), ("cost", NUMBER), ("state", pa.string())]
 )
-SIGHTS = pa.schema(
+SIGHT_ROWS = pa.schema(
     [("stamp", NUMBER), ("sequence", pa.int64())]
     + [(name, NUMBER) for name in ("contact_x", "contact_confidence", "profile_confidence")]
     + [(name, NUMBER) for name in ("tip_x", "tip_z", "gap", "gap_x")]

@@ -9,11 +9,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cell.record.documents import sync_folder
-from cell.record.stream import SIGHTS, TICKS, read_stream
+from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
+from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from drivers.settings import SCHEMA
 from drivers.types import Array
-
-TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +29,8 @@ def assemble(folder: Path) -> Tables:
 
     Raises OSError when a stream cannot be read.
     """
-    ticks = read_stream(folder / TICK_STREAM, TICKS)
-    sights = read_stream(folder / SIGHT_STREAM, SIGHTS)
+    ticks = read_stream(folder / TICK_STREAM, TICK_ROWS)
+    sights = read_stream(folder / SIGHT_STREAM, SIGHT_ROWS)
     return Tables(
         ticks=tick_table(ticks, sights),
         profile=profile_table(sights),
@@ -103,9 +102,9 @@ def write_parquet(path: Path, table: pa.Table) -> None:
 
 def write_tables(folder: Path, tables: Tables) -> None:
     """ticks.parquet, profile.parquet and sights.parquet in `folder`."""
-    write_parquet(folder / "sights.parquet", tables.sights)
-    write_parquet(folder / "profile.parquet", tables.profile)
-    write_parquet(folder / "ticks.parquet", tables.ticks)
+    write_parquet(folder / SIGHTS, tables.sights)
+    write_parquet(folder / PROFILE, tables.profile)
+    write_parquet(folder / TICKS, tables.ticks)
 
 
 def _numbers(table: pa.Table, column: str) -> Array:

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from cell.record.documents import write_document
+from cell.record.files import TRUTH
 from drivers.settings import SCHEMA, read_yaml
-
-TRUTH = "truth.yaml"
 
 
 def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:

@@ -11,17 +11,16 @@ from typing import Any, Self
 from calibration.calibration import Calibration, save_calibration
 from calibration.perception.sight import Sight
 from cell.record.documents import json_line, write_document
+from cell.record.files import CALIBRATION, EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
 from cell.record.header import Header, Result
-from cell.record.stream import SIGHTS, TICKS, StreamFile
-from cell.record.tables import SIGHT_STREAM, TICK_STREAM, assemble, write_tables
+from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile
+from cell.record.tables import assemble, write_tables
 from cell.record.tick import Tick
 from drivers.errors import ConfigurationError, Fault
 from drivers.settings import SCHEMA, parse
 from drivers.types import Frame
-
-RUN, RESULT, EVENTS, CALIBRATION = "run.yaml", "result.yaml", "events.jsonl", "calibration.yaml"
 
 
 class RunWriter:
@@ -43,8 +42,8 @@ class RunWriter:
         write_document(folder / RUN, header)
         self._events = (folder / EVENTS).open("xb", buffering=0)
         fcntl.flock(self._events, fcntl.LOCK_EX)
-        self._ticks = StreamFile(folder / TICK_STREAM, TICKS)
-        self._sights = StreamFile(folder / SIGHT_STREAM, SIGHTS)
+        self._ticks = StreamFile(folder / TICK_STREAM, TICK_ROWS)
+        self._sights = StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS)
         self._frames = FrameWriter(folder, frames, patient)
 
     @classmethod
@@ -81,9 +80,7 @@ class RunWriter:
 
     def tick(self, tick: Tick) -> None:
         """Add a turn of the control loop."""
-        row = {
-            field.name: getattr(tick, field.name) for field in TICKS if field.name != "image_age"
-        }
+        row = {name: getattr(tick, name) for name in TICK_ROWS.names if name != "image_age"}
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 

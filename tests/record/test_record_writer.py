@@ -11,8 +11,9 @@ import yaml
 
 from calibration.perception.sight import Sight
 from cell.record import frame_writer
+from cell.record.files import is_under_way
 from cell.record.frames import KeyFrames
-from cell.record.run import is_under_way, read_run, recover
+from cell.record.run import read_run, recover
 from cell.record.tables import place_contacts
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter

@@ -1,0 +1,26 @@
+"""Names of the files in a run folder, and whether someone is still writing them."""
+
+import fcntl
+from pathlib import Path
+
+RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.yaml"
+TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
+TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
+CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
+
+
+def is_run(folder: Path) -> bool:
+    """Whether `folder` holds a run, whole or not."""
+    return (folder / RUN).is_file()
+
+
+def is_under_way(folder: Path) -> bool:
+    """Whether a living process is writing the run in `folder`: it holds a lock on the events."""
+    try:
+        with (folder / EVENTS).open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False
