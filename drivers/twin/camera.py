@@ -47,7 +47,7 @@ class TwinCamera:
         self._settings = settings
         self._renderer = Renderer(settings, look, seed)
         self._latency = latency
-        self._delay = max(settings.transport_delay, settings.exposure / 2 - latency)
+        self._delay = settings.transport_delay + max(0.0, -latency)
         self._newest: Frame | None = None
         self._connected = False
 

@@ -18,12 +18,12 @@ Offset = Annotated[float, Field(ge=-0.05, le=0.05)]
 class Surroundings(Settings):
     """Colours in sRGB, and extent [m] in y of the desk; the strip's near edge lies at y = 0.
 
-    A green cutting mat before a green backdrop: undyed, white, black, grey, blue and red fabrics
-    all differ from it in colour where they do not in brightness.
+    A bright green mat before a green backdrop, as for chroma keying: white, black, grey, brown,
+    red, blue and teal fabrics all differ from it, in colour where they do not in brightness.
     """
 
-    desk: Colour = (74, 142, 104)
-    backdrop: Colour = (52, 112, 84)
+    desk: Colour = (106, 196, 72)
+    backdrop: Colour = (84, 172, 62)
     panel: Colour = (96, 92, 86)
     gripper: Colour = (44, 45, 48)
     clamp: Colour = (150, 152, 156)

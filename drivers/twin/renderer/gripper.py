@@ -1,5 +1,7 @@
 """The hand: two fingers that hold the strip's edge at mid width, or the pin of the calibration."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -34,7 +36,7 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     return placed
 
 
-def draw_hand(image: Image, parts: list[Outline], optics: Optics, colour: Array) -> None:
+def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Array) -> None:
     """Boxes with darker sides and a lit front, in place."""
     for corners, front, back in parts:
         near, far = optics.plane(corners, front), optics.plane(corners, back)
@@ -52,10 +54,14 @@ def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> N
     fill(image, optics.plane(centre + DISC * circle), BRIGHT)
 
 
-def extent(parts: list[Outline], optics: Optics) -> Array:
-    """(k, 2) pixels that bound the hand."""
+def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Array, Array]:
+    """Pixels u and v (k,) that bound the hand and what it holds."""
     sides = [optics.plane(corners, y) for corners, *ys in parts for y in ys]
-    return np.concatenate(sides) if sides else np.empty((0, 2))
+    if scene.pointer:
+        centre = np.array([scene.gripper.x, scene.gripper.z])
+        sides.append(optics.plane(centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])))
+    bounds = np.concatenate(sides) if sides else np.empty((0, 2))
+    return bounds[:, 0], bounds[:, 1]
 
 
 def above(outline: Array, floor: float) -> Array:

@@ -57,16 +57,25 @@ class Optics:
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of points (..., 3) of the cell frame [m]."""
         seen = (points - self.centre) @ self.rotation.T
-        flat = seen[..., :2] / seen[..., 2:]
-        k1, k2 = self.distortion
-        r2 = (flat**2).sum(axis=-1, keepdims=True)
-        return np.asarray(flat * (1 + r2 * (k1 + k2 * r2)) * self.focal + self.principal)
+        return self._through_lens(seen[..., 0], seen[..., 1], seen[..., 2])
 
     def plane(self, points: Array, y: float = 0.0) -> Array:
         """Pixels (..., 2) of points (..., 2) of x, z [m] in the plane at `y` [m]."""
-        filled = np.empty((*points.shape[:-1], 3))
-        filled[..., 0], filled[..., 1], filled[..., 2] = points[..., 0], y, points[..., 1]
-        return self.project(filled)
+        x, z = points[..., 0] - self.centre[0], points[..., 1] - self.centre[2]
+        depth = (y - self.centre[1]) * self.rotation[:, 1]
+        m = self.rotation
+        return self._through_lens(*(m[j, 0] * x + m[j, 2] * z + depth[j] for j in range(3)))
+
+    def _through_lens(self, right: Array, down: Array, forward: Array) -> Array:
+        inverse = 1 / forward
+        a, b = right * inverse, down * inverse
+        k1, k2 = self.distortion
+        r2 = a * a + b * b
+        scale = (1 + r2 * (k1 + k2 * r2)) * self.focal
+        pixels = np.empty((*a.shape, 2))
+        pixels[..., 0] = a * scale + self.principal[0]
+        pixels[..., 1] = b * scale + self.principal[1]
+        return pixels
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """The same camera with pixels counted from `origin` (u, v)."""

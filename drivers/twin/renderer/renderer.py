@@ -15,10 +15,9 @@ from drivers.twin.renderer.sensor import blurred, noise_bank, reach
 from drivers.twin.renderer.shadow import shadow_band, shadow_profile
 from drivers.twin.renderer.splat import Cloud, paint
 from drivers.twin.renderer.stage import bgr, stage
+from drivers.twin.renderer.window import Window
 from drivers.twin.scene import Scene
-from drivers.types import Array, Image
-
-Window = tuple[slice, slice]
+from drivers.types import Image
 
 
 class Renderer:
@@ -54,11 +53,17 @@ class Renderer:
         clouds = () if curve is None else self._clouds(curve)
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
         image = self._resting.copy()
-        seen = [cloud.pixels for cloud in clouds] + [extent(hand, self._optics)]
-        window = _bounds(np.concatenate(seen), self._settings, 2 * reach(self._settings.lens_blur))
+        window = Window.around(
+            [*((cloud.u, cloud.v) for cloud in clouds), extent(hand, middle, self._optics)],
+            (self._settings.width, self._settings.height),
+            reach(self._settings.lens_blur),
+        )
         if window is not None:
-            part = self._drawn(window, middle, curve, clouds, hand)
-            _replace(image, window, blurred(part, self._settings.lens_blur), self._settings)
+            part = window.of(self._sharp).copy()
+            if curve is not None:
+                self._shadow.cast(part, window.origin, shadow_profile(curve))
+            self._draw(part, window, middle, clouds, hand)
+            window.put(blurred(part, self._settings.lens_blur), image)
         self._noise.apply(image, sequence)
         return image
 
@@ -67,48 +72,18 @@ class Renderer:
         parts = (faces, near_edge)
         return tuple(part(curve, self._optics, self._look, self._weave) for part in parts)
 
-    def _drawn(
+    def _draw(
         self,
+        part: Image,
         window: Window,
         scene: Scene,
-        curve: Curve | None,
         clouds: Sequence[Cloud],
-        hand: list[Outline],
-    ) -> Image:
-        """A sharp picture of all that moves in `window`, painted far to near."""
-        part = self._sharp[window].copy()
-        rows, columns = window
-        origin = (columns.start, rows.start)
-        optics = self._optics.seen_from(origin)
-        if curve is not None:
-            self._shadow.cast(part, origin, shadow_profile(curve))
+        hand: Sequence[Outline],
+    ) -> None:
+        """All that moves, far to near, into `part`, the pixels of `window`."""
+        optics = self._optics.seen_from(window.origin)
         draw_hand(part, hand, optics, self._gripper)
         for cloud in clouds:
-            paint(part, cloud.seen_from(origin), self._colour, self._light[window])
+            paint(part, cloud.seen_from(window.origin), self._colour, window.of(self._light))
         if scene.pointer:
             draw_pointer(part, scene, optics, self._gripper)
-        return part
-
-
-def _bounds(pixels: Array, settings: CameraSettings, margin: int) -> Window | None:
-    """The part of the image around `pixels` (n, 2), or None where they miss it."""
-    low = np.floor(pixels.min(axis=0)).astype(int) - margin
-    high = np.ceil(pixels.max(axis=0)).astype(int) + margin + 1
-    left, top = max(int(low[0]), 0), max(int(low[1]), 0)
-    right, bottom = min(int(high[0]), settings.width), min(int(high[1]), settings.height)
-    if left >= right or top >= bottom:
-        return None
-    return slice(top, bottom), slice(left, right)
-
-
-def _replace(image: Image, window: Window, part: Image, settings: CameraSettings) -> None:
-    """Put `part` into `window` but for a margin, where its blur lacked what lies beyond."""
-    margin = reach(settings.lens_blur)
-    rows, columns = window
-    up, left = (margin if side.start > 0 else 0 for side in window)
-    down = margin if rows.stop < settings.height else 0
-    right = margin if columns.stop < settings.width else 0
-    height, width = part.shape[:2]
-    image[rows.start + up : rows.stop - down, columns.start + left : columns.stop - right] = part[
-        up : height - down, left : width - right
-    ]

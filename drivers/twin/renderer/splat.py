@@ -13,15 +13,26 @@ FULL = 0.96  # coverage from which a pixel counts as filled: what sampling may l
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Points of material: `pixels` (n, 2), `area` (n,) [px^2] and brightness `shade` (n,)."""
+    """Points of material at `u`, `v` [px]: `area` [px^2] and brightness `shade`, all (n,)."""
 
-    pixels: Array
+    u: Array
+    v: Array
     area: Array
     shade: Array
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """The same points with pixels counted from `origin` (u, v)."""
-        return replace(self, pixels=self.pixels - np.array(origin))
+        return replace(self, u=self.u - origin[0], v=self.v - origin[1])
+
+    def within(self, width: int, height: int) -> Self:
+        """The points whose four nearest pixels all lie in an image of this size."""
+        u, v = self.u, self.v
+        inside = (u >= 0) & (u < width - 1) & (v >= 0) & (v < height - 1)
+        if inside.all():
+            return self
+        return replace(
+            self, u=u[inside], v=v[inside], area=self.area[inside], shade=self.shade[inside]
+        )
 
 
 def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32]) -> None:
@@ -31,19 +42,15 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
     moment; what a pixel gathers is its coverage.
     """
     height, width = image.shape[:2]
-    u, v = cloud.pixels[:, 0], cloud.pixels[:, 1]
-    inside = (u >= 0) & (u < width - 1) & (v >= 0) & (v < height - 1)
-    if not inside.any():
+    cloud = cloud.within(width, height)
+    if len(cloud.u) == 0:
         return
-    if not inside.all():
-        cloud = Cloud(cloud.pixels[inside], cloud.area[inside], cloud.shade[inside])
-    top = int(cloud.pixels[:, 1].min())
-    bottom = int(cloud.pixels[:, 1].max()) + 2
+    top, bottom = int(cloud.v.min()), int(cloud.v.max()) + 2
     index, weight = _corners(cloud, top, width)
     size = (bottom - top) * width
     coverage = np.bincount(index, weight, size)
     glow = np.bincount(index, weight * np.tile(cloud.shade, 4), size)
-    touched = np.flatnonzero(coverage)
+    touched = np.flatnonzero(coverage > 0)
     gathered = coverage[touched]
     alpha = np.minimum(gathered / FULL, 1.0)
     ink = (glow[touched] / gathered * alpha * light[top:bottom].reshape(-1)[touched])[
@@ -54,10 +61,9 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
 
 
 def _corners(cloud: Cloud, top: int, width: int) -> tuple[Array, Array]:
-    whole = cloud.pixels.astype(np.int64)
-    part = cloud.pixels - whole
-    a, b = part[:, 0], part[:, 1]
-    first = (whole[:, 1] - top) * width + whole[:, 0]
+    left_of, above = cloud.u.astype(np.int64), cloud.v.astype(np.int64)
+    a, b = cloud.u - left_of, cloud.v - above
+    first = (above - top) * width + left_of
     index = np.concatenate([first, first + 1, first + width, first + width + 1])
     right = cloud.area * a
     left = cloud.area - right
