@@ -11,6 +11,7 @@ from drivers.types import Pose, Velocity
 TICK = 0.001  # s, the servo's period
 EXPIRY = 0.1  # s for which a velocity target holds
 BORDER = 1e-9  # m or rad, rounding at the border of the workspace
+NOTHING = 1e-6  # m or rad, or the same per second: a change too small to have a direction
 
 Numbers = list[float]
 State = tuple[Numbers, Numbers, Numbers]  # position, velocity, acceleration
@@ -74,7 +75,9 @@ class MotionProfile:
         """Follow `velocity`; refused above the limits with Fault `velocity_refused`."""
         self._limits.check(velocity)
         self._begin()
-        self._follow([velocity.vx, velocity.vz, velocity.pitch_rate])
+        wish = [velocity.vx, velocity.vz, velocity.pitch_rate]
+        if wish != self._wish or self._blocked:
+            self._follow(wish)
 
     def move_to(self, pose: Pose) -> None:
         """Move to rest at `pose`, on a straight line from rest; from motion as fast as allowed.
@@ -135,6 +138,9 @@ class MotionProfile:
             synchronization.No if i in blocked else synchronization.Phase for i in range(3)
         ]
         self._wish, self._blocked = wish, blocked
+        straight = any(wish) and not blocked and not any(self._acceleration)
+        change = [w - v for w, v in zip(wish, self._velocity, strict=True)]
+        _limit(order, self._limits, change if straight else _STILL)
         self._calculate(order, self._plan, self._state)
         self._elapsed = 0
 
@@ -145,6 +151,10 @@ class MotionProfile:
         order.per_dof_synchronization = None
         order.target_position, order.target_velocity = goal, _STILL
         self._wish = None
+        straight = not any(self._velocity) and not any(self._acceleration)
+        change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
+        _limit(order, self._limits, change)
+        order.max_velocity = _shared(order.max_velocity, change)
         self._calculate(order, self._plan, self._state)
         self._elapsed = 0
         return not self._leaving(self._plan)
@@ -189,7 +199,23 @@ def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) 
     order = ruckig.InputParameter(3)
     order.control_interface = ruckig.ControlInterface.Velocity
     order.synchronization = synchronization
-    order.max_velocity = [axis.velocity for axis in limits.axes]
-    order.max_acceleration = [axis.acceleration for axis in limits.axes]
-    order.max_jerk = [axis.jerk for axis in limits.axes]
+    _limit(order, limits, _STILL)
     return order
+
+
+def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
+    """Set the limits, in proportion to a `change` of pose or velocity unless that is nothing.
+
+    Ruckig leaves the straight line where one axis alone would allow a shorter profile.
+    """
+    order.max_velocity = [axis.velocity for axis in limits.axes]
+    order.max_acceleration = _shared([axis.acceleration for axis in limits.axes], change)
+    order.max_jerk = _shared([axis.jerk for axis in limits.axes], change)
+
+
+def _shared(limits: Numbers, change: Numbers) -> Numbers:
+    sizes = [abs(c) if abs(c) > NOTHING else 0.0 for c in change]
+    if not any(sizes):
+        return limits
+    pace = min(limit / size for limit, size in zip(limits, sizes, strict=True) if size)
+    return [pace * size if size else limit for limit, size in zip(limits, sizes, strict=True)]

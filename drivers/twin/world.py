@@ -67,8 +67,9 @@ class World:
         return self._path[-1][1]
 
     def follow(self, stamp: float, pose: Pose) -> None:
-        """The gripper truly was at `pose` at `stamp` [s], later than the stamps before."""
-        self._path.append((stamp, pose))
+        """The gripper truly was at `pose` at `stamp` [s]; what is not newer changes nothing."""
+        if stamp > self._path[-1][0]:
+            self._path.append((stamp, pose))
 
     def advance(self, time: float) -> None:
         """Simulate up to `time` [s], or as far as the gripper's poses are known."""

@@ -1,0 +1,81 @@
+"""The implementations that the contracts run over: a new driver is one more entry here."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import drivers.clock
+from drivers.clock import WallClock
+from drivers.protocols import Arm, Camera, Clock, Hand
+from drivers.strip.file import load_strip
+from drivers.twin.clock import TwinClock
+from drivers.twin.open import Twin, open_twin
+from drivers.twin.settings import TwinSettings
+from drivers.types import Pose
+
+DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Devices on a clock, the arm connected where it is only needed to move the hand.
+
+    `edge` is where the hand finds a strip; `accuracy` [m, rad] is how well the arm measures.
+    """
+
+    clock: Clock
+    arm: Arm
+    hand: Hand
+    camera: Camera | None
+    edge: Pose
+    accuracy: float
+
+
+class StillTime:
+    """The time module of a machine on which only sleeping passes the time."""
+
+    def __init__(self) -> None:
+        self.seconds = 1234.5
+
+    def monotonic(self) -> float:
+        return self.seconds
+
+    def sleep(self, seconds: float) -> None:
+        self.seconds += seconds
+
+
+def _twin() -> Twin:
+    return open_twin(TwinSettings(), load_strip(DENIM), None, seed=0)
+
+
+def _twin_bench() -> Bench:
+    twin = _twin()
+    return Bench(
+        twin.clock,
+        twin.arm,
+        twin.hand,
+        getattr(twin, "camera", None),
+        edge=Pose(0.6, 0.0, 0.0),
+        accuracy=5e-4,
+    )
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench}
+CLOCKS: dict[str, Callable[[], Clock]] = {"twin": TwinClock, "wall": WallClock}
+
+
+@pytest.fixture(params=sorted(BENCHES))
+def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
+    made = BENCHES[request.param]()
+    yield made
+    made.arm.close()
+    if made.camera is not None:
+        made.camera.close()
+
+
+@pytest.fixture(params=sorted(CLOCKS))
+def clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Clock:
+    monkeypatch.setattr(drivers.clock, "time", StillTime())
+    return CLOCKS[request.param]()
