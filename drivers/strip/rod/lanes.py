@@ -1,0 +1,244 @@
+"""A number that holds eight strips, so that kernels read as scalar mathematics.
+
+Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats.
+`load` of an array with a lane axis gives Lanes, without one a float: the same kernel simulates
+eight strips in one vector register or one strip alone, operation for operation, bit for bit.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import models, register_default
+from numba.core.imputils import lower_builtin
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+WIDTH = 8
+VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
+INDEX = ir.VectorType(ir.IntType(32), WIDTH)
+
+
+class LanesType(types.Type):  # type: ignore[misc]
+    """Numba's type of `WIDTH` doubles in one vector."""
+
+    def __init__(self) -> None:
+        super().__init__(name=f"Lanes{WIDTH}")
+
+
+Lanes = LanesType()
+
+
+@register_default(LanesType)
+class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, numba_type: Any) -> None:
+        super().__init__(manager, numba_type, VECTOR)
+
+
+def _number(array: Any) -> Any:
+    """What an element of `array` (rows, fields[, WIDTH]) is: Lanes or float."""
+    return Lanes if array.ndim == 3 else types.float64
+
+
+def _widest(*numbers: Any) -> Any:
+    return Lanes if Lanes in numbers else types.float64
+
+
+def _spread(builder: Any, value: Any) -> Any:
+    if value.type == VECTOR:
+        return value
+    blank = ir.Constant(VECTOR, ir.Undefined)
+    first = builder.insert_element(blank, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(first, blank, ir.Constant(INDEX, [0] * WIDTH))
+
+
+def _operands(builder: Any, number: Any, args: Any) -> list[Any]:
+    return [_spread(builder, a) for a in args] if number == Lanes else list(args)
+
+
+def _arithmetic(op: Any, instruction: str) -> None:
+    @infer_global(op)
+    class _Template(AbstractTemplate):  # type: ignore[misc]
+        def generic(self, args: Any, kws: Any) -> Any:
+            allowed = all(a == Lanes or isinstance(a, types.Float) for a in args)
+            return signature(Lanes, *args) if len(args) == 2 and Lanes in args and allowed else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        left, right = _operands(builder, Lanes, args)
+        return getattr(builder, instruction)(left, right)
+
+    for pair in ((Lanes, Lanes), (Lanes, types.Float), (types.Float, Lanes)):
+        lower_builtin(op, *pair)(lower)
+
+
+for _op, _instruction in (
+    (operator.add, "fadd"),
+    (operator.sub, "fsub"),
+    (operator.mul, "fmul"),
+    (operator.truediv, "fdiv"),
+):
+    _arithmetic(_op, _instruction)
+
+
+@infer_global(operator.neg)
+class _NegativeTemplate(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(Lanes, *args) if args == (Lanes,) else None
+
+
+@lower_builtin(operator.neg, Lanes)  # type: ignore[untyped-decorator]
+def _negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return builder.fneg(args[0])
+
+
+def _native(name: str, count: int) -> Callable[..., Any]:
+    """Code that calls the machine's own `name` of `count` numbers."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        operands = _operands(builder, sig.return_type, args)
+        kind = operands[0].type
+        suffix = f"v{WIDTH}f64" if kind == VECTOR else "f64"
+        function_type = ir.FunctionType(kind, [kind] * count)
+        function = cgutils.get_or_insert_function(
+            builder.module, function_type, f"llvm.{name}.{suffix}"
+        )
+        return builder.call(function, operands)
+
+    return generate
+
+
+def _inlined(function: F) -> F:
+    """`function` gives the type and the generator of code that takes the place of a call."""
+    compiled: F = intrinsic(function)
+    return compiled
+
+
+@_inlined
+def sqrt(typing: Any, a: Any) -> Any:
+    """Square root."""
+    return a(a), _native("sqrt", 1)
+
+
+@_inlined
+def fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """a * b + c, rounded once."""
+    return _widest(a, b, c)(a, b, c), _native("fma", 3)
+
+
+@_inlined
+def below(typing: Any, a: Any, b: Any) -> Any:
+    """1.0 where a < b, else 0.0 (also where one is not a number)."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        left, right = _operands(builder, sig.return_type, args)
+        one, zero = (ir.Constant(ir.DoubleType(), v) for v in (1.0, 0.0))
+        ones, zeros = _operands(builder, sig.return_type, (one, zero))
+        return builder.select(builder.fcmp_ordered("<", left, right), ones, zeros)
+
+    return _widest(a, b)(a, b), generate
+
+
+@_inlined
+def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
+    """`a` where `gate` is above zero, else `b`."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        test, yes, no = _operands(builder, sig.return_type, args)
+        zero = ir.Constant(ir.DoubleType(), 0.0)
+        (nothing,) = _operands(builder, sig.return_type, (zero,))
+        return builder.select(builder.fcmp_ordered(">", test, nothing), yes, no)
+
+    return _widest(gate, a, b)(gate, a, b), generate
+
+
+@_inlined
+def anywhere(typing: Any, gate: Any) -> Any:
+    """Whether `gate` is above zero in any lane."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        (value,) = args
+        if sig.args[0] != Lanes:
+            return builder.fcmp_ordered(">", value, ir.Constant(ir.DoubleType(), 0.0))
+        zeros = _spread(builder, ir.Constant(ir.DoubleType(), 0.0))
+        bits = builder.fcmp_ordered(">", value, zeros)
+        mask = builder.bitcast(bits, ir.IntType(WIDTH))
+        return builder.icmp_unsigned("!=", mask, ir.Constant(ir.IntType(WIDTH), 0))
+
+    return types.boolean(gate), generate
+
+
+def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
+    view = context.make_array(kind)(context, builder, array)
+    shape = cgutils.unpack_tuple(builder, view.shape, kind.ndim)
+    offset = builder.add(builder.mul(place[0], shape[1]), place[1])
+    if kind.ndim == 2:
+        return builder.gep(view.data, [offset])
+    offset = builder.mul(offset, ir.Constant(offset.type, WIDTH))
+    return builder.bitcast(builder.gep(view.data, [offset]), VECTOR.as_pointer())
+
+
+@_inlined
+def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
+    """Element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.load(_address(context, builder, sig.args[0], args[0], args[1:]), align=8)
+
+    return _number(array)(array, types.intp, types.intp), generate
+
+
+@_inlined
+def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
+    """Write an element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        (number,) = _operands(builder, _number(sig.args[0]), args[3:])
+        place = _address(context, builder, sig.args[0], args[0], args[1:3])
+        builder.store(number, place, align=8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, value), generate
+
+
+@_inlined
+def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
+    """The float of one `lane` (0 in an array without lanes); no bounds check."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        place = _address(context, builder, sig.args[0], args[0], args[1:3])
+        if sig.args[0].ndim == 3:
+            place = builder.bitcast(place, ir.DoubleType().as_pointer())
+            place = builder.gep(place, [args[3]])
+        return builder.load(place)
+
+    return types.float64(array, types.intp, types.intp, types.intp), generate
+
+
+@_inlined
+def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
+    """Write the float of one `lane`; no bounds check."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        place = _address(context, builder, sig.args[0], args[0], args[1:3])
+        if sig.args[0].ndim == 3:
+            place = builder.bitcast(place, ir.DoubleType().as_pointer())
+            place = builder.gep(place, [args[3]])
+        builder.store(args[4], place)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, types.intp, types.intp, types.float64), generate
+
+
+@_inlined
+def like(typing: Any, array: Any, value: Any) -> Any:
+    """`value` as an element of `array` would be: in every lane."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _operands(builder, sig.return_type, args[1:])[0]
+
+    return _number(array)(array, types.float64), generate

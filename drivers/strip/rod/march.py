@@ -1,0 +1,76 @@
+"""Steps in time: the second-order backward difference (BDF2) of variable step, or Euler's.
+
+With omega the step over the last one, a rate is gamma (value - base),
+gamma = (1 + 2 omega) / ((1 + omega) h), base = ((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega);
+omega = 0 is backward Euler and starts a motion from rest.
+"""
+
+from typing import Any
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.bending import direction, friction, strain
+from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.lanes import choose, fma, load, store
+from drivers.strip.rod.newton import FIRST, solve
+
+
+@kernel
+def predict(state: Any, work: Any, h: float, omega: float, alive: Any) -> None:
+    """Shift the history of the free nodes, extrapolate them, and leave the bases in `work`."""
+    rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
+    now = (1.0 + omega) ** 2 / (1.0 + 2.0 * omega)
+    old = -(omega**2) / (1.0 + 2.0 * omega)
+    ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
+    for r in range(FIRST, state.shape[0] - 2):
+        for axis in range(2):
+            x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
+            x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
+            base = fma(now, x, old * x1)
+            store(work, r, at.BASE_X + axis, base)
+            store(work, r, at.HAT_X + axis, base + (now * v + old * v1) * (1.0 / rate))
+            store(state, r, at.X1 + axis, choose(alive, x, x1))
+            store(state, r, at.VX1 + axis, choose(alive, v, v1))
+            guess = x + fma(ahead, v, behind * v1)
+            store(state, r, at.X + axis, choose(alive, guess, x))
+
+
+@kernel
+def predict_strain(state: Any, work: Any, omega: float) -> None:
+    """Bases of the bending strains, whose history shifts in `finish`."""
+    now = (1.0 + omega) ** 2 / (1.0 + 2.0 * omega)
+    old = -(omega**2) / (1.0 + 2.0 * omega)
+    for r in range(1, state.shape[0] - 1):
+        eps, eps1 = load(state, r, at.EPS), load(state, r, at.EPS1)
+        store(work, r, at.BASE_EPS, fma(now, eps, old * eps1))
+
+
+@kernel
+def finish(nature: Any, state: Any, work: Any, rate: float, alive: Any) -> None:
+    """Velocities, strains and friction moments of the step just solved."""
+    for r in range(FIRST, state.shape[0] - 2):
+        for axis in range(2):
+            v = rate * (load(state, r, at.X + axis) - load(work, r, at.BASE_X + axis))
+            store(state, r, at.VX + axis, choose(alive, v, load(state, r, at.VX + axis)))
+    ax, az, _ = direction(state, 0)
+    for r in range(1, state.shape[0] - 1):
+        bx, bz, _ = direction(state, r)
+        new, _ = strain(ax, az, bx, bz)
+        dry, _ = friction(nature, state, r, new)
+        eps = load(state, r, at.EPS)
+        store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
+        store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
+        store(state, r, at.EPS, choose(alive, new, eps))
+        ax, az = bx, bz
+
+
+@kernel
+def attempt(
+    nature: Any, state: Any, work: Any, band: Any, h: float, omega: float, alive: Any
+) -> Any:
+    """One implicit step of the living lanes; those that did not converge keep their past."""
+    rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
+    predict(state, work, h, omega, alive)
+    predict_strain(state, work, omega)
+    unsolved = solve(nature, state, work, band, rate, alive)
+    finish(nature, state, work, rate, alive - unsolved)
+    return unsolved

@@ -1,0 +1,96 @@
+"""desk_contact, tip of the fold and layer gap, compiled; defined by `drivers.strip.shape`."""
+
+import math
+from typing import Any
+
+from drivers.strip.rod.compiled import kernel
+
+
+@kernel
+def desk_contact(x: Any, z: Any, height: float) -> Any:
+    """x [m] where the midline first stands `height` above rest."""
+    count = len(x)
+    for j in range(count):
+        if z[j] > height:
+            if j == 0:
+                return x[0]
+            return x[j - 1] + (x[j] - x[j - 1]) * (height - z[j - 1]) / (z[j] - z[j - 1])
+    return x[count - 1]
+
+
+@kernel
+def vertex(left: float, here: float, right: float) -> float:
+    """Offset in nodes, within +-0.5, of the extremum of a parabola through three values."""
+    bend = left - 2 * here + right
+    if bend == 0:
+        return 0.0
+    return min(max(0.5 * (left - right) / bend, -0.5), 0.5)
+
+
+@kernel
+def rightmost(x: Any) -> int:
+    """Node of the largest x, the first of equals."""
+    best = 0
+    for j in range(1, len(x)):
+        if x[j] > x[best]:
+            best = j
+    return best
+
+
+@kernel
+def fold_tip(x: Any, z: Any, j: int) -> Any:
+    """(x, z) of the rightmost point near node j, refined by a parabola."""
+    if j in (0, len(x) - 1):
+        return x[j], z[j]
+    offset = vertex(x[j - 1], x[j], x[j + 1])
+    tip_x = x[j] - 0.25 * (x[j - 1] - x[j + 1]) * offset
+    slope, bend = 0.5 * (z[j + 1] - z[j - 1]), z[j - 1] - 2 * z[j] + z[j + 1]
+    return tip_x, z[j] + offset * slope + 0.5 * offset**2 * bend
+
+
+@kernel
+def gap_over(x: Any, z: Any, j: int, k: int) -> Any:
+    """Height of node j over the lower layer, and the lower segment searched from k."""
+    if x[j] < x[0]:
+        return math.inf, k
+    while k > 0 and x[k] > x[j]:
+        k -= 1
+    while x[k + 1] < x[j]:
+        k += 1
+    return z[j] - z[k] - (z[k + 1] - z[k]) * (x[j] - x[k]) / (x[k + 1] - x[k]), k
+
+
+@kernel
+def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
+    """(height, index along the nodes) of the smallest gap that is closing; height inf: none."""
+    last = len(x) - 1
+    best, place = math.inf, 0.0
+    if last - tip < 3 or tip < 2:
+        return best, place
+    k = tip - 1
+    opened, lowest = False, math.inf
+    before, (here, k) = 0.0, gap_over(x, z, tip, k)
+    for j in range(tip, last):
+        after, k = gap_over(x, z, j + 1, k)
+        opened = opened or here > opening
+        if opened and j > tip and here <= before and here < after and here < lowest:
+            lowest = here
+            best, place = refined(before, here, after, j)
+        before, here = here, after
+    return best, place
+
+
+@kernel
+def refined(before: float, here: float, after: float, j: int) -> Any:
+    """(height, index) of the minimum by the parabola through three gaps at j - 1, j, j + 1."""
+    if math.isinf(before) or math.isinf(after):
+        return here, float(j)
+    offset = vertex(before, here, after)
+    return here - 0.25 * (before - after) * offset, j + offset
+
+
+@kernel
+def along(values: Any, index: float) -> Any:
+    """`values` at a fractional index."""
+    j = min(int(index), len(values) - 2)
+    return values[j] + (values[j + 1] - values[j]) * (index - j)
