@@ -1,0 +1,99 @@
+"""Calibration of a cell's camera, by the orchestrator, under its monitors."""
+
+import hashlib
+from datetime import UTC, datetime
+from pathlib import Path
+
+from calibration.board_views import BoardViews
+from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.lens import Lens
+from calibration.touched_points import TouchVerdict
+from cell.config.cell import CellFile
+from cell.config.places import cache_folder
+from cell.devices import Aids, Choice, Devices, open_cell
+from cell.orchestrator.knowledge import Knowledge
+from cell.orchestrator.run import Run
+from cell.orchestrator.unrecorded import Unrecorded
+from drivers.errors import CellError, ConfigurationError
+from drivers.strip.file import StripFile
+from policies.triangular import Triangular
+
+NO_STRIP = StripFile(
+    schema=1,
+    name="none",
+    length=0.6,
+    width=0.05,
+    areal_density=0.2,
+    bending_length=0.02,
+    retardation_time=0.03,
+)  # the desk is bare while the camera is calibrated
+
+
+def calibration_of(settings: CellFile) -> Calibration:
+    """The calibration that this cell uses.
+
+    That of the cell file if it names one; else, on the twin, one made with boards and touched
+    points and kept for the next run.
+    """
+    if settings.calibration is not None:
+        return load_calibration(Path(settings.calibration))
+    path = kept_calibration(settings)
+    try:
+        return load_calibration(path)
+    except ConfigurationError:
+        return calibrate_anew(settings)[0]
+
+
+def calibrate_anew(settings: CellFile) -> tuple[Calibration, Path]:
+    """Calibrate on the twin and keep the result for the runs to come, where it is told."""
+    path = kept_calibration(settings)
+    made = calibrate(settings, open_cell(settings, NO_STRIP, Choice(), calibrating=True))
+    save_calibration(made, path)
+    return made, path
+
+
+def kept_calibration(settings: CellFile) -> Path:
+    """Where the calibration of this very cell and camera is kept."""
+    facts = settings.model_dump_json(include={"twin", "touches", "boards"})
+    identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
+    return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
+
+
+def calibrate(settings: CellFile, devices: Devices) -> Calibration:
+    """Lens and map to the plane, made now; raises CellError when millimetres do not suffice."""
+    if devices.aids is None:
+        raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
+    lens = lens_from_boards(settings, devices.aids)
+    knowledge = Knowledge(settings, NO_STRIP, Triangular(), lens=lens)
+    devices.connect()
+    devices.aids.hold_pointer(True)
+    try:
+        outcome = Run(devices, knowledge, Unrecorded()).execute()
+    finally:
+        devices.close()
+    if outcome.exit_code != 0 or knowledge.touches is None:
+        raise CellError(f"calibration failed: {outcome.name}: {outcome.reason}")
+    return _assembled(lens, knowledge.touches, devices.camera_identity)
+
+
+def lens_from_boards(settings: CellFile, aids: Aids) -> Lens:
+    """The lens, from as many views of the board as it takes."""
+    views = BoardViews(settings.boards)
+    while (pose := views.ask()) is not None:
+        views.tell(aids.show_board(pose))
+    verdict = views.verdict()
+    if verdict.fit is None or not verdict.passed:
+        raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
+    return verdict.fit.lens
+
+
+def _assembled(lens: Lens, touches: TouchVerdict, camera: str) -> Calibration:
+    if touches.homography is None or not touches.passed:
+        raise CellError("homography failed: " + "; ".join(touches.reasons))
+    return calibrated(
+        lens,
+        touches.homography,
+        residual_mm=touches.residual_mm,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        camera=camera,
+    )

@@ -1,0 +1,24 @@
+"""The command line: one file a command; heavy modules are imported where they are used."""
+
+import typer
+
+from cell.cli.calibrate import calibrate
+from cell.cli.fold import fold
+from cell.cli.record import report, viz
+from cell.cli.runs import runs
+from cell.cli.strips import strips
+
+app = typer.Typer(
+    name="cell",
+    help="Fold fabric strips with feedback from a camera, on hardware or on the digital twin.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command()(fold)
+app.command()(strips)
+app.command()(runs)
+app.command()(report)
+app.command()(viz)
+app.command()(calibrate)

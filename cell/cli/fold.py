@@ -1,0 +1,132 @@
+"""`cell fold`."""
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.options import Configs, Json, Runs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from cell.fold import Request
+    from cell.result import FoldResult
+
+
+class ArmDriver(StrEnum):
+    """Arm drivers."""
+
+    TWIN = "twin"
+    FCI = "fci"
+
+
+class CameraDriver(StrEnum):
+    """Camera drivers."""
+
+    TWIN = "twin"
+    V4L2 = "v4l2"
+
+
+class Frames(StrEnum):
+    """Which images a run keeps."""
+
+    ALL = "all"
+    KEY = "key"
+    NONE = "none"
+
+
+class Viz(StrEnum):
+    """What happens with the Rerun recording."""
+
+    SAVE = "save"
+    LIVE = "live"
+    OFF = "off"
+
+
+def fold(
+    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    policy: Annotated[str, typer.Option(help="How the gripper is moved.")] = "feedback",
+    checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
+    plant: Annotated[
+        list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
+    ] = None,
+    arm: Annotated[ArmDriver | None, typer.Option(help="Arm driver.")] = None,
+    camera: Annotated[CameraDriver | None, typer.Option(help="Camera driver.")] = None,
+    repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1,
+    runs: Runs = Path("runs"),
+    configs: Configs = None,
+    frames: Annotated[Frames | None, typer.Option(help="Which images to keep.")] = None,
+    viz: Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")] = (
+        Viz.SAVE
+    ),
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
+    ] = False,
+    no_truth: Annotated[
+        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Fold a strip in half and say how well it went."""
+    from cell.batch import requests
+    from cell.devices import Choice
+    from cell.fold import Request
+
+    choice = Choice(arm and arm.value, camera and camera.value, None, seed)
+    base = Request(
+        strip=strip,
+        policy=policy,
+        checkpoint=checkpoint,
+        choice=choice,
+        runs=runs,
+        configs=configs,
+        frames=frames.value if frames else None,
+        truth=not no_truth,
+        viz=viz.value,
+    )
+    if dry_run:
+        _predict(base, as_json=as_json)
+        return
+    wanted = requests(base, plant or [], repeat)
+    code = 0
+    for result in _results(wanted, jobs, quiet=as_json):
+        _tell(result, as_json=as_json)
+        code = max(code, result.exit_code)
+    sys.exit(code)
+
+
+def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
+    from cell.batch import side_by_side
+    from cell.fold import fold as fold_once
+    from cell.interrupt import Interrupt
+    from cell.progress import progress
+
+    if jobs > 1 and len(wanted) > 1:
+        fold_once_prepared = side_by_side(wanted, jobs)
+        yield from fold_once_prepared
+        return
+    for request in wanted:
+        with Interrupt() as interrupted, progress(quiet=quiet) as shown:
+            yield fold_once(request, shown, interrupted)
+
+
+def _tell(result: "FoldResult", *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(result.line()) + "\n")
+    else:
+        sys.stdout.write(f"{result.sentence()}\n  record: {result.run}\n")
+    sys.stdout.flush()
+
+
+def _predict(request: "Request", *, as_json: bool) -> None:
+    from cell.dry_run import predict
+
+    prediction = predict(request)
+    text = json.dumps(prediction.line()) if as_json else prediction.text()
+    sys.stdout.write(text + "\n")

@@ -1,0 +1,18 @@
+"""How a fold is driven: rates, speeds, heights."""
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class FoldSettings(Settings):
+    """Numbers of the fold itself; lengths [m], speeds [m/s], times [s]."""
+
+    control_rate: float = Field(100.0, ge=50, le=200)  # Hz, monitors and commands
+    speed: float = Field(0.10, ge=0.005, le=0.2)  # of the gripper on its path
+    lay_speed: float = Field(0.05, ge=0.005, le=0.1)
+    takeover_height: float = Field(0.10, ge=0.03, le=0.2)  # where the policy takes over (paper)
+    approach: float = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
+    clear_height: float = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
+    touch_settle: float = Field(0.4, ge=0.1, le=2.0)
+    stop_timeout: float = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault

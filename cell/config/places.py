@@ -1,0 +1,68 @@
+"""Where configuration and results live: `--configs`, ./configs, or what the package carries."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from cell.config.cell import CellFile
+from drivers.errors import ConfigurationError
+from drivers.settings import load
+from drivers.strip.effects import check_effects
+from drivers.strip.file import StripFile, load_strip
+
+PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
+BESIDE = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
+
+
+@dataclass(frozen=True, slots=True)
+class Configs:
+    """A folder of configuration: cell.yaml, strips/NAME.yaml, plants/NAME.yaml."""
+
+    folder: Path
+
+    def cell(self) -> CellFile:
+        """cell.yaml, its effects checked."""
+        path = self.folder / "cell.yaml"
+        cell = load(path, CellFile)
+        check_effects(cell.effects, origin=str(path), of="cell")
+        return cell
+
+    def strip_path(self, name: str) -> Path:
+        """The file of a strip given by name, or by path when it ends in .yaml."""
+        if name.endswith((".yaml", ".yml")):
+            return Path(name)
+        path = self.folder / "strips" / f"{name}.yaml"
+        if not path.exists():
+            known = ", ".join(self.strip_names()) or "none"
+            raise ConfigurationError(
+                f"--strip: there is no strip {name!r} in {self.folder / 'strips'}; "
+                f"known: {known}; make one with `cell strips new`, or give a path to a .yaml file"
+            )
+        return path
+
+    def strip(self, name: str) -> StripFile:
+        """The strip called `name`, checked."""
+        return load_strip(self.strip_path(name))
+
+    def strip_names(self) -> tuple[str, ...]:
+        """Names of all strips, sorted."""
+        return tuple(sorted(path.stem for path in (self.folder / "strips").glob("*.yaml")))
+
+
+def find_configs(given: Path | None) -> Configs:
+    """The folder named by `--configs`, else ./configs, else the package's own."""
+    if given is not None:
+        if not (given / "cell.yaml").is_file():
+            raise ConfigurationError(
+                f"--configs: {given} holds no cell.yaml; name a folder like the packaged configs"
+            )
+        return Configs(given)
+    for folder in (Path("configs"), PACKAGED, BESIDE):
+        if (folder / "cell.yaml").is_file():
+            return Configs(folder)
+    raise ConfigurationError("--configs: no configuration was found; name a folder with cell.yaml")
+
+
+def cache_folder() -> Path:
+    """Where things that can be made again are kept."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"

@@ -1,0 +1,169 @@
+"""Folds one strip: devices, calibration, run, record, score."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from calibration.calibration import Calibration, save_calibration
+from cell.calibrate import calibration_of
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.config.plant import load_plant
+from cell.devices import Choice, Devices, open_cell
+from cell.orchestrator.knowledge import Knowledge
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.recorder import Recorder
+from cell.orchestrator.run import Observer, Run
+from cell.record.frames import Keep
+from cell.record.truth import write_truth
+from cell.record.writer import RunWriter
+from cell.result import FoldResult
+from drivers.strip.file import StripFile
+from policies.registry import make_policy
+
+PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "torch", "ruckig")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One fold as it was asked for; plain values, so that another process can do it."""
+
+    strip: str
+    policy: str
+    checkpoint: Path | None
+    choice: Choice
+    runs: Path
+    configs: Path | None
+    frames: Keep | None
+    truth: bool
+    viz: str
+
+
+def fold(
+    request: Request,
+    observers: Callable[[Path, StripFile], tuple[Observer, ...]] = lambda _folder, _strip: (),
+    interrupted: Callable[[], bool] = lambda: False,
+) -> FoldResult:
+    """Fold once. Raises CellError for what is wrong before the run; a run itself only ends."""
+    configs = find_configs(request.configs)
+    settings, strip = configs.cell(), configs.strip(request.strip)
+    policy = make_policy(request.policy, request.checkpoint)
+    policy.reset(strip, settings.fold.speed, 1)
+    calibration = calibration_of(settings)
+    begun = time.perf_counter()
+    devices = open_cell(settings, strip, request.choice, calibrating=False)
+    header = run_header(request, settings, strip, calibration)
+    keep = request.frames or settings.record.frames
+    writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
+    save_calibration(calibration, writer.folder / "calibration.yaml")
+    recorder = Recorder(writer)
+    knowledge = Knowledge(settings, strip, policy, calibration)
+    run = Run(devices, knowledge, recorder, observers(writer.folder, strip), interrupted)
+    outcome = conduct(run, devices, recorder)
+    truth = score(devices, recorder.origin, writer.folder if request.truth else None)
+    return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+
+
+def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
+    """Execute `run`; whatever happens, the arm is let go and the record says how it ended."""
+    devices.connect()
+    try:
+        outcome = run.execute()
+        recorder.finish(result_content(outcome))
+    except KeyboardInterrupt:
+        recorder.finish({"outcome": "interrupted", "reason": "stopped at once from the keyboard"})
+        raise
+    finally:
+        devices.close()
+        recorder.close()
+    return outcome
+
+
+def result_content(outcome: Outcome) -> dict[str, Any]:
+    """result.yaml of an outcome."""
+    content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
+    content |= {"duration": outcome.duration}
+    touch = outcome.touch
+    if touch is not None:
+        content |= {"t_layer_touch": touch.time, "displacement": touch.displacement}
+        content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
+    if outcome.edge_offset is not None:
+        content["edge_offset"] = outcome.edge_offset
+    return content
+
+
+def run_header(
+    request: Request, settings: CellFile, strip: StripFile, calibration: Calibration
+) -> dict[str, Any]:
+    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash."""
+    choice = request.choice
+    return {
+        "strip": strip.name,
+        "sigma": settings.sigma.model_dump(),
+        "start": "flat",
+        "index": choice.index,
+        "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
+        "speed": settings.fold.speed,
+        "camera_hz": settings.twin.camera.rate,
+        "contact_height": settings.perception.contact_height,
+        "policy": request.policy,
+        "seed": choice.seed,
+        "drivers": {
+            "arm": choice.arm or settings.drivers.arm,
+            "camera": choice.camera or settings.drivers.camera,
+        },
+        "calibration": {"id": calibration.id, "error": calibration.residual_mm / 1e3},
+        "versions": {package: version(package) for package in PACKAGES},
+        "strip_file": strip.model_dump(mode="json", by_alias=True),
+        "config": settings.model_dump(mode="json", by_alias=True),
+        "plant_sha256": _plant_hash(choice, strip),
+    }
+
+
+def score(devices: Devices, origin: float, folder: Path | None) -> Mapping[str, Any]:
+    """The twin's truth, written beside the record into `folder`; nothing on hardware."""
+    if devices.plant is None:
+        return {}
+    truth = devices.plant.truth(origin)
+    if folder is not None:
+        write_truth(folder, truth)
+    return truth
+
+
+def _plant_hash(choice: Choice, strip: StripFile) -> str:
+    plant = strip if choice.plant is None else load_plant(choice.plant)
+    content = plant.model_dump(mode="json", by_alias=True)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _result(
+    request: Request,
+    strip: StripFile,
+    calibration: Calibration,
+    outcome: Outcome,
+    folder: Path,
+    truth: Mapping[str, Any],
+    begun: float,
+) -> FoldResult:
+    touch = outcome.touch
+    return FoldResult(
+        run=str(folder),
+        strip=strip.name,
+        policy=request.policy,
+        seed=request.choice.seed,
+        outcome=outcome.name,
+        reason=outcome.reason,
+        displacement=None if touch is None else touch.displacement,
+        displacement_true=truth.get("displacement"),
+        layer_touch=None if touch is None else touch.time,
+        edge_offset=outcome.edge_offset,
+        duration=outcome.duration,
+        wall=time.perf_counter() - begun,
+        calibration=calibration.id,
+        exit_code=outcome.exit_code,
+    )

@@ -1,0 +1,47 @@
+"""What a fold leaves: one line for a program, one for a person."""
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class FoldResult:
+    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `displacement_true`
+    and `edge_offset_true` from the twin alone; None where there is none.
+    """
+
+    run: str
+    strip: str
+    policy: str
+    seed: int
+    outcome: str
+    reason: str
+    displacement: float | None
+    displacement_true: float | None
+    layer_touch: float | None
+    edge_offset: float | None
+    duration: float
+    wall: float
+    calibration: str
+    exit_code: int
+
+    def line(self) -> dict[str, Any]:
+        """The object that `cell fold --json` prints."""
+        keys = ("run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true")
+        keys += ("layer_touch", "duration", "wall", "calibration", "exit_code", "reason")
+        rounded = {"displacement": 6, "displacement_true": 6, "layer_touch": 4, "duration": 4}
+        values = {key: getattr(self, key) for key in (*keys, "edge_offset")}
+        for key, digits in {**rounded, "wall": 2, "edge_offset": 6}.items():
+            values[key] = None if values[key] is None else round(values[key], digits)
+        return values
+
+    def sentence(self) -> str:
+        """What happened, for the operator."""
+        if self.displacement is None:
+            return f"{self.strip}: {self.outcome}: {self.reason}"
+        text = f"{self.strip}: folded, displacement {1e3 * self.displacement:+.1f} mm"
+        if self.displacement_true is not None:
+            text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
+        if self.edge_offset is not None:
+            text += f", edges {1e3 * self.edge_offset:+.1f} mm apart once laid down"
+        return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

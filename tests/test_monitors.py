@@ -1,0 +1,90 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.perception.sight import Sight
+from cell.monitors import MONITORS, MonitorLimits, check_all
+from cell.senses import Drive, Hold, MoveTo, Senses
+from cell.states import State
+from drivers.errors import Fault
+from drivers.types import STILL, ArmState, Frame, HandState, Pose, Velocity
+
+LIMITS = MonitorLimits()
+POSE = Pose(0.4, 0.2, math.pi / 2)
+ARM = ArmState(10.0, 10.0, "test", POSE, STILL, POSE, moving=True, expired=False)
+HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
+FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
+SIGHT = Sight(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
+GOOD = Senses(
+    time=10.0,
+    state=State.FOLD,
+    entered=5.0,
+    arm=ARM,
+    hand=HAND,
+    frame=FRAME,
+    fresh=True,
+    identical=1,
+    sight=SIGHT,
+    touch=None,
+    doubtful_since=None,
+)
+
+BROKEN = {
+    "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
+    "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),
+    "setpoint_expired": replace(GOOD, arm=replace(ARM, expired=True)),
+    "overspeed": replace(GOOD, arm=replace(ARM, velocity=Velocity(0.6, 0.0, 0.0))),
+    "tracking_error": replace(GOOD, arm=replace(ARM, commanded=Pose(0.43, 0.2, 1.5))),
+    "workspace": replace(GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)),
+    "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
+    "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
+    "image_stale": replace(GOOD, frame=replace(FRAME, stamp=9.5)),
+    "image_frozen": replace(GOOD, identical=LIMITS.identical_images),
+    "low_confidence": replace(GOOD, doubtful_since=9.0),
+    "state_overtime": replace(GOOD, entered=-60.0),
+    "overtime": replace(
+        GOOD,
+        time=121.0,
+        entered=100.0,
+        arm=replace(ARM, stamp=121.0),
+        frame=replace(FRAME, stamp=121.0),
+    ),
+}
+
+
+def test_nothing_trips_on_a_good_tick() -> None:
+    check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), LIMITS)
+
+
+def test_every_monitor_has_a_case_here() -> None:
+    assert {monitor.name for monitor in MONITORS} == set(BROKEN)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_monitor_stops_before_the_command(name: str) -> None:
+    loose = LIMITS.model_copy(update={"tracking_error": 1.0}) if name == "workspace" else LIMITS
+    with pytest.raises(Fault) as stopped:
+        check_all(BROKEN[name], Hold(), loose)
+    assert stopped.value.name == name
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        MoveTo(Pose(2.0, 0.1, 0.0)),
+        Drive(Velocity(0.3, 0.3, 0.0)),
+        Drive(Velocity(math.nan, 0.0, 0.0)),
+    ],
+)
+def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive) -> None:
+    with pytest.raises(Fault) as refused:
+        check_all(GOOD, command, LIMITS)
+    assert refused.value.name == "command_refused"
+
+
+def test_no_limit_can_be_switched_off() -> None:
+    for name, field in MonitorLimits.model_fields.items():
+        assert field.default is not None, name
+        assert any(hasattr(rule, "le") or hasattr(rule, "lt") for rule in field.metadata), name
