@@ -9,6 +9,7 @@ from drivers.errors import ConfigurationError
 from drivers.mounting import Mounting
 from drivers.settings import parse
 from drivers.strip.file import load_strip
+from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity
@@ -19,7 +20,11 @@ EDGE = Pose(L, 0.0, 0.0)
 
 
 def twin_with(seed: int = 0, world: WorldSettings | None = None, **arm) -> Twin:
-    settings = TwinSettings(arm=ArmSettings(**arm), world=world or WorldSettings())
+    settings = TwinSettings(
+        arm=ArmSettings(**arm),
+        world=world or WorldSettings(),
+        camera=CameraSettings(width=320, height=240),
+    )
     twin = open_twin(settings, DENIM, None, seed)
     twin.arm.connect()
     return twin
@@ -199,6 +204,19 @@ def test_hand_takes_half_a_second_to_close() -> None:
     assert twin.hand.state().moving
     wait(twin, 0.02)
     assert not twin.hand.state().moving
+
+
+def test_untold_latency_of_the_camera_shows_the_world_that_much_earlier(monkeypatch) -> None:
+    settings = TwinSettings(camera=CameraSettings(width=320, height=240))
+    twin = open_twin(settings, DENIM, {"camera_latency": {"time": 0.04}}, 0)
+    twin.camera.connect()
+    wait(twin, 0.3)
+    asked = []
+    scene = twin.world.scene
+    monkeypatch.setattr(twin.world, "scene", lambda t: asked.append(t) or scene(t))
+    frame = twin.camera.read(0.0, 0.0)
+    assert frame is not None
+    assert np.mean(asked) == pytest.approx(frame.stamp - 0.04, abs=1e-6)
 
 
 def test_camera_faster_than_the_world_is_refused() -> None:

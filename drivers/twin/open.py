@@ -7,9 +7,11 @@ import numpy as np
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, describe
 from drivers.twin.arm import TwinArm
+from drivers.twin.camera import TwinCamera
 from drivers.twin.chain import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
+from drivers.twin.renderer.look import StripLook
 from drivers.twin.settings import TwinSettings
 from drivers.twin.truth import Truth
 from drivers.twin.world import World
@@ -18,11 +20,12 @@ from drivers.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """Clock, arm and hand of a cell whose strip is simulated, and the world that they share."""
+    """Clock and devices of a cell whose strip is simulated, and the world that they share."""
 
     clock: TwinClock
     arm: TwinArm
     hand: TwinHand
+    camera: TwinCamera
     world: World
 
     def truth(self) -> Truth:
@@ -50,5 +53,13 @@ def open_twin(
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     arm = TwinArm(world, clock, settings.arm, np.random.default_rng(arm_seed))
     hand = TwinHand(world, clock, settings.hand)
+    camera = TwinCamera(
+        world,
+        clock,
+        settings.camera,
+        StripLook.of(plant),
+        seed,
+        latency=model.observation.camera_latency,
+    )
     clock.every(settings.world.step, world.advance, Turn.WORLD)
-    return Twin(clock=clock, arm=arm, hand=hand, world=world)
+    return Twin(clock=clock, arm=arm, hand=hand, camera=camera, world=world)

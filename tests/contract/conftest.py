@@ -10,6 +10,7 @@ import drivers.clock
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import load_strip
+from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import TwinSettings
@@ -47,7 +48,8 @@ class StillTime:
 
 
 def _twin() -> Twin:
-    return open_twin(TwinSettings(), load_strip(DENIM), None, seed=0)
+    settings = TwinSettings(camera=CameraSettings(width=640, height=360))
+    return open_twin(settings, load_strip(DENIM), None, seed=0)
 
 
 def _twin_bench() -> Bench:
@@ -56,7 +58,7 @@ def _twin_bench() -> Bench:
         twin.clock,
         twin.arm,
         twin.hand,
-        getattr(twin, "camera", None),
+        twin.camera,
         edge=Pose(0.6, 0.0, 0.0),
         accuracy=5e-4,
     )
