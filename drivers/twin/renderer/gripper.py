@@ -1,6 +1,7 @@
 """The hand: two fingers that hold the strip's edge at mid width, or the pin of the calibration."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -13,36 +14,46 @@ from drivers.types import Array, Image
 FINGER = ((0.0, 0.003), (0.012, 0.005), (0.045, 0.010))  # m: along the finger, its thickness
 FINGER_DEPTH = 0.018  # m in y
 HAND = (0.045, 0.110, 0.080)  # m: from, to along the approach; half of it across
+WRIST = (0.110, 0.60, 0.042)  # likewise, of the arm behind it
 HAND_DEPTH = 0.040  # m in y
+PALE = 2.2  # brightness of the wrist over that of the hand
 PLATE, DISC = 0.014, 0.005  # m, radii of the pin's dark plate and bright disc
 BRIGHT = np.array([236.0, 240.0, 240.0])
 
-Outline = tuple[Array, float, float]  # corners (m, 2) x, z; y of front and back [m]
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """A box: convex `corners` (m, 2) x, z [m], from `front` to `back` in y [m], brightness."""
+
+    corners: Array
+    front: float
+    back: float
+    shade: float
 
 
 def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
     """Convex outlines of hand and fingers about y = `middle` [m], far ones first, over `floor`."""
     gap = 0.0 if scene.pointer else scene.finger_width / 2
-    parts = [(_hand(), HAND_DEPTH)]
-    parts += [(_finger(side * gap, side), FINGER_DEPTH) for side in (-1.0, 1.0)]
+    parts = [(_block(WRIST), HAND_DEPTH, PALE), (_block(HAND), HAND_DEPTH, 1.0)]
+    parts += [(_finger(side * gap, side), FINGER_DEPTH, 1.0) for side in (-1.0, 1.0)]
     pose = scene.gripper
     along = np.array([np.cos(pose.pitch), np.sin(pose.pitch)])
     axes = np.stack([along, [-along[1], along[0]]])
     placed = []
-    for corners, depth in parts:
+    for corners, depth, shade in parts:
         outline = above(corners @ axes + (pose.x, pose.z), floor)
         if len(outline) > 2:
-            placed.append((outline, middle - depth / 2, middle + depth / 2))
+            placed.append(Outline(outline, middle - depth / 2, middle + depth / 2, shade))
     return placed
 
 
 def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Array) -> None:
     """Boxes with darker sides and a lit front, in place."""
-    for corners, front, back in parts:
-        near, far = optics.plane(corners, front), optics.plane(corners, back)
+    for part in parts:
+        near, far = (optics.plane(part.corners, y) for y in (part.front, part.back))
         hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
-        fill(image, hull, colour * 0.7)
-        fill(image, near, colour)
+        fill(image, hull, colour * 0.7 * part.shade)
+        fill(image, near, colour * part.shade)
 
 
 def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
@@ -56,7 +67,7 @@ def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> N
 
 def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Array, Array]:
     """Pixels u and v (k,) that bound the hand and what it holds."""
-    sides = [optics.plane(corners, y) for corners, *ys in parts for y in ys]
+    sides = [optics.plane(part.corners, y) for part in parts for y in (part.front, part.back)]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])
         sides.append(optics.plane(centre + PLATE * np.array([(-1, -1), (1, 1), (1, -1), (-1, 1)])))
@@ -75,8 +86,8 @@ def above(outline: Array, floor: float) -> Array:
     return np.array(kept)
 
 
-def _hand() -> Array:
-    start, end, half = HAND
+def _block(size: tuple[float, float, float]) -> Array:
+    start, end, half = size
     return np.array([(start, -half), (end, -half), (end, half), (start, half)])
 
 
