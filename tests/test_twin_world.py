@@ -194,7 +194,10 @@ def test_released_strip_stays_while_the_hand_goes() -> None:
     assert not world.holds_strip
     carry(world, line(Pose(0.1, 0.05, 1.5), Pose(0.0, 0.3, 1.5), 50), time)
     assert plant.released
-    assert world.truth().shapes[-1, -1] == pytest.approx([0.1, 0.05])
+    truth = world.truth()
+    assert truth.shapes[-1, -1] == pytest.approx([0.1, 0.05])
+    assert truth.edge[-1, :2] == pytest.approx([0.1, 0.05])
+    assert truth.gripper[-1, :2] == pytest.approx([0.0, 0.3])
     assert not world.scene(0.1).holds_strip
 
 

@@ -149,7 +149,8 @@ class World:
         seen = self._plant.step(edge.as_array()[None], self._settings.step)
         self._points = frozen(self._plant.shapes()[0])
         self._seen.append(seen)
-        self._record.append((self.time, hand, edge, self._points))
+        where = edge if self.holds_strip else self._edge()
+        self._record.append((self.time, hand, where, self._points))
 
     def _edge(self) -> Pose:
         dx, dz = self._points[-1] - self._points[-2]
