@@ -1,4 +1,4 @@
-"""The midline between its nodes: where the material is, at any arc length, during an exposure."""
+"""The midline between its nodes: where the material is and how it moves during an exposure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,16 +8,18 @@ import numpy as np
 from drivers.twin.scene import Scene
 from drivers.types import Array
 
-GOLDEN = 0.6180339887498949
-
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Points of the midline: arc lengths `s` (m,), `points` and unit `tangents` (m, 2) [m]."""
+    """The midline at arc lengths `s` (m,): `points`, unit `tangents` (m, 2) [m].
+
+    `motion` (m, 2) [m] is how far the points move during the exposure, None for a strip at rest.
+    """
 
     s: Array
     points: Array
     tangents: Array
+    motion: Array | None
 
     @property
     def steps(self) -> Array:
@@ -30,64 +32,48 @@ class Curve:
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
 
 
-def through_nodes(points: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at `s` of the cubic Hermite curve through nodes (n, 2).
+def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
+    """The midline sampled about every `spacing` [m] during an exposure.
 
-    A node's slope is that of the parabola through it and its neighbours.
+    The scenes are moments at the middles of equal parts of the exposure; the one in the middle
+    gives the shape, the first and the last the motion, which is taken as even.
     """
-    slopes = np.gradient(points, arc, axis=0, edge_order=2 if len(arc) > 2 else 1)
-    i = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(arc) - 2)
-    h = (arc[i + 1] - arc[i])[:, None]
-    t = ((s - arc[i]) / h[:, 0])[:, None]
-    p0, p1, m0, m1 = points[i], points[i + 1], slopes[i], slopes[i + 1]
-    chord = (p1 - p0) / h
-    c2 = 3 * chord - 2 * m0 - m1
-    c3 = m0 + m1 - 2 * chord
-    return p0 + h * t * (m0 + t * (c2 + t * c3)), m0 + t * (2 * c2 + 3 * t * c3)
+    first, middle, last = scenes[0], scenes[len(scenes) // 2], scenes[-1]
+    length = float(middle.arc[-1])
+    count = max(int(np.ceil(length / spacing)), 8)
+    s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
+    points, derivatives = through_nodes(smoothed(middle.points), middle.arc, s)
+    size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
+    motion = None
+    if first.points is not last.points:
+        shift = (last.points - first.points) * (len(scenes) / (len(scenes) - 1))
+        motion = np.stack([np.interp(s, middle.arc, shift[:, j]) for j in range(2)], axis=-1)
+    return Curve(s, points, derivatives / size[:, None], motion)
 
 
-def midline(points: Array, arc: Array, s: Array) -> tuple[Array, Array]:
-    """Points and derivatives (m, 2) at `s` of the smooth curve nearest to the links of a chain.
+def smoothed(points: Array) -> Array:
+    """Nodes (n, 2) whose smooth curve is the nearest to the straight links between `points`.
 
-    A curve through the nodes of straight links stays on their outer side, by kappa h^2 / 12 on
+    A curve through the ends of straight links stays on their outer side, by kappa h^2 / 12 on
     average. Nodes that move in by a twelfth of their second difference take that away, so that
     contact and profile measured along the links are those of the picture.
     """
     nodes = points.copy()
     nodes[1:-1] += (points[:-2] - 2 * points[1:-1] + points[2:]) / 12
-    return through_nodes(nodes, arc, s)
+    return nodes
 
 
-def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
-    """The midline sampled about every `spacing` [m], each sample at its own moment.
+def through_nodes(nodes: Array, arc: Array, s: Array) -> tuple[Array, Array]:
+    """Points and derivatives (m, 2) at `s` of the cubic Hermite curve through `nodes` (n, 2).
 
-    The scenes are moments evenly spread over the exposure; the samples visit the time between
-    the first and the last in a golden-ratio sequence, so that neighbours together blur.
+    A node's slope is that of the parabola through it and its neighbours.
     """
-    length = float(scenes[0].arc[-1])
-    count = max(int(np.ceil(length / spacing)), 8)
-    s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
-    shapes = [midline(scene.points, scene.arc, s) for scene in scenes]
-    if len(shapes) == 1:
-        points, derivatives = shapes[0]
-    else:
-        share = _shares(count, len(shapes))
-        points = np.einsum("mk,kmj->mj", share, np.array([p for p, _ in shapes]))
-        derivatives = np.einsum("mk,kmj->mj", share, np.array([d for _, d in shapes]))
-    return Curve(
-        s, points, np.asarray(derivatives / np.hypot(*derivatives.T)[:, None], dtype=np.float64)
-    )
-
-
-def _shares(count: int, moments: int) -> Array:
-    """(count, moments) weights of the moments in each sample: hats about its own instant.
-
-    The exposure reaches half a step beyond its first and last moment.
-    """
-    instant = ((np.arange(count) * GOLDEN) % 1.0) * moments - 0.5
-    left = np.clip(np.floor(instant).astype(int), 0, moments - 2)
-    share = np.zeros((count, moments))
-    rows = np.arange(count)
-    share[rows, left + 1] = instant - left
-    share[rows, left] = 1 - share[rows, left + 1]
-    return share
+    slopes = np.gradient(nodes, arc, axis=0, edge_order=2 if len(arc) > 2 else 1)
+    i = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(arc) - 2)
+    h = (arc[i + 1] - arc[i])[:, None]
+    t = ((s - arc[i]) / h[:, 0])[:, None]
+    p0, p1, m0, m1 = nodes[i], nodes[i + 1], slopes[i], slopes[i + 1]
+    chord = (p1 - p0) / h
+    c2 = 3 * chord - 2 * m0 - m1
+    c3 = m0 + m1 - 2 * chord
+    return p0 + h * t * (m0 + t * (c2 + t * c3)), m0 + t * (2 * c2 + 3 * t * c3)

@@ -7,12 +7,14 @@ import numpy as np
 from drivers.twin.renderer.curve import Curve
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.splat import Cloud
+from drivers.twin.renderer.splat import Cloud, Indices
 from drivers.types import Array
 
-GRAIN = 0.00025  # m, grid of the weave
+GRAIN = 0.0005  # m, grid of the weave
+ROWS, COLUMNS = 2048, 128  # its size, then it repeats
 PITCH = 0.5  # px between points of material
 LIGHT = np.array([-0.35, 0.94])  # where the light comes from, in the plane
+SPREAD = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 AMBIENT = 0.62
 CUT = 1.08  # brightness of the cut edge, seen from the front
 BACK = 0.93  # brightness of the side that lies on the desk
@@ -27,27 +29,25 @@ class Weave:
 
     def at(self, s: Array, y: Array) -> Array:
         """Brightness of the face at arc lengths and depths (n,) [m]."""
-        rows, columns = self.face.shape
-        i = (s * (1 / GRAIN)).astype(np.int64) % rows
-        j = (y * (1 / GRAIN)).astype(np.int64) % columns
-        return np.asarray(self.face[i, j])
+        i = (s * (1 / GRAIN)).astype(np.int64) & (ROWS - 1)
+        j = (y * (1 / GRAIN)).astype(np.int64) & (COLUMNS - 1)
+        return np.asarray(self.face.reshape(-1)[i * COLUMNS + j])
 
     def cut_at(self, s: Array) -> Array:
         """Brightness of the cut edge at arc lengths (n,) [m]."""
-        return np.asarray(self.cut[(s * (1 / GRAIN)).astype(np.int64) % len(self.cut)])
+        return np.asarray(self.cut[(s * (1 / GRAIN)).astype(np.int64) & (ROWS - 1)])
 
 
 def weave(depth: float, rng: np.random.Generator) -> Weave:
     """A twill of single yarns with variation `depth`, a share of brightness; 1 on average."""
-    rows, columns = 2800, 400
-    i, j = np.arange(rows)[:, None], np.arange(columns)[None, :]
-    twill = np.sin(2 * np.pi * (i / 8 + j / 10))
-    warp = rng.normal(size=(1, columns // 2)).repeat(2, axis=1)
-    weft = rng.normal(size=(rows // 2, 1)).repeat(2, axis=0)
-    slubs = rng.normal(size=(rows // 8, columns // 8)).repeat(8, axis=0).repeat(8, axis=1)
+    i, j = np.arange(ROWS)[:, None], np.arange(COLUMNS)[None, :]
+    twill = np.sin(2 * np.pi * (i / 4 + j / 5))
+    warp = rng.normal(size=(1, COLUMNS))
+    weft = rng.normal(size=(ROWS, 1))
+    slubs = rng.normal(size=(ROWS // 4, COLUMNS // 4)).repeat(4, axis=0).repeat(4, axis=1)
     face = 1 + depth * (0.5 * twill + 0.5 * warp + 0.6 * weft + 0.7 * slubs)
-    yarns = rng.normal(size=rows // 4).repeat(4) + rng.normal(size=rows // 20).repeat(20)
-    return Weave(np.clip(face, 0.3, 1.7), np.clip(1 + depth * yarns, 0.3, 1.7))
+    yarns = rng.normal(size=ROWS // 2).repeat(2) + rng.normal(size=ROWS // 8).repeat(8)
+    return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns)))
 
 
 def faces(curve: Curve, optics: Optics, look: StripLook, material: Weave) -> Cloud:
@@ -58,11 +58,12 @@ def faces(curve: Curve, optics: Optics, look: StripLook, material: Weave) -> Clo
     area = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
     rows = np.ceil(area / np.hypot(*along.T) / PITCH).astype(np.int64)
     which = np.repeat(np.arange(len(rows)), rows)
-    first = np.cumsum(rows) - rows
-    depth = (np.arange(len(which)) - first[which] + 0.5) / rows[which]
-    shade = _lit(curve, optics)[which] * material.at(curve.s[which], depth * look.width)
+    row = np.arange(len(which)) - (np.cumsum(rows) - rows)[which]
+    depth = (row + 0.5) / rows[which]
     u, v = (near[which, j] + depth * across[which, j] for j in range(2))
-    return Cloud(u, v, (area / np.maximum(rows, 1))[which], shade)
+    shade = _lit(curve, optics)[which] * material.at(curve.s[which], depth * look.width)
+    cloud = Cloud(u, v, (area / np.maximum(rows, 1))[which], shade)
+    return _blurred(cloud, curve, optics, which, row)
 
 
 def near_edge(curve: Curve, optics: Optics, look: StripLook, material: Weave) -> Cloud:
@@ -76,7 +77,23 @@ def near_edge(curve: Curve, optics: Optics, look: StripLook, material: Weave) ->
     depth = (np.arange(rows) + 0.5) / rows
     u, v = ((upper[:, j, None] + depth * across[:, j, None]).ravel() for j in range(2))
     shade = CUT * material.cut_at(curve.s)
-    return Cloud(u, v, np.repeat(area / rows, rows), np.repeat(shade, rows))
+    cloud = Cloud(u, v, np.repeat(area / rows, rows), np.repeat(shade, rows))
+    which, row = np.divmod(np.arange(len(u)), rows)
+    return _blurred(cloud, curve, optics, which, row)
+
+
+def _blurred(cloud: Cloud, curve: Curve, optics: Optics, which: Indices, row: Indices) -> Cloud:
+    """`cloud` with each point at an instant of its own, so that neighbours together blur.
+
+    `which` (n,) are the samples of the curve that the points belong to, `row` their rows there.
+    """
+    if curve.motion is None:
+        return cloud
+    half = curve.motion / 2
+    shift = optics.plane(curve.points + half) - optics.plane(curve.points - half)
+    instant = (which * SPREAD[0] + row * SPREAD[1]) % 1.0 - 0.5
+    u, v = cloud.u + instant * shift[which, 0], cloud.v + instant * shift[which, 1]
+    return Cloud(u, v, cloud.area, cloud.shade)
 
 
 def _lit(curve: Curve, optics: Optics) -> Array:

@@ -1,4 +1,4 @@
-"""The image sensor: lens blur and a bank of noise drawn once."""
+"""The image sensor: lens blur and noise drawn once."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,7 @@ import numpy as np
 
 from drivers.types import Image
 
-SHIFT = 160  # px by which a tile can be moved under the image
-TILES = 2
+SHIFT = 200  # px, so many by as many places of the tile under the image
 
 
 def blurred(image: Image, sigma: float) -> Image:
@@ -31,33 +30,29 @@ def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """Tiles larger than the image, (k, height, width, 3): what noise adds and what it takes."""
+    """A tile larger than the image, (height, width, 3): what noise adds and what it takes."""
 
     seed: int
-    adds: tuple[Image, ...]
-    takes: tuple[Image, ...]
+    adds: Image
+    takes: Image
 
     def apply(self, image: Image, sequence: int) -> None:
         """Add the noise of frame `sequence` in place; a function of seed and sequence only."""
-        if not self.adds:
-            return
         rng = np.random.default_rng((self.seed, sequence))
-        tile, y, x = rng.integers((len(self.adds), SHIFT, SHIFT))
+        y, x = rng.integers(SHIFT, size=2)
         window = (slice(y, y + image.shape[0]), slice(x, x + image.shape[1]))
-        cv2.add(image, self.adds[tile][window], dst=image)
-        cv2.subtract(image, self.takes[tile][window], dst=image)
+        cv2.add(image, self.adds[window], dst=image)
+        cv2.subtract(image, self.takes[window], dst=image)
 
 
 def noise_bank(width: int, height: int, sigma: float, seed: int) -> NoiseBank:
     """Noise of `sigma` grey levels, in part shared by neighbours, as after demosaicing."""
-    if sigma == 0:
-        return NoiseBank(seed, (), ())
     rng = np.random.default_rng((seed, 0x5E))
-    adds, takes = [], []
-    for _ in range(TILES):
-        tile = rng.standard_normal((height + SHIFT, width + SHIFT, 3), dtype=np.float32)
-        tile = cv2.GaussianBlur(tile, (3, 3), 0.5)
-        rounded = np.rint(tile * (sigma / tile.std()))
-        adds.append(np.maximum(rounded, 0).astype(np.uint8))
-        takes.append(np.maximum(-rounded, 0).astype(np.uint8))
-    return NoiseBank(seed, tuple(adds), tuple(takes))
+    tile = rng.standard_normal((height + SHIFT, width + SHIFT, 3), dtype=np.float32)
+    tile = cv2.GaussianBlur(tile, (3, 3), 0.5)
+    tile *= sigma / tile.std()
+    return NoiseBank(
+        seed,
+        adds=np.rint(np.maximum(tile, 0)).astype(np.uint8),
+        takes=np.rint(np.maximum(-tile, 0)).astype(np.uint8),
+    )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.types import Array, Image
 
+Indices = NDArray[np.int64]
 FULL = 0.96  # coverage from which a pixel counts as filled: what sampling may leave open
 
 
@@ -47,20 +48,27 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
         return
     top, bottom = int(cloud.v.min()), int(cloud.v.max()) + 2
     index, weight = _corners(cloud, top, width)
-    size = (bottom - top) * width
-    coverage = np.bincount(index, weight, size)
-    glow = np.bincount(index, weight * np.tile(cloud.shade, 4), size)
-    touched = np.flatnonzero(coverage > 0)
-    gathered = coverage[touched]
-    alpha = np.minimum(gathered / FULL, 1.0)
-    ink = (glow[touched] / gathered * alpha * light[top:bottom].reshape(-1)[touched])[
-        :, None
-    ] * colour
+    touched, index = _compact(index, (bottom - top) * width)
+    coverage = np.bincount(index, weight)
+    glow = np.bincount(index, weight * np.tile(cloud.shade, 4))
+    alpha = np.minimum(coverage / FULL, 1.0)
+    lit = glow / np.maximum(coverage, 1e-12) * light[top:bottom].reshape(-1)[touched]
+    ink = (lit * alpha)[:, None] * colour
     flat = image[top:bottom].reshape(-1, 3)
     flat[touched] = np.minimum(flat[touched] * (1 - alpha)[:, None] + ink + 0.5, 255)
 
 
-def _corners(cloud: Cloud, top: int, width: int) -> tuple[Array, Array]:
+def _compact(index: Indices, size: int) -> tuple[Indices, Indices]:
+    """The values below `size` that occur in `index`, and `index` as places among them."""
+    occurs = np.zeros(size, dtype=np.bool_)
+    occurs[index] = True
+    values = np.flatnonzero(occurs)
+    place = np.empty(size, dtype=np.int64)
+    place[values] = np.arange(len(values))
+    return values, place[index]
+
+
+def _corners(cloud: Cloud, top: int, width: int) -> tuple[Indices, Array]:
     left_of, above = cloud.u.astype(np.int64), cloud.v.astype(np.int64)
     a, b = cloud.u - left_of, cloud.v - above
     first = (above - top) * width + left_of
