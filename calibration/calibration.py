@@ -94,7 +94,10 @@ def calibrated(
     latency: float = 0.0,
 ) -> Calibration:
     """A calibration of its parts, with its id."""
-    return _file(lens, homography, residual_mm, latency, date, camera).calibration("calibration")
+    file = _file(
+        lens, homography, residual_mm=residual_mm, latency=latency, date=date, camera=camera
+    )
+    return file.calibration("calibration")
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -106,10 +109,10 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     file = _file(
         calibration.lens,
         calibration.homography,
-        calibration.residual_mm,
-        calibration.latency,
-        calibration.date,
-        calibration.camera,
+        residual_mm=calibration.residual_mm,
+        latency=calibration.latency,
+        date=calibration.date,
+        camera=calibration.camera,
     )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -130,7 +133,13 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _file(
-    lens: Lens, homography: Homography, residual_mm: float, latency: float, date: str, camera: str
+    lens: Lens,
+    homography: Homography,
+    *,
+    residual_mm: float,
+    latency: float,
+    date: str,
+    camera: str,
 ) -> CalibrationFile:
     content = {
         "schema": 1,

@@ -14,7 +14,6 @@ from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
-MODEL = "plumb_bob"
 MINIMUM_VIEWS = 3
 
 
@@ -112,7 +111,7 @@ class CameraFile(Settings):
     image_height: Positive
     camera_name: str
     camera_matrix: MatrixFile
-    distortion_model: Literal["plumb_bob"] = MODEL
+    distortion_model: Literal["plumb_bob"] = "plumb_bob"
     distortion_coefficients: MatrixFile
     rectification_matrix: MatrixFile
     projection_matrix: MatrixFile

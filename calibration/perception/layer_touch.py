@@ -1,21 +1,120 @@
 """layer_touch from images: the visible gap closes and the falling fold stops."""
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import SeenTouch, Sight
 from drivers.strip.file import StripFile
-from drivers.types import Pose
+from drivers.types import Array, Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """One frame of the falling fold: time [s], gap [m] at x [m], arc length [m] from there along
+    the upper layer to the gripper point.
+    """
+
+    time: float
+    gap: float
+    x: float
+    to_grasped: float
 
 
 class LayerTouch:
-    """Watches sights in order and tells layer_touch once both signals agree; never a guess."""
+    """Watches sights in order and tells layer_touch once both signals agree; never a guess.
+
+    The first signal is the gap: within `touch_margin` of the touching distance. The second is the
+    fall: its speed drops to `touch_stop` of what it was while the gap closed. The touch's time is
+    where the closing gap, extrapolated from before the stop, reaches the touching distance.
+    """
 
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
         self._settings = settings
-        self._strip = strip
+        self._distance = max(strip.thickness, 0.001)
+        self._falls: list[Fall] = []
+        self._touch: SeenTouch | None = None
 
     def tell(self, sight: Sight, gripper: Pose) -> SeenTouch | None:
         """The touch, on the frame that completes the evidence and on all later ones, else None.
 
         `gripper` is the measured pose at the sight's stamp. The touch's own time is earlier.
         """
-        raise NotImplementedError
+        if self._touch is None:
+            fall = _fall(sight, gripper)
+            if fall is not None and (not self._falls or fall.time > self._falls[-1].time):
+                self._falls = [*self._falls, fall][-self._settings.touch_frames :]
+                self._touch = self._judged()
+        return self._touch
+
+    def _judged(self) -> SeenTouch | None:
+        t = np.array([f.time for f in self._falls])
+        gap = np.array([f.gap for f in self._falls])
+        near = gap < self._distance + self._settings.touch_margin
+        if not near[-3:].all() or len(gap) < 6:
+            return None
+        closing = _closing(t, gap, self._distance + self._settings.touch_margin)
+        if closing is None:
+            return None
+        time, speed = closing
+        time -= self._settings.touch_margin / speed
+        after = t >= time
+        if after.sum() < 3:
+            return None
+        left = -float(np.polyfit(t[after], gap[after], 1)[0])
+        if left > self._settings.touch_stop * speed:
+            return None
+        stopped = _knee(t, gap, time, speed)
+        confidence = float(np.exp(-abs(stopped - time) / self._settings.touch_agreement))
+        x = np.array([f.x for f in self._falls])
+        l1 = np.array([f.to_grasped for f in self._falls])
+        return SeenTouch(
+            time=time,
+            x=_at(time, t, x),
+            to_grasped=_at(time, t, l1),
+            to_fixed=_at(time, t, x),
+            confidence=confidence,
+        )
+
+
+def _fall(sight: Sight, gripper: Pose) -> Fall | None:
+    """What a sight says of the fall, or None where no gap is seen."""
+    if not np.isfinite(sight.gap) or len(sight.profile) < 4:
+        return None
+    points = np.vstack([sight.profile, [(gripper.x, gripper.z)]])
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    tip = int(np.argmax(points[:, 0]))
+    upper = points[tip:]
+    past = np.flatnonzero(upper[:, 0] <= sight.gap_x)
+    if len(past) == 0 or past[0] == 0:
+        return None
+    j = tip + int(past[0])
+    ahead, behind = points[j - 1, 0], points[j, 0]
+    share = (ahead - sight.gap_x) / (ahead - behind)
+    l1 = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
+    return Fall(sight.stamp, sight.gap, sight.gap_x, float(l1))
+
+
+def _closing(t: Array, gap: Array, level: float) -> tuple[float, float] | None:
+    """When the gap last came down to `level` [m] and how fast [m/s], or None if it never did."""
+    down = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
+    if len(down) == 0:
+        return None
+    j = int(down[-1])
+    share = (gap[j] - level) / (gap[j] - gap[j + 1])
+    first = max(j - 2, 0)
+    speed = -float(np.polyfit(t[first : j + 2], gap[first : j + 2], 1)[0])
+    return (float(t[j] + share * (t[j + 1] - t[j])), speed) if speed > 0 else None
+
+
+def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
+    """When the fall stopped: where its line meets the level on which the gap came to rest."""
+    rest = float(np.median(gap[t >= time]))
+    crossing = _closing(t, gap, rest + 0.25 * speed * float(np.median(np.diff(t))))
+    return crossing[0] if crossing is not None else time
+
+
+def _at(time: float, t: Array, values: Array) -> float:
+    return float(np.interp(time, t, values))

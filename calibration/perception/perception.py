@@ -1,11 +1,33 @@
 """One frame in, one sight of the strip out."""
 
+from dataclasses import dataclass
+
+import numpy as np
+
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance
+from calibration.perception.appearance import Appearance, matte
+from calibration.perception.contact import Contact, SearchLine, find_contact
+from calibration.perception.profile import Geometry, midline_points, ordered, resampled
+from calibration.perception.region import START, Region, hide_hand, strip_region
 from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import Sight
+from calibration.perception.silhouette import outer_side, silhouette
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
+from drivers.strip.shape import fold_tip, layer_gap
+from drivers.types import Array, Frame, Image, Pose
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The lifted midline (n, 2) [m] from contact to gripper, and how much of it was seen."""
+
+    points: Array
+    confidence: float
+
+
+UNSEEN = Curve(np.empty((0, 2)), 0.0)
 
 
 class Perception:
@@ -22,10 +44,77 @@ class Perception:
         self._settings = settings
         self._strip = strip
         self._appearance = appearance
+        self._matte = matte(appearance.strip, appearance.desk, appearance.backdrop)
+        self._faint = max(settings.faint, 4.0 * self._matte.noise)
+        self._line = SearchLine.of(
+            calibration,
+            appearance,
+            settings.contact_height,
+            strip.thickness,
+            (START + 0.002, strip.length + 0.01),
+        )
+        shadow = calibration.to_image(np.array([[strip.length / 2, settings.shadow_height]]))
+        self._desk_row = round(float(shadow[0, 1]))
 
     def look(self, frame: Frame, gripper: Pose) -> Sight:
         """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
 
         Never raises for what an image shows: what is not seen is NaN with confidence 0.
         """
-        raise NotImplementedError
+        region = strip_region(self._calibration, self._strip.length, gripper.z)
+        levels = self._matte.of(region.of(frame.image))
+        contact = find_contact(levels, self._line, region.origin)
+        curve = self._curve(levels, region, contact, gripper)
+        whole = np.vstack([self._resting(contact.x), curve.points])
+        profile = curve.points
+        tip = fold_tip(whole) if len(profile) else (NAN, NAN)
+        gap = layer_gap(whole, _arc(whole), self._settings.gap_opening) if len(profile) else None
+        return Sight(
+            stamp=frame.stamp,
+            sequence=frame.sequence,
+            contact_x=contact.x - self._settings.contact_bias,
+            contact_confidence=contact.confidence,
+            profile=profile,
+            profile_confidence=curve.confidence,
+            tip=tip,
+            gap=gap.height if gap else NAN,
+            gap_x=gap.x if gap else NAN,
+        )
+
+    def _curve(self, levels: Image, region: Region, contact: Contact, gripper: Pose) -> Curve:
+        """The lifted strip's midline in the window `levels` of the image."""
+        if not np.isfinite(contact.x):
+            return UNSEEN
+        mask = silhouette(levels, self._faint, self._desk_row - region.top)
+        hide_hand(mask, region, self._calibration, gripper)
+        ends = np.array([(contact.x, 0.0), (gripper.x, gripper.z)])
+        start, end = self._calibration.to_image(ends) - region.origin
+        side = outer_side(mask, start, end, self._settings.outline_step)
+        if side is None:
+            return UNSEEN
+        geometry = Geometry(
+            self._calibration, self._strip.thickness, self._strip.width, region.origin
+        )
+        midline = midline_points(levels, side, geometry)
+        points = ordered(midline, self._settings.spacing)
+        lifted = points[_first_lifted(points, contact.x) :]
+        if len(lifted) < 8:
+            return UNSEEN
+        missing = max(side.reach * midline.scale - self._settings.gripper_clearance, 0.0)
+        whole = np.clip(1 - missing / 0.03, 0.0, 1.0)
+        even = resampled(lifted, self._settings.profile_points)
+        return Curve(even, float(whole * midline.seen.mean()))
+
+    def _resting(self, contact_x: float) -> Array:
+        """The midline (n, 2) [m] on the desk, up to the contact."""
+        x = np.arange(0.0, max(contact_x, 0.0), self._settings.spacing)
+        return np.column_stack([x, np.zeros_like(x)])
+
+
+def _first_lifted(points: Array, contact_x: float) -> int:
+    """Index of the first point past the contact, counted along the curve."""
+    return int(np.argmax(points[:, 0] >= contact_x)) if len(points) else 0
+
+
+def _arc(points: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

@@ -1,0 +1,73 @@
+"""desk_contact: a search along the strip's line in the raw image, refined on its underside."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from calibration.perception.appearance import Appearance, share
+from drivers.types import Array, Image
+
+SPACING = 0.0003  # m between samples along the line
+AVERAGE = 9  # samples over which a sample is averaged against noise
+MARGIN = 0.012  # m of desk that must follow
+
+
+@dataclass(frozen=True, slots=True)
+class SearchLine:
+    """The line that the strip's underside crosses where its midline stands `height` over rest.
+
+    `x` (n,) [m] and raw image points `pixels` (n, 2), projected once.
+    """
+
+    x: Array
+    pixels: Array
+
+    @classmethod
+    def of(
+        cls,
+        calibration: Calibration,
+        appearance: Appearance,
+        height: float,
+        thickness: float,
+        span: tuple[float, float],
+    ) -> "SearchLine":
+        """The line over `span` [m] of x."""
+        x = np.arange(span[0], span[1], SPACING)
+        z = appearance.rest_height(x) + height - thickness / 2
+        return cls(x, calibration.to_image(np.column_stack([x, z])))
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """x of the desk contact [m], NaN when not seen, and how sharply strip turned into desk."""
+
+    x: float
+    confidence: float
+
+
+def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
+    """First place along the line, from the fixed end, where strip gives way to desk.
+
+    `levels` is the matte of the window whose first pixel is `origin` (2,) [px].
+    """
+    at = (line.pixels - origin).astype(np.float32)
+    sampled = cv2.remap(levels, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR)[0]
+    along = share(cv2.blur(sampled[None, :].astype(np.float32), (AVERAGE, 1))[0])
+    strip = along > 0.5
+    if not strip[: len(strip) // 8].any():
+        return Contact(float("nan"), 0.0)
+    ahead = int(MARGIN / SPACING)
+    clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
+    started = np.maximum.accumulate(strip)
+    ends = np.flatnonzero(started[:-1] & strip[:-1] & ~strip[1:] & (clear[1:] == 0))
+    if len(ends) == 0:
+        x = float(line.x[-1]) if strip[-1] else float("nan")
+        return Contact(x, 1.0 if strip[-1] else 0.0)
+    i = int(ends[0])
+    part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
+    before = float(along[max(i - 2 * ahead, 0) : max(i - ahead, 1)].mean())
+    after = float(along[i + ahead : i + 2 * ahead].mean()) if i + ahead < len(along) else 0.0
+    confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
+    return Contact(float(line.x[i] + part * SPACING), confidence)

@@ -1,0 +1,139 @@
+"""From the borders in the image to the midline in the plane of the near edge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.calibration import Calibration
+from calibration.perception.edges import Crossings, crossings
+from calibration.perception.silhouette import Side
+from drivers.types import Array, Image
+
+THIN = (2.5, 4.5)  # px: narrower bands are read by their centre of mass, wider ones by borders
+AGREE = 2.5  # px by which a band may be narrower or wider than geometry says
+CLOSE = (0.6, 1.2)  # px: an inner border this near to where geometry wants it is the near edge
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """What a strip looks like from here: calibration, thickness and width [m], and `origin` (2,)
+    [px] of the window in which outlines are given.
+    """
+
+    calibration: Calibration
+    thickness: float
+    width: float
+    origin: Array
+
+    def plane(self, pixels: Array) -> Array:
+        """(n, 2) [px] of the window -> (n, 2) x, z [m] in the plane of the near edge."""
+        return self.calibration.to_plane(pixels + self.origin)
+
+    @property
+    def sweep(self) -> float:
+        """Share of the way to the foot by which the far edge is drawn towards it."""
+        return self.calibration.viewpoint.sweep(self.width)
+
+
+@dataclass(frozen=True, slots=True)
+class MidlinePoints:
+    """Points (n, 2) of the midline [m] in order, unit `tangents` (n, 2), and `seen` (n,) whether
+    the band looked as geometry says; `scale` [m/px].
+    """
+
+    points: Array
+    tangents: Array
+    seen: NDArray[np.bool_]
+    scale: float
+
+
+def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoints:
+    """The strip's midline at each point of its outer side.
+
+    The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a
+    far one is drawn back from the foot by the sweep, and the near edge is looked for behind it.
+    """
+    place = geometry.plane(side.points)
+    out = geometry.plane(side.points + side.normals) - place
+    scale = float(np.median(np.hypot(*out.T)))
+    out /= np.hypot(*out.T)[:, None]
+    lever = ((place - geometry.calibration.viewpoint.foot()) * out).sum(axis=1)
+    swept = np.abs(lever) * geometry.sweep
+    seen = crossings(levels, side, (swept + geometry.thickness) / scale)
+    points = _midline(place, out, lever, seen, geometry, scale)
+    tangents = np.stack([-out[:, 1], out[:, 0]], axis=1)
+    width = (seen.inner - seen.outer) * scale
+    expected = swept + geometry.thickness
+    good = (seen.strength > 0.2) & ~(width < expected - AGREE * scale)
+    return MidlinePoints(points, tangents, good, scale)
+
+
+def _midline(
+    place: Array, out: Array, lever: Array, seen: Crossings, geometry: Geometry, scale: float
+) -> Array:
+    half = geometry.thickness / 2
+    sweep = geometry.sweep
+    swept = np.abs(lever) * sweep
+    border = -seen.outer * scale  # along `out`, of the outer border
+    near = border - half
+    far = border - half - swept
+    behind = -seen.inner * scale + half
+    far = far + _far_offset((behind - far)[lever < 0], scale)
+    off = np.abs(behind - far) / scale
+    visible = np.clip((CLOSE[1] - off) / (CLOSE[1] - CLOSE[0]), 0.0, 1.0)
+    far = np.where(np.isfinite(behind), visible * behind + (1 - visible) * far, far)
+    by_border = np.where(lever > 0, near, far)
+    by_mass = -seen.middle * scale + np.sign(lever) * swept / 2
+    band = (swept + geometry.thickness) / scale
+    trust = np.clip((band - THIN[0]) / (THIN[1] - THIN[0]), 0.0, 1.0)
+    alone = np.isfinite(seen.inner) & ((seen.inner - seen.outer) < band + AGREE)
+    trust = np.where(alone, trust, 1.0)
+    shift = trust * by_border + (1 - trust) * by_mass
+    return np.asarray(place + shift[:, None] * out)
+
+
+def _far_offset(differences: Array, scale: float) -> float:
+    """How far the far edge stands from where the near edge says [m], over all points that show
+    both: what the stated width and thickness leave.
+    """
+    both = differences[np.abs(differences) < AGREE * scale]
+    return float(np.median(both)) if len(both) >= 10 else 0.0
+
+
+def ordered(midline: MidlinePoints, spacing: float) -> Array:
+    """The midline's points at about equal `spacing` [m] in order, without doubling back.
+
+    Where the outer side changes from near to far edge, its points repeat a stretch of the
+    midline: they are sorted by how far they lie along it, and averaged.
+    """
+    points, tangents = midline.points[midline.seen], midline.tangents[midline.seen]
+    if len(points) < 4:
+        return np.empty((0, 2))
+    mean = tangents[1:] + tangents[:-1]
+    mean /= np.maximum(np.hypot(*mean.T), 1e-9)[:, None]
+    travel = np.concatenate([[0.0], np.cumsum((np.diff(points, axis=0) * mean).sum(axis=1))])
+    bins = np.floor((travel - travel.min()) / spacing).astype(int)
+    count = np.bincount(bins)
+    filled = count > 0
+    sums = np.stack([np.bincount(bins, points[:, c]) for c in range(2)], axis=1)
+    return np.asarray(sums[filled] / count[filled, None])
+
+
+def resampled(points: Array, count: int) -> Array:
+    """`count` points at equal steps along a polyline (n, 2), smoothed by local parabolas."""
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    at = np.linspace(0.0, travel[-1], count)
+    even = np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)
+    return _savgol(even)
+
+
+KERNEL = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35  # parabola through five points
+
+
+def _savgol(points: Array) -> Array:
+    """Every point replaced by the parabola through it and two neighbours on each side."""
+    smooth = points.copy()
+    for c in range(points.shape[1]):
+        smooth[2:-2, c] = np.convolve(points[:, c], KERNEL, mode="valid")
+    return smooth

@@ -1,0 +1,67 @@
+"""The part of the image where the strip can be, and what the hand hides of it."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from drivers.types import Array, Image, Pose
+
+START = 0.003  # m, right of the clamp that holds the fixed edge
+BELOW = 0.009  # m under the resting strip: desk, not yet its front
+BEYOND = 0.06  # m past the grasped edge at rest
+OVER = 0.012  # m above the gripper point
+FOLD = 0.09  # m of height that is always looked at
+FINGER = (0.045, 0.020)  # m: length along the approach, half width
+HAND = (0.60, 0.100)  # m: hand and what carries it
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A rectangle of the image [px]: first column and row, and one past the last."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def origin(self) -> Array:
+        """(2,) the image point of its first pixel."""
+        return np.array([self.left, self.top], dtype=np.float64)
+
+    def of(self, image: Image) -> Image:
+        """The part of `image`, a view."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+
+def strip_region(calibration: Calibration, length: float, height: float) -> Region:
+    """Where a strip of `length` [m], lifted to `height` [m], can appear."""
+    top = max(height + OVER, FOLD)
+    corners = [(x, z) for x in (START, length + BEYOND) for z in (-BELOW, top)]
+    (left, first), (right, last) = _bounds(calibration.to_image(np.array(corners)))
+    low = calibration.to_image(np.array([(START, -BELOW), (length, -BELOW)]))[:, 1].min()
+    lens = calibration.lens
+    return Region(
+        int(np.clip(left, 0, lens.width - 2)),
+        int(np.clip(first, 0, lens.height - 2)),
+        int(np.clip(right, 2, lens.width)),
+        int(np.clip(min(last, low), 2, lens.height)),
+    )
+
+
+def hide_hand(mask: Image, region: Region, calibration: Calibration, gripper: Pose) -> None:
+    """Blank the hand in `mask`, the picture of `region`, in place."""
+    approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+    aside = np.array([-approach[1], approach[0]])
+    (finger, slim), (hand, wide) = FINGER, HAND
+    outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
+    outline += [(along, -across) for along, across in reversed(outline)]
+    corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)
+    pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
+    cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
+
+
+def _bounds(pixels: Array) -> tuple[Array, Array]:
+    return pixels.min(axis=0), np.ceil(pixels.max(axis=0)) + 1

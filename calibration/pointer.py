@@ -1,0 +1,47 @@
+"""The pin of the calibration in an image: a bright disc on a dark plate."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array, Image
+
+BRIGHT = 170  # grey level of the darkest channel from which a pixel may belong to the disc
+CONTRAST = 90.0  # grey levels between disc and plate
+RADII = (3.0, 30.0)  # px, sizes that are looked for
+ROUND = 0.75  # share of its circumscribed circle that the disc fills
+
+Levels = NDArray[np.float32]
+
+
+def find_pointer(image: Image) -> Array | None:
+    """Centre (2,) u, v [px] of the bright disc, or None unless exactly one is seen."""
+    darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
+    _, bright = cv2.threshold(darkest, BRIGHT, 255, cv2.THRESH_BINARY)
+    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    centres = [centre for outline in outlines if (centre := _disc(darkest, outline)) is not None]
+    return centres[0] if len(centres) == 1 else None
+
+
+def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:
+    """Centre of the disc within `outline`, or None where it is no disc on a dark plate."""
+    (u, v), radius = cv2.minEnclosingCircle(outline)
+    if not RADII[0] <= radius <= RADII[1]:
+        return None
+    if cv2.contourArea(outline) < ROUND * np.pi * (radius - 0.5) ** 2:
+        return None
+    reach = int(np.ceil(1.7 * radius)) + 2
+    left, top = round(u) - reach, round(v) - reach
+    window = grey[max(top, 0) : top + 2 * reach + 1, max(left, 0) : left + 2 * reach + 1]
+    if window.shape != (2 * reach + 1, 2 * reach + 1):
+        return None
+    dv, du = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    distance = np.hypot(du - (u - round(u)), dv - (v - round(v)))
+    plate = float(np.median(window[(distance > 1.25 * radius + 1) & (distance < reach)]))
+    disc = float(np.median(window[distance < 0.7 * radius]))
+    if disc - plate < CONTRAST:
+        return None
+    share = np.clip((window - plate) / (disc - plate) - 0.1, 0.0, 0.9)
+    share[distance > 1.25 * radius + 2] = 0.0
+    total = share.sum()
+    return np.array([round(u) + (share * du).sum() / total, round(v) + (share * dv).sum() / total])

@@ -1,0 +1,93 @@
+"""The calibration file: whole, checked, refused in one line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.homography import Homography
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.types import frozen
+
+
+@pytest.fixture
+def calibration() -> Calibration:
+    matrix = frozen([[3400.0, 0, 640.0], [0, 3400.0, 360.0], [0, 0, 1]])
+    lens = Lens(1280, 720, matrix, frozen([-0.18, 0.1, 0, 0, 0]))
+    away = np.array([[1700.0, 0, 640 - 1700 * 0.31], [0, -1700.0, 360 + 1700 * 0.16], [0, 0, 1]])
+    return calibrated(
+        lens,
+        Homography.of(np.linalg.inv(away)),
+        residual_mm=0.12,
+        date="2026-11-20T03:15:00Z",
+        camera="twin-1",
+        latency=0.02,
+    )
+
+
+def test_saved_calibration_loads_equal(calibration: Calibration, tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "calibration.yaml"
+    save_calibration(calibration, path)
+    read = load_calibration(path)
+    assert read.id == calibration.id
+    assert read.date == "2026-11-20T03:15:00Z"
+    assert (read.latency, read.residual_mm, read.camera) == (0.02, 0.12, "twin-1")
+    pixels = np.array([[100.0, 50.0], [1200.0, 700.0]])
+    assert np.array_equal(read.to_plane(pixels), calibration.to_plane(pixels))
+    assert [p.name for p in path.parent.iterdir()] == ["calibration.yaml"]
+
+
+def test_plane_and_image_are_inverse_through_the_lens(calibration: Calibration) -> None:
+    points = np.array([[0.0, 0.0], [0.6, 0.3], [0.3, 0.1]])
+    assert np.abs(calibration.to_plane(calibration.to_image(points)) - points).max() < 1e-9
+
+
+def test_id_is_of_the_content(calibration: Calibration) -> None:
+    parts = {"residual_mm": 0.12, "date": "2026-11-20T03:15:00Z", "camera": "twin-1"}
+    same = calibrated(calibration.lens, calibration.homography, latency=0.02, **parts)
+    other = calibrated(calibration.lens, calibration.homography, latency=0.03, **parts)
+    assert same.id == calibration.id != other.id
+
+
+def test_missing_calibration_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="there is no calibration; run `cell calibrate`"):
+        load_calibration(tmp_path / "calibration.yaml")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"latency": 0.5}, "id: is .* the file was changed by hand"),
+        ({"latency": "late"}, "latency: "),
+        ({"homograpy": 1}, "homograpy: unknown key; allowed here: .*homography"),
+        ({"schema": 2}, "schema: is 2, this version reads 1"),
+    ],
+)
+def test_changed_file_is_refused_in_one_line(
+    calibration: Calibration, tmp_path: Path, change: dict[str, object], message: str
+) -> None:
+    path = tmp_path / "calibration.yaml"
+    save_calibration(calibration, path)
+    path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | change))
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        load_calibration(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_truncated_file_is_refused_in_one_line(calibration: Calibration, tmp_path: Path) -> None:
+    path = tmp_path / "calibration.yaml"
+    save_calibration(calibration, path)
+    path.write_text(path.read_text()[:300])
+    with pytest.raises(ConfigurationError):
+        load_calibration(path)
+
+
+def test_unwritable_place_is_a_configuration_error(
+    calibration: Calibration, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        save_calibration(calibration, tmp_path / "file" / "calibration.yaml")

@@ -1,0 +1,76 @@
+"""The map to the plane of the near edge, and where the camera stands."""
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.homography import Homography, fit_homography, viewpoint
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.types import Array, frozen
+
+MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
+LENS = Lens(1280, 720, MATRIX, frozen(np.zeros(5)))
+CENTRE = np.array([0.31, -2.0, 0.105])
+POINTS = np.array([(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0.02, 0.32, 4)])
+
+
+def _seen(points: Array) -> Array:
+    """Pixels of points in the plane y = 0, from a camera that looks along +y, a bit turned."""
+    turn = cv2.Rodrigues(np.array([0.02, -0.015, 0.01]))[0]
+    look = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    world = np.column_stack([points[:, 0], np.zeros(len(points)), points[:, 1]])
+    rays = (world - CENTRE) @ (turn @ look).T
+    return rays[:, :2] / rays[:, 2:] * 3400.0 + MATRIX[:2, 2]
+
+
+def test_exact_points_give_the_exact_map_and_its_inverse() -> None:
+    fit = fit_homography(_seen(POINTS), POINTS)
+    away = np.array([[0.1, 0.2], [0.55, 0.01]])
+    assert np.abs(fit.homography.to_plane(_seen(away)) - away).max() < 1e-7
+    assert np.abs(fit.homography.to_image(away) - _seen(away)).max() < 1e-3
+    assert fit.used.all()
+
+
+def test_outliers_are_named_and_do_not_move_the_map() -> None:
+    pixels = _seen(POINTS)
+    pixels[[3, 11]] += (9.0, -14.0)
+    fit = fit_homography(pixels, POINTS)
+    assert [r.index for r in fit.rejected] == [3, 11]
+    assert "point 3 at x 0.000, z 0.320 m is 16.6 px off" in str(fit.rejected[0])
+    assert np.abs(fit.homography.to_plane(_seen(POINTS)) - POINTS).max() < 1e-6
+
+
+def test_fewer_than_twelve_points_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match="11 touched points, at least 12"):
+        fit_homography(_seen(POINTS)[:11], POINTS[:11])
+
+
+def test_points_that_mostly_disagree_are_refused() -> None:
+    rng = np.random.default_rng(1)
+    pixels = _seen(POINTS) + rng.uniform(-60, 60, (len(POINTS), 2))
+    with pytest.raises(ConfigurationError, match="touched points"):
+        fit_homography(pixels, POINTS)
+
+
+def test_singular_matrix_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="singular"):
+        Homography.of(np.ones((3, 3)))
+
+
+def test_camera_centre_follows_from_lens_and_map() -> None:
+    rng = np.random.default_rng(2)
+    fit = fit_homography(_seen(POINTS) + 0.05 * rng.normal(size=(len(POINTS), 2)), POINTS)
+    where = viewpoint(LENS, fit.homography)
+    assert np.abs(where.foot() - CENTRE[[0, 2]]).max() < 0.01
+    assert abs(where.distance - 2.0) < 0.01
+
+
+def test_far_edge_appears_drawn_towards_the_foot() -> None:
+    fit = fit_homography(_seen(POINTS), POINTS)
+    where = viewpoint(LENS, fit.homography)
+    depth = 0.05
+    ray = np.array([0.5, depth, 0.02]) - CENTRE
+    plane = CENTRE + ray * (2.0 / ray[1])
+    drawn = np.array([0.5, 0.02]) + where.sweep(depth) * (where.foot() - (0.5, 0.02))
+    assert np.abs(drawn - plane[[0, 2]]).max() < 1e-4

@@ -1,0 +1,72 @@
+"""The lens: undistortion, fits, the ROS file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from calibration.lens import CameraFile, Lens, fit_lens, load_lens
+from drivers.errors import ConfigurationError
+from drivers.types import Array, frozen
+
+MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
+LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.001, -0.002, 0.0]))
+
+
+def _views(lens: Lens, tilts: list[tuple[float, float]], noise: float) -> tuple[list[Array], ...]:
+    rng = np.random.default_rng(3)
+    board = np.array([(i * 0.03, j * 0.03, 0.0) for i in range(9) for j in range(7)])
+    board -= board.mean(axis=0)
+    images = []
+    for a, b in tilts:
+        ca, sa, cb, sb = np.cos(a), np.sin(a), np.cos(b), np.sin(b)
+        rotation = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]]) @ np.array(
+            [[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]
+        )
+        shift = np.array([*rng.uniform(-0.12, 0.12, 2) * (1, 0.4), rng.uniform(1.6, 2.1)])
+        seen = board @ rotation.T + shift
+        ideal = seen[:, :2] / seen[:, 2:] * lens.matrix[0, 0] + lens.matrix[:2, 2]
+        images.append(lens.distort(ideal) + noise * rng.normal(size=(len(board), 2)))
+    return [board] * len(tilts), images
+
+
+def test_undistort_and_distort_are_inverse_over_the_whole_image() -> None:
+    rng = np.random.default_rng(0)
+    pixels = rng.uniform((0, 0), (1280, 720), (200, 2))
+    assert np.abs(LENS.distort(LENS.undistort(pixels)) - pixels).max() < 1e-6
+    assert np.abs(LENS.undistort(pixels) - pixels).max() > 1.0
+
+
+def test_lens_is_found_from_tilted_views() -> None:
+    tilts = [(a, b) for a in (-0.5, 0.0, 0.5) for b in (-0.5, 0.0, 0.5)]
+    fit = fit_lens(*_views(LENS, tilts, 0.05), (1280, 720))
+    assert fit.rms < 0.1
+    assert abs(fit.lens.matrix[0, 0] / 3400 - 1) < 0.005
+    corners = np.array([[40.0, 40.0], [1240.0, 680.0], [640.0, 40.0]])
+    spread = fit.lens.undistort(corners) - LENS.undistort(corners)
+    assert np.abs(spread - spread.mean(axis=0)).max() < 1.5
+
+
+def test_too_few_views_are_refused() -> None:
+    objects, images = _views(LENS, [(0.3, 0.0), (0.0, 0.3)], 0.0)
+    with pytest.raises(ConfigurationError, match="2 board views, at least 3"):
+        fit_lens(objects, images, (1280, 720))
+
+
+def test_camera_info_round_trip_keeps_every_digit(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(CameraFile.of(LENS, "twin").content()))
+    read = load_lens(path)
+    assert np.array_equal(read.matrix, LENS.matrix)
+    assert np.array_equal(read.distortion, LENS.distortion)
+    assert (read.width, read.height) == (1280, 720)
+
+
+def test_camera_info_with_a_matrix_of_a_wrong_shape_is_one_clear_line(tmp_path: Path) -> None:
+    content = CameraFile.of(LENS, "twin").content()
+    content["camera_matrix"]["data"] = content["camera_matrix"]["data"][:8]
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(ConfigurationError, match=r"camera\.yaml: camera_matrix: must be 3 x 3"):
+        load_lens(path)
