@@ -13,7 +13,8 @@ from cell.result import FoldResult
 
 def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
     """Fold number i, plants outermost, then repeats, uses seed S + i."""
-    folds = [(plant, index) for plant in (plants or [None]) for index in range(repeat)]
+    lying: Sequence[Path | None] = plants or [None]
+    folds = [(plant, index) for plant in lying for index in range(repeat)]
     return tuple(
         replace(
             base,

@@ -9,6 +9,7 @@ from pydantic import Field
 from cell.senses import Command, Drive, MoveTo, Senses
 from cell.states import TERMINAL, State
 from drivers.errors import Fault
+from drivers.limits import Workspace
 from drivers.settings import Settings
 
 
@@ -23,16 +24,21 @@ class MonitorLimits(Settings):
     overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
     speed: float = Field(0.25, gt=0, le=1.0)  # m/s
     tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
-    x_min: float = Field(-0.15, ge=-1.5, le=0)  # m, cell frame
-    x_max: float = Field(0.85, gt=0, le=2.0)
-    z_min: float = Field(-0.01, ge=-0.1, le=0)
-    z_max: float = Field(0.50, gt=0, le=1.0)
+    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
     force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
     duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
     state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
 
 
-Check = Callable[[Senses, MonitorLimits], str | None]
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What monitors hold the senses against: their limits and the cell's workspace."""
+
+    limits: MonitorLimits
+    workspace: Workspace
+
+
+Check = Callable[[Senses, Rules], str | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,26 +50,28 @@ class Monitor:
     check: Check
 
 
-def _arm_stale(senses: Senses, limits: MonitorLimits) -> str | None:
+def _arm_stale(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     age = senses.time - senses.arm.stamp
     if age <= limits.arm_age:
         return None
     return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
 
 
-def _setpoint_expired(senses: Senses, _: MonitorLimits) -> str | None:
+def _setpoint_expired(senses: Senses, _: Rules) -> str | None:
     if not senses.arm.expired:
         return None
     return "the arm braked by itself because no fresh velocity target reached it"
 
 
-def _not_finite(senses: Senses, _: MonitorLimits) -> str | None:
+def _not_finite(senses: Senses, _: Rules) -> str | None:
     if np.isfinite(senses.arm.pose.as_array()).all():
         return None
     return "the arm reports a pose that is not a number"
 
 
-def _image_stale(senses: Senses, limits: MonitorLimits) -> str | None:
+def _image_stale(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     if senses.frame is None:
         return "the camera has delivered no image"
     age = senses.time - senses.frame.stamp
@@ -72,13 +80,15 @@ def _image_stale(senses: Senses, limits: MonitorLimits) -> str | None:
     return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
 
 
-def _image_frozen(senses: Senses, limits: MonitorLimits) -> str | None:
+def _image_frozen(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     if senses.identical < limits.identical_images:
         return None
     return f"{senses.identical} images in a row are identical: the camera is frozen"
 
 
-def _low_confidence(senses: Senses, limits: MonitorLimits) -> str | None:
+def _low_confidence(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     if senses.doubtful_since is None or senses.time - senses.doubtful_since <= limits.doubt:
         return None
     seen = senses.sight.confidence if senses.sight is not None else 0.0
@@ -88,14 +98,16 @@ def _low_confidence(senses: Senses, limits: MonitorLimits) -> str | None:
     )
 
 
-def _overspeed(senses: Senses, limits: MonitorLimits) -> str | None:
+def _overspeed(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     allowed = limits.speed * limits.overspeed
     if senses.arm.velocity.speed <= allowed:
         return None
     return f"the gripper moves at {senses.arm.velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
 
 
-def _tracking(senses: Senses, limits: MonitorLimits) -> str | None:
+def _tracking(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     seen, asked = senses.arm.pose, senses.arm.commanded
     error = float(np.hypot(seen.x - asked.x, seen.z - asked.z))
     if error <= limits.tracking_error:
@@ -106,35 +118,40 @@ def _tracking(senses: Senses, limits: MonitorLimits) -> str | None:
     )
 
 
-def _workspace(senses: Senses, limits: MonitorLimits) -> str | None:
-    x, z = senses.arm.pose.x, senses.arm.pose.z
-    if limits.x_min <= x <= limits.x_max and limits.z_min <= z <= limits.z_max:
+def _workspace(senses: Senses, rules: Rules) -> str | None:
+    pose, border = senses.arm.pose, rules.limits.border
+    (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
+    inside_x = x_low - border <= pose.x <= x_high + border
+    if inside_x and z_low - border <= pose.z <= z_high + border:
         return None
     return (
-        f"the gripper is at x {x:.3f}, z {z:.3f} m, allowed x {limits.x_min:.2f} to "
-        f"{limits.x_max:.2f}, z {limits.z_min:.2f} to {limits.z_max:.2f} m"
+        f"the gripper is at x {pose.x:.3f}, z {pose.z:.3f} m, allowed x {x_low:.2f} to "
+        f"{x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m"
     )
 
 
-def _force(senses: Senses, limits: MonitorLimits) -> str | None:
+def _force(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     force = float(np.hypot(*senses.arm.force))
     if not force > limits.force:  # NaN: not measured
         return None
     return f"the gripper feels {force:.1f} N, allowed {limits.force:.1f} N"
 
 
-def _grip_lost(senses: Senses, _: MonitorLimits) -> str | None:
+def _grip_lost(senses: Senses, _: Rules) -> str | None:
     return None if senses.hand.grasped else "the hand no longer holds the strip"
 
 
-def _state_overtime(senses: Senses, limits: MonitorLimits) -> str | None:
+def _state_overtime(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     spent = senses.time - senses.entered
     if spent <= limits.state_duration:
         return None
     return f"{senses.state} lasts {spent:.0f} s, allowed {limits.state_duration:.0f} s"
 
 
-def _overtime(senses: Senses, limits: MonitorLimits) -> str | None:
+def _overtime(senses: Senses, rules: Rules) -> str | None:
+    limits = rules.limits
     if senses.time <= limits.duration:
         return None
     return f"the run lasts {senses.time:.0f} s, allowed {limits.duration:.0f} s"
@@ -162,34 +179,28 @@ MONITORS: tuple[Monitor, ...] = (
 )
 
 
-def check_all(senses: Senses, command: Command | None, limits: MonitorLimits) -> None:
+def check_all(senses: Senses, command: Command, rules: Rules) -> None:
     """Evaluate every monitor of this state and the command; raise Fault for the first to trip."""
     reasons = [
         (monitor.name, reason)
         for monitor in MONITORS
-        if senses.state in monitor.states and (reason := monitor.check(senses, limits)) is not None
+        if senses.state in monitor.states and (reason := monitor.check(senses, rules)) is not None
     ]
-    asked = _refused(command, limits)
-    if asked is not None:
-        reasons.append(("command_refused", asked))
     if reasons:
         raise Fault(*reasons[0])
+    _check_command(command, rules)
 
 
-def _refused(command: Command | None, limits: MonitorLimits) -> str | None:
+def _check_command(command: Command, rules: Rules) -> None:
     if isinstance(command, MoveTo):
-        pose = command.pose
-        inside = limits.x_min <= pose.x <= limits.x_max and limits.z_min <= pose.z <= limits.z_max
-        return (
-            None if inside else f"a move to x {pose.x:.3f}, z {pose.z:.3f} m leaves the workspace"
-        )
+        rules.workspace.check(command.pose)
     if isinstance(command, Drive):
-        rate = np.array([command.velocity.vx, command.velocity.vz, command.velocity.pitch_rate])
-        if not np.isfinite(rate).all():
-            return "the policy asked for a velocity that is not a number"
-        if command.velocity.speed > limits.speed:
-            return (
-                f"a velocity of {command.velocity.speed:.3f} m/s was asked for, "
-                f"allowed {limits.speed:.3f} m/s"
+        rate = command.velocity
+        if not np.isfinite([rate.vx, rate.vz, rate.pitch_rate]).all():
+            raise Fault("command_refused", "a velocity that is not a number was asked for")
+        if rate.speed > rules.limits.speed:
+            raise Fault(
+                "command_refused",
+                f"a velocity of {rate.speed:.3f} m/s was asked for, "
+                f"allowed {rules.limits.speed:.3f} m/s",
             )
-    return None

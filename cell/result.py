@@ -1,7 +1,10 @@
 """What a fold leaves: one line for a program, one for a person."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
+
+ROUNDED = {"displacement": 6, "displacement_true": 6, "edge_offset": 6}  # m
+ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +30,10 @@ class FoldResult:
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints."""
-        keys = ("run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true")
-        keys += ("layer_touch", "duration", "wall", "calibration", "exit_code", "reason")
-        rounded = {"displacement": 6, "displacement_true": 6, "layer_touch": 4, "duration": 4}
-        values = {key: getattr(self, key) for key in (*keys, "edge_offset")}
-        for key, digits in {**rounded, "wall": 2, "edge_offset": 6}.items():
-            values[key] = None if values[key] is None else round(values[key], digits)
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for key, digits in ROUNDED.items():
+            if values[key] is not None:
+                values[key] = round(values[key], digits)
         return values
 
     def sentence(self) -> str:

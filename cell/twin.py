@@ -71,9 +71,11 @@ def twin_devices(
     if calibrating:
         world = settings.twin.world.model_copy(update={"strip": False})
         bare = settings.twin.model_copy(update={"world": world})
-        twin = open_twin(bare, lying, {}, choice.seed)
+        twin = open_twin(bare, lying, {}, choice.seed, installation=settings.installation)
     else:
-        twin = open_twin(settings.twin, lying, rig, choice.seed, choice.index)
+        twin = open_twin(
+            settings.twin, lying, rig, choice.seed, choice.index, settings.installation
+        )
     return Devices(
         clock=twin.clock,
         arm=twin.arm,

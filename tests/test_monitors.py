@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 
 from calibration.perception.sight import Sight
-from cell.monitors import MONITORS, MonitorLimits, check_all
+from cell.monitors import MONITORS, MonitorLimits, Rules, check_all
 from cell.senses import Drive, Hold, MoveTo, Senses
 from cell.states import State
 from drivers.errors import Fault
+from drivers.limits import Workspace
 from drivers.types import STILL, ArmState, Frame, HandState, Pose, Velocity
 
 LIMITS = MonitorLimits()
+RULES = Rules(LIMITS, Workspace())
 POSE = Pose(0.4, 0.2, math.pi / 2)
 ARM = ArmState(10.0, 10.0, "test", POSE, STILL, POSE, moving=True, expired=False)
 HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
@@ -55,7 +57,7 @@ BROKEN = {
 
 
 def test_nothing_trips_on_a_good_tick() -> None:
-    check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), LIMITS)
+    check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), RULES)
 
 
 def test_every_monitor_has_a_case_here() -> None:
@@ -65,23 +67,24 @@ def test_every_monitor_has_a_case_here() -> None:
 @pytest.mark.parametrize("name", BROKEN)
 def test_monitor_stops_before_the_command(name: str) -> None:
     loose = LIMITS.model_copy(update={"tracking_error": 1.0}) if name == "workspace" else LIMITS
+    rules = replace(RULES, limits=loose)
     with pytest.raises(Fault) as stopped:
-        check_all(BROKEN[name], Hold(), loose)
+        check_all(BROKEN[name], Hold(), rules)
     assert stopped.value.name == name
 
 
 @pytest.mark.parametrize(
-    "command",
+    ("command", "name"),
     [
-        MoveTo(Pose(2.0, 0.1, 0.0)),
-        Drive(Velocity(0.3, 0.3, 0.0)),
-        Drive(Velocity(math.nan, 0.0, 0.0)),
+        (MoveTo(Pose(2.0, 0.1, 0.0)), "outside_workspace"),
+        (Drive(Velocity(0.3, 0.3, 0.0)), "command_refused"),
+        (Drive(Velocity(math.nan, 0.0, 0.0)), "command_refused"),
     ],
 )
-def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive) -> None:
+def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive, name: str) -> None:
     with pytest.raises(Fault) as refused:
-        check_all(GOOD, command, LIMITS)
-    assert refused.value.name == "command_refused"
+        check_all(GOOD, command, RULES)
+    assert refused.value.name == name
 
 
 def test_no_limit_can_be_switched_off() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
+from drivers.installation import Installation
 from drivers.mounting import Mounting
 from drivers.settings import parse
 from drivers.strip.file import load_strip
@@ -19,13 +20,16 @@ L = DENIM.length
 EDGE = Pose(L, 0.0, 0.0)
 
 
-def twin_with(seed: int = 0, world: WorldSettings | None = None, **arm) -> Twin:
+def twin_with(
+    seed: int = 0, world: WorldSettings | None = None, mounting: Mounting | None = None, **arm
+) -> Twin:
     settings = TwinSettings(
         arm=ArmSettings(**arm),
         world=world or WorldSettings(),
         camera=CameraSettings(width=320, height=240),
     )
-    twin = open_twin(settings, DENIM, None, seed)
+    installation = Installation(mounting=mounting or Mounting())
+    twin = open_twin(settings, DENIM, None, seed, installation=installation)
     twin.arm.connect()
     return twin
 

@@ -5,6 +5,7 @@ import typer
 from cell.cli.calibrate import calibrate
 from cell.cli.fold import fold
 from cell.cli.record import report, viz
+from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
 
@@ -21,4 +22,5 @@ app.command()(strips)
 app.command()(runs)
 app.command()(report)
 app.command()(viz)
+app.command()(replay)
 app.command()(calibrate)

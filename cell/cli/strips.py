@@ -23,7 +23,7 @@ def strips(configs: Configs = None, as_json: Json = False) -> None:
     for name in ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms"):
         table.add_column(name, justify="left" if name == "strip" else "right")
     for strip in known:
-        numbers = (1e3 * strip.length, 1e3 * strip.width, 1e3 * strip.areal_density)
-        numbers += (1e3 * strip.bending_length, 1e3 * strip.retardation_time)
-        table.add_row(strip.name, *(f"{number:.4g}" for number in numbers))
+        numbers = [strip.length, strip.width, strip.areal_density]
+        numbers += [strip.bending_length, strip.retardation_time]
+        table.add_row(strip.name, *(f"{1e3 * number:.4g}" for number in numbers))
     Console().print(table)

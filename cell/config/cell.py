@@ -10,6 +10,7 @@ from calibration.touched_points import TouchSettings
 from cell.config.fold import FoldSettings
 from cell.monitors import MonitorLimits
 from cell.record.frames import Keep
+from drivers.installation import Installation
 from drivers.settings import Settings
 from drivers.twin.settings import TwinSettings
 
@@ -44,6 +45,7 @@ class CellFile(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file; None: the one that `cell calibrate` keeps
+    installation: Installation = Installation()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()
     perception: PerceptionSettings = PerceptionSettings()

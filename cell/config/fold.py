@@ -9,7 +9,9 @@ class FoldSettings(Settings):
     """Numbers of the fold itself; lengths [m], speeds [m/s], times [s]."""
 
     control_rate: float = Field(100.0, ge=50, le=200)  # Hz, monitors and commands
-    speed: float = Field(0.10, ge=0.005, le=0.2)  # of the gripper on its path
+    speed: float = Field(
+        0.10, ge=0.005, le=0.16
+    )  # on the path; faster, the lift out-turns the hand
     lay_speed: float = Field(0.05, ge=0.005, le=0.1)
     takeover_height: float = Field(0.10, ge=0.03, le=0.2)  # where the policy takes over (paper)
     approach: float = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.perception.sanity import ImageSanity
 from calibration.perception.sight import SeenTouch, Sight
 from cell.devices import Devices
-from cell.monitors import check_all
+from cell.monitors import Rules, check_all
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.phase import Phase
@@ -72,6 +72,8 @@ class Run:
         self._recorder = recorder
         self._observers = observers
         self._interrupted = interrupted
+        settings = knowledge.settings
+        self._rules = Rules(settings.monitors, settings.installation.workspace)
         self._machine = Machine()
         self._entered = 0.0
         self._phase: Phase = _nothing()
@@ -118,7 +120,7 @@ class Run:
         command = self._decide(senses)
         if command is not None:
             now = replace(senses, state=self._machine.state, entered=self._entered)
-            check_all(now, command, self._cell.settings.monitors)
+            check_all(now, command, self._rules)
             self._send(command)
         self._recorder.tick(senses, time.perf_counter() - begun)
         for observer in self._observers:
@@ -160,15 +162,16 @@ class Run:
         self._command = Hold()
         if self._stopped is None:
             self._stopped = stopped
-            self._machine.take(Event.STOP)
             self._entered = now
-            self._note_fault(now, stopped)
+            state = self._machine.take(Event.STOP)
+            self._note_stop(now, state, stopped)
         elif self._machine.state is State.STOPPING:
             self._machine.take(Event.STOPPED)
 
-    def _note_fault(self, now: float, stopped: Stopped) -> None:
+    def _note_stop(self, now: float, state: State, stopped: Stopped) -> None:
         try:
             self._note(now, "fault", name=stopped.name, reason=stopped.reason)
+            self._note(now, "state", state=state, event=Event.STOP)
         except Fault:
             return  # the record itself is what failed; the outcome still tells
 

@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from drivers.errors import Fault
+from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.settings import ArmSettings
@@ -26,15 +27,20 @@ class TwinArm:
     """
 
     def __init__(
-        self, world: World, clock: TwinClock, settings: ArmSettings, rng: np.random.Generator
+        self,
+        world: World,
+        clock: TwinClock,
+        settings: ArmSettings,
+        installation: Installation,
+        rng: np.random.Generator,
     ) -> None:
         """At rest where the gripper of `world` is, with the noise of `rng`."""
         start = world.gripper
         self._world = world
         self._clock = clock
         self._rng = rng
-        self._cell_in_robot = settings.mounting.transform()
-        self._profile = MotionProfile(settings.limits, settings.workspace, start)
+        self._cell_in_robot = installation.mounting.transform()
+        self._profile = MotionProfile(installation.limits, installation.workspace, start)
         self._follow = 1.0 if settings.lag == 0 else 1.0 - exp(-TICK / settings.lag)
         self._sigma = np.array([*3 * [settings.noise], settings.pitch_noise])
         self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.installation import Installation
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, describe
 from drivers.twin.arm import TwinArm
@@ -16,6 +17,8 @@ from drivers.twin.settings import TwinSettings
 from drivers.twin.truth import Truth
 from drivers.twin.world import World
 from drivers.types import Pose
+
+AS_USUAL = Installation()
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +42,7 @@ def open_twin(
     cell_effects: Effects | None,
     seed: int,
     index: int = 0,
+    installation: Installation = AS_USUAL,
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 
@@ -51,7 +55,7 @@ def open_twin(
     chain = Chain(settings.world.links)
     world = World(model, chain, settings.world, home, settings.hand.opening)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
-    arm = TwinArm(world, clock, settings.arm, np.random.default_rng(arm_seed))
+    arm = TwinArm(world, clock, settings.arm, installation, np.random.default_rng(arm_seed))
     hand = TwinHand(world, clock, settings.hand)
     camera = TwinCamera(
         world,

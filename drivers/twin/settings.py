@@ -4,8 +4,6 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from drivers.limits import MotionLimits, Workspace
-from drivers.mounting import Mounting
 from drivers.settings import Settings
 from drivers.twin.camera_settings import CameraSettings
 
@@ -14,12 +12,9 @@ class ArmSettings(Settings):
     """The twin's arm. Lengths [m], angles [rad], times [s].
 
     It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
-    sigma). It stands on `mounting`, where the cell believes it.
+    sigma).
     """
 
-    limits: MotionLimits = MotionLimits()
-    workspace: Workspace = Workspace()
-    mounting: Mounting = Mounting()
     home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
     lag: float = Field(0.004, ge=0, le=0.1)
     noise: float = Field(2e-5, ge=0, le=0.005)

@@ -1,0 +1,27 @@
+"""`cell replay`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cell.cli.options import Json
+
+
+def replay(
+    run: Annotated[Path, typer.Argument(help="A run folder of the cell.")], as_json: Json = False
+) -> None:
+    """Decide again from the stored images; the exit code is 1 when anything comes out otherwise."""
+    from cell.replay import replay as decide_again
+
+    result = decide_again(run)
+    if as_json:
+        facts = {"run": str(run), "images": result.images, "decisions": result.decisions}
+        sys.stdout.write(json.dumps({**facts, "differences": result.differences}) + "\n")
+    else:
+        said = "the same" if result.same else f"{len(result.differences)} differences"
+        sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {said}\n")
+        sys.stdout.writelines(f"  {line}\n" for line in result.differences)
+    sys.exit(0 if result.same else 1)
