@@ -29,6 +29,8 @@ from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 
+ORIGIN = "origin"
+
 
 @dataclass(frozen=True, slots=True)
 class Event:
@@ -60,10 +62,16 @@ class Run:
         return self.result is None and not is_under_way(self.folder)
 
     def events(self) -> tuple[Event, ...]:
-        """What happened, in the order in which it was written; empty in a laboratory's run."""
+        """What happened, in the order in which it was written; empty in a laboratory's run.
+
+        Events are written on the cell's clock, before anyone knows when measured time will
+        begin; the event `origin` tells, and here all times are counted from there.
+        """
         lines = read_json_lines(self.folder / EVENTS)
+        begins = [float(line["t"]) for line in lines if line.get("kind") == ORIGIN]
+        origin = begins[0] if begins else 0.0
         return tuple(
-            Event(float(line.pop("t", 0.0) or 0.0), str(line.pop("kind", "")), line)
+            Event(float(line.pop("t", None) or 0.0) - origin, str(line.pop("kind", "")), line)
             for line in lines
         )
 

@@ -8,10 +8,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from calibration.calibration import Calibration, save_calibration
 from calibration.perception.sight import Sight
 from cell.record.documents import json_line, write_document
-from cell.record.files import CALIBRATION, EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
+from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
 from cell.record.header import Header, Result
@@ -53,13 +52,11 @@ class RunWriter:
         header: Mapping[str, Any],
         frames: Keep = "key",
         *,
-        calibration: Calibration | None = None,
         patient: bool = False,
     ) -> Self:
         """A new run folder under `root`, named by time, strip and chance.
 
-        `calibration` goes along so that what was seen can be drawn into the images; `patient`
-        lets `frame` wait for the disk and belongs where the clock is virtual. Raises
+        `patient` lets `frame` wait for the disk and belongs where the clock is virtual. Raises
         ConfigurationError for a header that readers would refuse or a folder that cannot be
         written.
         """
@@ -69,8 +66,6 @@ class RunWriter:
         folder = root / f"{moment}-{strip}-fold-{secrets.token_hex(2)}"
         try:
             folder.mkdir(parents=True)
-            if calibration is not None:
-                save_calibration(calibration, folder / CALIBRATION)
             return cls(folder, content, frames, patient)
         except OSError as error:
             raise ConfigurationError(

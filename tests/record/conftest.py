@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.calibration import Calibration, calibrated
+from calibration.calibration import Calibration, calibrated, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.perception.sight import Sight
+from cell.record.files import CALIBRATION
 from cell.record.frames import Keep
 from cell.record.tick import Tick
 from cell.record.truth import write_truth
@@ -41,7 +42,7 @@ HEADER: dict[str, Any] = {
     "drivers": {"arm": "twin", "camera": "twin"},
     "plant_sha256": "9f2c" * 16,
     "versions": {"cell": "0.1.0", "python": "3.11"},
-    "preflight": [{"check": "strip", "status": "pass", "reason": "lies flat"}],
+    "calibration": {"id": "made", "error": 0.00031},
 }
 
 
@@ -108,7 +109,7 @@ class MadeFold:
         travel = min(t * SPEED, 0.752)
         state = "LIFT" if travel < 0.14 else "FOLD" if t < 7.6 else "LAY"
         if state != self._state:
-            self.writer.event(t, "state", **{"from": self._state, "to": state})
+            self.writer.event(t, "state", state=state, event="made")
             self._state = state
         x, z, pitch = self._path.poses(travel)
         shake = self._rng.normal(0, 1e-4, 2)
@@ -143,7 +144,8 @@ def make_run(calibration: Calibration) -> Make:
     """Writes a whole made-up run and returns its folder."""
 
     def make(root: Path, *, frames: Keep = "none", seed: int = 0, **result: Any) -> Path:
-        writer = RunWriter.create(root, HEADER, frames, calibration=calibration, patient=True)
+        writer = RunWriter.create(root, HEADER, frames, patient=True)
+        save_calibration(calibration, writer.folder / CALIBRATION)
         MadeFold(writer, calibration, seed, pictures=frames != "none").run(9.4)
         writer.finish({**RESULT, **result})
         write_truth(writer.folder, {"displacement": -0.0351, "t_layer_touch": 7.49, "plant": {}})
@@ -162,7 +164,8 @@ def finished(make_run: Make, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def killed(calibration: Calibration, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that was left without a result in the middle of the fold; not to be changed."""
     root = tmp_path_factory.mktemp("killed")
-    writer = RunWriter.create(root, HEADER, "key", calibration=calibration, patient=True)
+    writer = RunWriter.create(root, HEADER, "key", patient=True)
+    save_calibration(calibration, writer.folder / CALIBRATION)
     MadeFold(writer, calibration).run(4.3)
     writer.close()
     with (writer.folder / "ticks.arrows").open("r+b") as file:

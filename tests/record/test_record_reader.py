@@ -1,3 +1,4 @@
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -146,8 +147,8 @@ def test_folder_without_run_is_refused(tmp_path):
         read_run(tmp_path)
 
 
-def test_image_changed_behind_the_record_is_refused(make_run, tmp_path):
-    folder = make_run(tmp_path, frames="key")
+def test_image_changed_behind_the_record_is_refused(finished, tmp_path):
+    folder = shutil.copytree(finished, tmp_path / finished.name)
     kept = sorted((folder / "frames").glob("*.png"))
     kept[1].write_bytes(kept[0].read_bytes())
     with pytest.raises(ConfigurationError, match="not the image that was recorded"):

@@ -1,0 +1,155 @@
+"""What a run was made with and what happened in it, as rows of text."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from cell.record.files import TICK_STREAM
+from cell.record.run import Event, Run
+from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
+
+FREQUENT = 40  # more of one kind are counted, not listed
+LISTED = 400
+PREFLIGHT = "preflight"
+HIDDEN = frozenset({"config", "preflight", "schema", "provenance", "spread"})
+UNITS = {"speed": "m/s", "camera_hz": "Hz"}
+Rows = list[tuple[str, str]]
+
+
+def measures(run: Run) -> Rows:
+    """The numbers of the run that one looks for first."""
+    result, rows = run.result, Rows()
+    more = (result.model_extra or {}) if result is not None else {}
+    if result is not None and result.l1 is not None:
+        rows.append(("upper layer l1", millimetres(result.l1)))
+        rows.append(("lower layer l2", millimetres(result.l2)))
+    if result is not None and result.t_layer_touch is not None:
+        rows.append(("layers touched at", seconds(result.t_layer_touch)))
+    if isinstance(more.get("confidence"), int | float):
+        rows.append(("confidence in the touch", f"{100 * more['confidence']:.0f} %"))
+    if isinstance(more.get("edge_offset"), int | float):
+        rows.append(("edges apart once laid", millimetres(more["edge_offset"], signed=True)))
+    duration = more.get("duration", float(run.ticks.t[-1]) if run.ticks.t.size else None)
+    rows.append(("duration", seconds(duration, 1)))
+    return [*rows, *_loop(run)]
+
+
+def facts(run: Run) -> Rows:
+    """How the run was made: the header, nested keys joined by dots; long lists are counted."""
+    content = run.header.model_dump(by_alias=True, exclude_none=True)
+    rows = [(key, _text(key, value)) for key, value in _flat(content)]
+    return [(key, text) for key, text in rows if text]
+
+
+def checks(run: Run) -> list[tuple[str, ...]]:
+    """The checks before the motion, all their facts in order."""
+    listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
+    return [
+        tuple(_value(value) for value in item.values())
+        for items in listed
+        if isinstance(items, list)
+        for item in items
+        if isinstance(item, Mapping)
+    ]
+
+
+def listed_events(run: Run) -> list[tuple[str, str, str]]:
+    """What happened: time, kind, facts. A kind that comes with every frame is only counted."""
+    events = run.events()
+    events = tuple(event for event in events if event.kind != PREFLIGHT)
+    counts = Counter(event.kind for event in events)
+    rare = [event for event in events if counts[event.kind] <= FREQUENT]
+    rows = [(f"{e.t:.3f}".replace("-", MINUS), e.kind, _sentence(e)) for e in rare[:LISTED]]
+    often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
+    return [*rows, *((NO_VALUE, kind, f"{n} times") for kind, n in sorted(often))]
+
+
+def remains(run: Run) -> Rows:
+    """What a run that died has left behind."""
+    notes = run.frame_index()
+    kept = sum(note.file is not None for note in notes)
+    source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
+    return [
+        (source, f"{run.ticks.t.size} rows, {seconds(_span(run.ticks.t))}"),
+        ("profiles", f"of {len(run.profile.curves())} images"),
+        ("frames/", f"{len(notes)} images seen, {kept} kept"),
+        ("events.jsonl", f"{len(run.events())} events"),
+    ]
+
+
+def advice(run: Run) -> list[str]:
+    """What to do after a run that died."""
+    height = float(run.ticks.z[-1]) if run.ticks.t.size else 0.0
+    held = height > 0.01
+    steps = [
+        "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
+        "Look at the strip, then open the fingers with `cell open` and lift the hand with "
+        "`cell home`."
+        if held
+        else "Lay the strip flat again.",
+        "A motion is never resumed: start a new run.",
+        "What was measured can be used: the gap workflow reads this folder as far as it goes.",
+    ]
+    errors = [e for e in run.events() if e.kind == "fault"]
+    if errors:
+        said = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
+        steps.insert(0, f"The last complaint before the end came at {said}.")
+    return steps
+
+
+def _loop(run: Run) -> Rows:
+    age = run.ticks.image_age[np.isfinite(run.ticks.image_age)]
+    costs = run.costs()
+    costs = costs[np.isfinite(costs)]
+    rows = Rows()
+    if age.size:
+        rows.append(("images, median age", milliseconds(float(np.median(age)))))
+    if costs.size:
+        rows.append(("one turn of the loop, median", milliseconds(float(np.median(costs)))))
+    return rows
+
+
+def _span(t: Any) -> float:
+    return float(t[-1] - t[0]) if t.size else 0.0
+
+
+def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in content.items():
+        if key in HIDDEN:
+            continue
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _text(key: str, value: Any) -> str:
+    if key == "sigma.touch_time":
+        return milliseconds(value)
+    if key.startswith("sigma.") or key == "contact_height":
+        return millimetres(value)
+    if key.endswith("sha256"):
+        return f"{value:.12}…"
+    if isinstance(value, float):
+        return f"{value:.6g} {UNITS.get(key, '')}".strip()
+    if isinstance(value, list | tuple):
+        joined = ", ".join(str(item) for item in value)
+        return joined if len(joined) <= 100 else f"{len(value)} entries"
+    return str(value)
+
+
+def _sentence(event: Event) -> str:
+    if set(event.facts) == {"state", "event"}:
+        return f"{event.facts['state']}, after {event.facts['event']}"
+    return ", ".join(f"{key} {_value(value)}" for key, value in event.facts.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "pass" if value else "fail"
+    if isinstance(value, float):
+        return f"{value:.5g}"
+    text = str(value)
+    return text if len(text) <= 160 else f"{text[:157]}..."

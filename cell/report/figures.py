@@ -1,0 +1,193 @@
+"""The pictures of a run: the strip over time, the signals, the timing."""
+
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from cell.record.columns import Sights, Ticks
+from cell.record.run import Run
+from cell.report.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    PAPER,
+    PURPLE,
+    RULE,
+    as_svg,
+    canvas,
+)
+from drivers.types import Array
+
+CURVES = 26
+LEGEND: dict[str, Any] = {
+    "loc": "lower right",
+    "bbox_to_anchor": (1, 1),
+    "ncols": 3,
+    "handlelength": 1.2,
+    "borderaxespad": 0,
+}
+TIME = ["#8fc6b4", "#3f8fc4", "#6a4fb3", "#b0428f"]
+LANES = {
+    "PREFLIGHT": "#c9ced6",
+    "CALIBRATE": "#c9ced6",
+    "GRASP": "#b9c4d6",
+    "LIFT": "#a9c3e6",
+    "FOLD": "#6f9fd8",
+    "TOUCHED": "#e0a15e",
+    "LAY": "#9cc9ad",
+    "RELEASE": "#b7d8c3",
+    "DONE": "#c9ced6",
+    "STOPPING": "#dd8f84",
+    "FAULT": "#d0604f",
+}
+
+
+def strip_figure(run: Run) -> str:
+    """The strip as it was seen, coloured by time, and the path of the gripper; SVG."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    with canvas(8.4, 4.5) as figure:
+        axes = figure.add_subplot(aspect="equal", anchor="W")
+        curves = _spread(run.profile.curves(), CURVES)
+        first, last = _span(run)
+        colours = LinearSegmentedColormap.from_list("time", TIME)
+        for t, points in curves:
+            shade = colours((t - first) / max(last - first, 1e-9))
+            axes.plot(*(1e3 * points).T, color=shade, lw=1.1, alpha=0.85)
+        _desk(axes, run)
+        _path(axes, run.ticks)
+        _touch_mark(axes, run)
+        axes.set(xlabel="x  [mm]", ylabel="z  [mm]", ylim=(-38, None))
+        axes.spines["bottom"].set_visible(False)
+        if curves:
+            scale = ScalarMappable(Normalize(first, last), colours)
+            bar = figure.colorbar(scale, ax=axes, shrink=0.55, pad=0.01, aspect=26)
+            bar.outline.set_visible(False)
+            bar.set_label("t  [s]")
+        return as_svg(figure)
+
+
+def signals_figure(run: Run) -> str:
+    """Contact, fold tip, gripper and gap over time under the lanes of the states; SVG."""
+    with canvas(8.4, 5.2, layout=None) as figure:
+        frame = {"left": 0.075, "right": 0.995, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
+        lanes, along, above = figure.subplots(
+            3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
+        )
+        _lanes(lanes, run.ticks)
+        sights = run.sights()
+        _along(along, run.ticks, sights)
+        _above(above, run.ticks, sights)
+        if run.result is not None and run.result.t_layer_touch is not None:
+            for axes in (along, above):
+                axes.axvline(run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
+        above.set_xlabel("t  [s]")
+        figure.align_ylabels([along, above])
+        return as_svg(figure)
+
+
+def timing_figure(run: Run) -> str:
+    """How old the images were and how long the loop took; SVG."""
+    with canvas(8.4, 2.5) as figure:
+        age, interval, cost = figure.subplots(1, 3)
+        _histogram(age, 1e3 * run.ticks.image_age, "age of the newest image  [ms]", BLUE)
+        _histogram(interval, 1e3 * np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
+        _histogram(cost, 1e3 * run.costs(), "computing in one turn  [ms]", PURPLE)
+        return as_svg(figure)
+
+
+def _spread(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:
+    chosen = np.unique(np.linspace(0, len(curves) - 1, count).round().astype(int))
+    return [curves[i] for i in chosen] if curves else []
+
+
+def _span(run: Run) -> tuple[float, float]:
+    times = np.concatenate([run.ticks.t, run.profile.t])
+    return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
+
+
+def _desk(axes: Any, run: Run) -> None:
+    axes.axhline(0, color=MUTED, lw=0.8)
+    contact = 1e3 * run.ticks.contact_x[np.isfinite(run.ticks.contact_x)]
+    axes.plot(contact, np.full_like(contact, -6), "|", color=BLUE, ms=5, mew=0.5, alpha=0.5)
+    axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False)
+    axes.annotate("fixed edge", (0, 0), (4, -14), textcoords="offset points", fontsize=8.5)
+
+
+def _path(axes: Any, ticks: Ticks) -> None:
+    axes.plot(1e3 * ticks.x_cmd, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)))
+    axes.plot(1e3 * ticks.x, 1e3 * ticks.z, color=INK, lw=1.5)
+    if ticks.t.size:
+        axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
+        middle = ticks.t.size // 3
+        place = (1e3 * ticks.x[middle], 1e3 * ticks.z[middle])
+        axes.annotate("gripper", place, (6, 6), textcoords="offset points", fontsize=8.5)
+
+
+def _touch_mark(axes: Any, run: Run) -> None:
+    if run.result is None or run.result.l2 is None:
+        return
+    axes.plot(1e3 * run.result.l2, 0, "o", color=ORANGE, ms=6, zorder=5)
+    axes.annotate(
+        "layers touch",
+        (1e3 * run.result.l2, 0),
+        (0, -18),
+        textcoords="offset points",
+        ha="center",
+        color=ORANGE,
+        fontsize=8.5,
+    )
+
+
+def _lanes(axes: Any, ticks: Ticks) -> None:
+    axes.set_axis_off()
+    place = 0
+    for state, rows in groupby(ticks.state):
+        count = len(list(rows))
+        start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
+        place += count
+        axes.barh(0, end - start, left=start, height=1, color=LANES.get(state, RULE), lw=0)
+        if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
+            middle = 0.5 * (start + end)
+            axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")
+
+
+def _along(axes: Any, ticks: Ticks, sights: Sights) -> None:
+    seen = np.isfinite(ticks.contact_x)
+    axes.plot(ticks.t, 1e3 * ticks.x, color=INK, label="gripper x")
+    axes.plot(ticks.t[seen], 1e3 * ticks.contact_x[seen], ".", color=BLUE, ms=3, label="contact x")
+    axes.plot(sights.stamp, 1e3 * sights.tip_x, color=GREEN, lw=1, label="fold tip x")
+    axes.set_ylabel("along the strip  [mm]")
+    axes.legend(**LEGEND)
+
+
+def _above(axes: Any, ticks: Ticks, sights: Sights) -> None:
+    axes.plot(ticks.t, 1e3 * ticks.z, color=INK, label="gripper z")
+    axes.plot(sights.stamp, 1e3 * sights.tip_z, color=GREEN, lw=1, label="fold tip z")
+    axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
+    axes.set_ylabel("above the desk  [mm]")
+    axes.legend(**LEGEND)
+
+
+def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:
+    values = values[np.isfinite(values)]
+    axes.set_xlabel(label)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    if values.size == 0:
+        axes.set_xticks([])
+        axes.text(0.5, 0.5, "not recorded", ha="center", color=MUTED, transform=axes.transAxes)
+        return
+    middle = float(np.median(values))
+    low, top = (float(np.quantile(values, q)) for q in (0.005, 0.995))
+    margin = max(0.05 * abs(middle), 0.1 * (top - low), 1e-4)
+    shown = (low - margin, top + margin)
+    axes.hist(np.clip(values, *shown), bins=40, range=shown, color=colour, alpha=0.75, lw=0)
+    axes.ticklabel_format(useOffset=False)
+    axes.axvline(middle, color=INK, lw=0.9)
+    text = f"median {middle:.3g}, most {values.max():.3g}"
+    axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)

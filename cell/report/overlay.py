@@ -1,0 +1,138 @@
+"""Key frames with what was seen drawn into them."""
+
+import base64
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.record.columns import Sights, Ticks
+from cell.record.frames import FrameNote, decode
+from cell.record.run import Run
+from cell.report.words import seconds
+from drivers.errors import ConfigurationError
+from drivers.types import Array, Image
+
+WIDTH, SHOWN = 640, 6
+MARGIN = 0.06  # m around the motion
+PROFILE_BGR, CONTACT_BGR, TIP_BGR = (50, 170, 255), (255, 130, 40), (90, 210, 110)
+
+
+@dataclass(frozen=True, slots=True)
+class KeyPicture:
+    """A kept image as JPEG in text form, and a caption."""
+
+    jpeg: str
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The part of an image in which things happen: rows and columns [px]."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    def cut(self, image: Image) -> Image:
+        """That part of `image`."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+
+def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
+    """Up to six kept images, spread over the run, with profile, contact and fold tip drawn in.
+
+    An image that cannot be read is passed over: a report explains what is there.
+    """
+    kept = [note for note in run.frame_index() if note.file is not None]
+    chosen = np.unique(np.linspace(0, len(kept) - 1, min(SHOWN, len(kept))).round().astype(int))
+    calibration, sights, curves = run.calibration(), run.sights(), dict(run.profile.curves())
+    pictures = []
+    for note in (kept[i] for i in chosen):
+        image = _read(note)
+        if image is None:
+            continue
+        if calibration is not None:
+            window = window_on(run.ticks, calibration)
+            image = window.cut(_with_sight(image, note, calibration, sights, curves))
+        pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights)))
+    return tuple(pictures)
+
+
+def window_on(ticks: Ticks, calibration: Calibration) -> Window:
+    """The smallest window of the image's own proportions that holds the whole motion."""
+    width, height = calibration.lens.width, calibration.lens.height
+    x = (-MARGIN, float(np.max(ticks.x, initial=0.0)) + MARGIN)
+    z = (-MARGIN, float(np.max(ticks.z, initial=0.0)) + MARGIN)
+    corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    share = float(np.clip(np.max((high - low) / (width, height)), 0.25, 1.0))
+    size = np.round(np.array([width, height]) * share)
+    start = np.clip((low + high - size) / 2, 0, np.array([width, height]) - size).astype(int)
+    left, top = (int(value) for value in start)
+    return Window(top, top + int(size[1]), left, left + int(size[0]))
+
+
+def draw_sight(
+    image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
+) -> Image:
+    """A copy of `image` with the profile (m, 2), the contact and the fold's tip (2,) [m]."""
+    import cv2
+
+    drawn = image.copy()
+    if len(curve) > 1:
+        pixels = np.rint(8 * calibration.to_image(curve)).astype(np.int32)
+        cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=3)
+    for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
+        if np.isfinite(point).all():
+            centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
+            cv2.circle(drawn, tuple(centre.tolist()), 8 * 10, colour, 3, cv2.LINE_AA, shift=3)
+    return drawn
+
+
+def _read(note: FrameNote) -> Image | None:
+    if note.file is None:
+        return None
+    try:
+        return decode(note.file)
+    except ConfigurationError:
+        return None
+
+
+def _with_sight(
+    image: Image,
+    note: FrameNote,
+    calibration: Calibration,
+    sights: Sights,
+    curves: dict[float, Array],
+) -> Image:
+    rows = np.flatnonzero(sights.sequence == note.sequence)
+    if rows.size == 0:
+        return image
+    row = int(rows[0])
+    tip = np.array([sights.tip_x[row], sights.tip_z[row]])
+    curve = curves.get(float(sights.stamp[row]), np.empty((0, 2)))
+    return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tip)
+
+
+def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
+    words = [seconds(note.stamp)]
+    if note.stamp < 0:
+        words.append("before the lift")
+    elif run.ticks.state:
+        place = int(np.searchsorted(run.ticks.t, note.stamp))
+        words.append(run.ticks.state[min(place, len(run.ticks.state) - 1)])
+    contact = sights.contact_x[sights.sequence == note.sequence]
+    if contact.size and np.isfinite(contact[0]):
+        words.append(f"contact {1e3 * contact[0]:.0f} mm")
+    return "  ·  ".join(words)
+
+
+def _jpeg(image: Image) -> str:
+    import cv2
+
+    height = round(image.shape[0] * WIDTH / image.shape[1])
+    small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
+    return base64.b64encode(bytes(content)).decode()

@@ -1,0 +1,85 @@
+"""The page about a run, put together."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from cell.record.documents import replace_file
+from cell.record.files import REPORT, is_under_way
+from cell.record.run import Run, read_run
+from cell.record.truth import read_truth
+from cell.report.facts import advice, checks, facts, listed_events, measures, remains
+from cell.report.figures import signals_figure, strip_figure, timing_figure
+from cell.report.markup import (
+    definitions,
+    drawing,
+    masthead,
+    page,
+    photographs,
+    section,
+    steps,
+    table,
+    verdict_box,
+)
+from cell.report.overlay import key_pictures
+from cell.report.verdict import verdict_of
+from drivers.errors import ConfigurationError
+
+
+def write_report(folder: Path) -> Path:
+    """Write report.html into the run's folder and return its path.
+
+    A run that died is explained as far as it goes. Raises ConfigurationError for a folder that
+    cannot be read as a run, or not be written.
+    """
+    run = read_run(folder)
+    path = folder / REPORT
+    try:
+        replace_file(path, report(run).encode())
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    return path
+
+
+def report(run: Run) -> str:
+    """The page about `run`."""
+    return page(f"{run.header.strip} · {run.name}", list(_parts(run)))
+
+
+def _parts(run: Run) -> Iterator[str]:
+    policy = (run.header.model_extra or {}).get("policy")
+    kicker = f"Fold of {run.header.strip}" + (f", policy {policy}" if policy else "")
+    yield masthead(kicker, run.name)
+    under_way = is_under_way(run.folder)
+    said = verdict_of(run, read_truth(run.folder), under_way)
+    yield verdict_box(said.tone, said.headline, said.sentences, said.figure, said.error)
+    if run.died:
+        yield section("What to do", steps(advice(run)))
+        yield section("What is here", definitions(remains(run), "rows"))
+    yield section("In numbers", definitions(measures(run), "tiles"))
+    yield from _pictures(run)
+    yield section("Checks before the motion", table(("check", "result", "why"), checks(run)))
+    yield section("What happened", table(("t [s]", "event", ""), listed_events(run)))
+    yield section("Made with", definitions(facts(run), "rows"))
+
+
+def _pictures(run: Run) -> Iterator[str]:
+    pictures = [(picture.jpeg, picture.caption) for picture in key_pictures(run)]
+    yield section(
+        "What the camera saw",
+        photographs(pictures),
+        note="Yellow: the lifted strip as it was found. Blue: the desk contact. "
+        "Green: the fold's tip.",
+    )
+    if run.ticks.t.size == 0:
+        return
+    yield section(
+        "The strip and the path",
+        drawing(strip_figure(run), "side view of the strip over time and the gripper's path"),
+        note="The lifted strip in the images, light early and dark late; black is the gripper's "
+        "measured path, dotted the commanded one; ticks under the desk mark the contacts.",
+    )
+    yield section(
+        "Over time",
+        drawing(signals_figure(run), "states and signals over time"),
+    )
+    yield section("Timing", drawing(timing_figure(run), "histograms of the timing"))

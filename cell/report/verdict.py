@@ -1,0 +1,128 @@
+"""What a run came to, in a sentence or three."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cell.record.files import is_under_way
+from cell.record.header import Result
+from cell.record.run import Run
+from cell.report.words import millimetres, outcome_title, seconds, side
+
+Tone = Literal["good", "fair", "bad"]
+LINE = "\n"
+GOOD = 0.020  # m, within this the paper calls a strip folded
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """One-sigma errors that belong beside every length [m]: of repeats, and of the calibration
+    (None where it is not known).
+    """
+
+    repeatability: float
+    calibration: float | None
+
+    def __str__(self) -> str:
+        known = f"± {millimetres(self.calibration)} calibration"
+        tail = "calibration error not recorded" if self.calibration is None else known
+        return f"± {millimetres(self.repeatability)} repeats\n{tail}"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """`headline` says how it ended, `sentences` the rest, `figure` and `error` the displacement
+    where there is one; `tone` colours it.
+    """
+
+    tone: Tone
+    headline: str
+    sentences: tuple[str, ...]
+    figure: str = ""
+    error: str = ""
+
+
+def accuracy_of(run: Run) -> Accuracy:
+    """The errors that the run itself states."""
+    calibration = run.calibration()
+    if calibration is not None:
+        return Accuracy(run.header.sigma.displacement, 1e-3 * calibration.residual_mm)
+    stated = (run.header.model_extra or {}).get("calibration")
+    error = stated.get("error") if isinstance(stated, Mapping) else None
+    known = float(error) if isinstance(error, int | float) else None
+    return Accuracy(run.header.sigma.displacement, known)
+
+
+def verdict(run: Run) -> str:
+    """The verdict in one line, as far as the record alone carries it."""
+    said = verdict_of(run, None, is_under_way(run.folder))
+    figure = f": {said.figure} ({said.error.replace(LINE, ', ')})" if said.figure else ""
+    return f"{run.header.strip}: {said.headline}{figure}"
+
+
+def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> Verdict:
+    """The verdict on `run`; `truth` is what the plant really did, where that is known."""
+    if under_way:
+        return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
+    if run.result is None:
+        return _dead(run)
+    if run.result.displacement is None:
+        return _without_displacement(run, run.result)
+    return _folded(run, run.result, run.result.displacement, truth or {})
+
+
+def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
+    sentences = [f"{side(d)[:1].upper()}{side(d)[1:]}, by {millimetres(abs(d))}."]
+    true = truth.get("displacement")
+    if isinstance(true, int | float):
+        sentences.append(
+            f"The twin knows the true displacement, {millimetres(true, signed=True)}: "
+            f"the camera was off by {millimetres(d - true, signed=True)}."
+        )
+    offset = (result.model_extra or {}).get("edge_offset")
+    if isinstance(offset, int | float):
+        sentences.append(f"Laid down, the edges lie {millimetres(offset, signed=True)} apart.")
+    headline = outcome_title(result.outcome)
+    if result.outcome == "layer_touch":
+        headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
+        tone: Tone = "good" if abs(d) <= GOOD else "fair"
+    else:
+        tone = "bad"
+        sentences.insert(0, _reason(result))
+    said = tuple(filter(None, sentences))
+    return Verdict(tone, headline, said, millimetres(d, signed=True), str(accuracy_of(run)))
+
+
+def _without_displacement(run: Run, result: Result) -> Verdict:
+    done = result.outcome == "path_done"
+    sentences = [_reason(result), _last_seen(run, "at the end")]
+    if done:
+        sentences.append("No touch was seen, so no displacement is claimed.")
+    else:
+        sentences.append(
+            "A fault never resumes a motion: clear its cause, look at the strip, "
+            "and start a new run."
+        )
+    tone: Tone = "fair" if done else "bad"
+    return Verdict(tone, outcome_title(result.outcome), tuple(filter(None, sentences)))
+
+
+def _dead(run: Run) -> Verdict:
+    if run.ticks.t.size == 0:
+        sentence = "The process died before the arm moved; nothing was measured."
+        return Verdict("bad", "The process died at the start", (sentence,))
+    state = f" in state {run.ticks.state[-1]}" if run.ticks.state else ""
+    headline = f"The process died at t = {seconds(float(run.ticks.t[-1]))}{state}"
+    return Verdict("bad", headline, (_last_seen(run, "then"), "There is no result."))
+
+
+def _reason(result: Result) -> str:
+    reason = (result.model_extra or {}).get("reason")
+    return f"{str(reason)[:1].upper()}{str(reason)[1:].rstrip('.')}." if reason else ""
+
+
+def _last_seen(run: Run, when: str) -> str:
+    if run.ticks.t.size == 0:
+        return ""
+    x, z = millimetres(float(run.ticks.x[-1])), millimetres(float(run.ticks.z[-1]))
+    return f"The gripper stood {when} at x {x}, z {z}."

@@ -1,0 +1,46 @@
+"""Numbers and outcomes in the words of a technician."""
+
+import math
+
+MINUS = "\N{MINUS SIGN}"
+NO_VALUE = "\N{EM DASH}"
+
+OUTCOMES = {
+    "layer_touch": "The layers touched",
+    "path_done": "The path ended before the layers touched",
+    "interrupted": "Stopped by the operator",
+}
+
+
+def millimetres(value: float | None, signed: bool = False) -> str:
+    """A length [m] as millimetres with one decimal."""
+    if value is None or not math.isfinite(value):
+        return NO_VALUE
+    text = f"{1e3 * value:+.1f}" if signed else f"{1e3 * value:.1f}"
+    return f"{text.replace('-', MINUS)} mm"
+
+
+def seconds(value: float | None, decimals: int = 2) -> str:
+    """A time [s]."""
+    if value is None or not math.isfinite(value):
+        return NO_VALUE
+    return f"{value:.{decimals}f}".replace("-", MINUS) + " s"
+
+
+def milliseconds(value: float | None) -> str:
+    """A time [s] as milliseconds."""
+    if value is None or not math.isfinite(value):
+        return NO_VALUE
+    return f"{1e3 * value:.3g} ms"
+
+
+def outcome_title(outcome: str) -> str:
+    """An outcome as the start of a sentence; a fault keeps its own name."""
+    return OUTCOMES.get(outcome, f"Stopped by a fault: {outcome.replace('_', ' ')}")
+
+
+def side(displacement: float) -> str:
+    """What the sign of d = l1 - l2 [m] means on the desk."""
+    if displacement > 0:
+        return "from the touch on, the upper layer is longer: its edge lies beyond the fixed edge"
+    return "from the touch on, the upper layer is shorter: its edge stops before the fixed edge"
