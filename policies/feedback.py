@@ -15,10 +15,12 @@ from policies.policy import Decision, Observation
 
 COMMITTED = FilePath(__file__).with_name("weights") / "feedback.json"
 
-# Over the strip's length. Above LOFT or below FLOOR the gripper may only move level, which brings
-# the layers together; beyond PAST it has gone by the fixed edge and there is nothing to fold.
-LOFT = 0.75
+# Over the strip's length. Below FLOOR the gripper does not go down, above LOFT not up, and at
+# REACH from the fixed edge, where the strip is nearly taut, not outward. Beyond PAST it has gone
+# by the fixed edge and there is nothing left to fold.
 FLOOR = 0.05
+LOFT = 0.75
+REACH = 0.95
 PAST = -0.20
 
 
@@ -58,7 +60,7 @@ class Feedback:
         direction = np.where(blind, 0.75 * math.pi, self._direction(state))
         done = state[:, 0] < PAST
         return Decision(
-            direction=guarded(direction, state[:, 1]),
+            direction=guarded(direction, state[:, 0], state[:, 1]),
             speed=np.where(done, 0.0, self._speed),
             pitch_rate=np.zeros(len(direction)),
             done=done,
@@ -74,11 +76,15 @@ class Feedback:
             self._direction(np.full((self._groups, 3), 0.5))
 
 
-def guarded(direction: Array, height: Array) -> Array:
-    """Directions (n,) kept within pi/2 to 3 pi/2, and level outside FLOOR to LOFT of `height`."""
-    low = np.where(height < FLOOR, 0.5, np.where(height > LOFT, 1.0, 0.5)) * math.pi
-    high = np.where(height < FLOOR, 1.0, 1.5) * math.pi
-    return np.asarray(np.clip(direction, low, high))
+def guarded(direction: Array, x: Array, z: Array) -> Array:
+    """Directions (n,) turned as little as keeps them toward the fixed edge and inside the bounds;
+    `x`, `z` (n,) over the strip's length.
+    """
+    taut = np.arctan2(z, x) + 0.5 * math.pi
+    low = np.where(np.hypot(x, z) > REACH, taut, 0.5 * math.pi)
+    low = np.where(z > LOFT, np.maximum(low, math.pi), low)
+    high = np.where(z < FLOOR, math.pi, 1.5 * math.pi)
+    return np.asarray(np.clip(direction, np.minimum(low, high), high))
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,15 @@ from policies.policy import Decision, Policy
 from policies.sensing import Eye, Sensing
 
 TAKEOVER = 0.10  # m at which the policy takes over from the lift
+
+
+@runtime_checkable
+class Marching(Protocol):
+    """An engine that takes several steps in one call."""
+
+    def advance(self, poses: Array, dt: float) -> Observables:
+        """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +105,7 @@ class _Loop:
         self._dt = settings.period / settings.substeps
         self._velocity: Array = np.zeros((0, 2))
         self._force: Array = np.zeros(0)
-        self._steps: Array = np.zeros(0)
+        self._looks: Array = np.zeros(0)
         self._trace: list[Array] = []
         self._seen: Observables | None = None
 
@@ -104,7 +114,7 @@ class _Loop:
         speed = self._settings.speed
         rise = path.points[np.argmax(path.points[:, 1]), 1]
         height = min(TAKEOVER, 0.9 * float(rise))
-        self._force, self._steps = np.zeros(count), np.zeros(count)
+        self._force, self._looks = np.zeros(count), np.zeros(count)
         travel, pace = 0.0, 0.0
         while path.at(travel)[1] < height:
             along = []
@@ -140,7 +150,7 @@ class _Loop:
         """What came of it."""
         touch = self._seen.touch if self._seen is not None else ()
         gone = [t.displacement if t is not None else np.nan for t in touch]
-        force = self._force / np.maximum(self._steps, 1)
+        force = self._force / np.maximum(self._looks, 1)
         return Folds(np.array(gone), touch, force, np.array(self._trace))
 
     def _ended(self, decision: Decision) -> bool:
@@ -148,15 +158,20 @@ class _Loop:
         return all(t is not None or d for t, d in zip(touch, decision.done, strict=True))
 
     def _advance(self, poses: Array) -> None:
-        seen = None
-        for pose in poses:
-            seen = self._engine.step(pose, self._dt)
-            going = np.array([t is None for t in seen.touch])
-            self._force += np.where(going, np.abs(seen.holding_force), 0.0)
-            self._steps += going
+        seen = _march(self._engine, poses, self._dt)
+        going = np.array([t is None for t in seen.touch])
+        self._force += np.where(going, np.abs(seen.holding_force), 0.0)
+        self._looks += going
         self.time += self._settings.period
         self.poses = poses[-1]
         self._seen = seen
-        if seen is not None:
-            self.eye.remember(seen)
+        self.eye.remember(seen)
         self._trace.append(self.poses[:, :2].copy())
+
+
+def _march(engine: Stepper, poses: Array, dt: float) -> Observables:
+    if isinstance(engine, Marching):
+        return engine.advance(poses, dt)
+    for pose in poses[:-1]:
+        engine.step(pose, dt)
+    return engine.step(poses[-1], dt)

@@ -1,0 +1,60 @@
+"""The reward of the paper, as a cost to be made small."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.strip.engine import Stepper
+from drivers.strip.file import GRAVITY, StripFile
+from drivers.strip.model import describe
+from drivers.types import Array
+from policies.feedback import Feedback
+from policies.rollout import Folds, Rollout, roll_out
+from policies.sensing import Sensing
+from policies.train.settings import TrainingSettings
+
+
+def rollout_settings(settings: TrainingSettings) -> Rollout:
+    """How training folds: late and noisy, in coarse steps."""
+    sensing = Sensing(settings.contact_sigma, settings.contact_sigma, (0.0, settings.delay))
+    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing)
+
+
+def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
+    """-R of each fold (n,) [m]: |d| at the touch, plus a |f_x| / N over the weight [N].
+
+    Without a touch, the strip's length and how far the gripper still was from the fixed edge:
+    worse than any touch, and less so the nearer (paper, reward shaping).
+    """
+    left = np.abs(folds.trace[-1][:, 0])
+    end = np.where(folds.touched, np.abs(folds.displacement), length + left)
+    return np.asarray(end + force_weight * folds.holding_force / weight)
+
+
+def costs(
+    engine: Stepper,
+    candidates: Array,
+    strips: Sequence[StripFile],
+    settings: TrainingSettings,
+    rng: np.random.Generator,
+) -> Array:
+    """Mean cost (p,) [m] of `candidates` (p, WEIGHTS), each over the same strips and noise."""
+    folds = fold_all(engine, candidates, strips, rollout_settings(settings), rng)
+    weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
+    each = fold_cost(folds, weight, strips[0].length, settings.force_weight)
+    return np.asarray(each.reshape(len(candidates), -1).mean(axis=1))
+
+
+def fold_all(
+    engine: Stepper,
+    candidates: Array,
+    strips: Sequence[StripFile],
+    rollout: Rollout,
+    rng: np.random.Generator,
+) -> Folds:
+    """Every strip folded by every candidate, candidates outermost."""
+    models = [describe(strip) for strip in strips] * len(candidates)
+    policy = Feedback(candidates)
+    return roll_out(
+        policy, engine, strips[0], models, settings=rollout, rng=rng, groups=len(candidates)
+    )

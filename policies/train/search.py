@@ -1,0 +1,100 @@
+"""CMA-ES over the weights of the feedback network."""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from cmaes import CMA
+
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from policies.train.journal import Journal, Line
+from policies.train.settings import TrainingSettings
+from policies.train.start import first_weights
+
+Evaluate = Callable[[Array, int], Array]  # candidates (p, WEIGHTS), generation -> costs (p,) [m]
+Validate = Callable[[Array], float]  # weights (WEIGHTS,) -> rms d [m] over strips kept apart
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """State of the search after a generation: `best` and `mean` cost of its candidates [m],
+    `validated` rms d [m] where it was measured, wall time `seconds` that it took.
+    """
+
+    generation: int
+    best: float
+    mean: float
+    validated: float | None
+    seconds: float
+
+
+class Search:
+    """Asks and tells; `weights` are the optimiser's mean where it validated best so far."""
+
+    def __init__(self, settings: TrainingSettings, journal: Journal) -> None:
+        self.settings = settings
+        self.weights: Array = first_weights(np.random.default_rng(settings.seed))
+        self.validated = np.inf
+        self._journal = journal
+        self._optimiser = CMA(
+            mean=self.weights.copy(),
+            sigma=settings.sigma,
+            seed=settings.seed,
+            population_size=settings.population,
+        )
+
+    def run(self, evaluate: Evaluate, validate: Validate) -> Iterator[Progress]:
+        """The generations that are left, one at a time; those in the journal are told again."""
+        for line in list(self._journal.generations):
+            self._tell_again(line)
+        while self._optimiser.generation < self.settings.generations:
+            yield self._generation(evaluate, validate)
+
+    def _generation(self, evaluate: Evaluate, validate: Validate) -> Progress:
+        number = self._optimiser.generation
+        start = time.monotonic()
+        asked = self._ask()
+        told = evaluate(asked, number)
+        self._tell(asked, told)
+        validated = None
+        if (number + 1) % self.settings.validate_every == 0:
+            validated = validate(self._optimiser.mean)
+            self._keep(validated)
+        done = Progress(
+            generation=number,
+            best=float(told.min()),
+            mean=float(told.mean()),
+            validated=validated,
+            seconds=round(time.monotonic() - start, 3),
+        )
+        self._journal.append({"asked": _digest(asked), "costs": told.tolist(), **asdict(done)})
+        return done
+
+    def _tell_again(self, line: Line) -> None:
+        asked = self._ask()
+        if _digest(asked) != line["asked"]:
+            raise ConfigurationError(
+                f"{self._journal.path}: was written by other numerical libraries; "
+                "begin again in another output folder"
+            )
+        self._tell(asked, np.array(line["costs"]))
+        if line["validated"] is not None:
+            self._keep(line["validated"])
+
+    def _ask(self) -> Array:
+        return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
+
+    def _tell(self, asked: Array, told: Array) -> None:
+        self._optimiser.tell([(x, float(c)) for x, c in zip(asked, told, strict=True)])
+
+    def _keep(self, validated: float) -> None:
+        if validated < self.validated:
+            self.validated = validated
+            self.weights = self._optimiser.mean.copy()
+
+
+def _digest(asked: Array) -> str:
+    return hashlib.sha256(asked.tobytes()).hexdigest()[:16]

@@ -1,0 +1,113 @@
+"""Training: deterministic, survives kills, and makes the policy better."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.strip.file import paper_damping_minimum
+from drivers.types import Array
+from policies.domain import grid, sample, strip_at
+from policies.network import WEIGHTS, HeadingNetwork
+from policies.rollout import Folds
+from policies.train.journal import Journal
+from policies.train.objective import fold_cost
+from policies.train.search import Search
+from policies.train.settings import TrainingSettings
+from policies.train.start import first_weights
+
+SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
+
+
+def bowl(candidates: Array, generation: int) -> Array:
+    """A cost that also depends on the generation, as sampled strips do."""
+    wobble = np.random.default_rng(generation).normal() * 1e-3
+    return np.asarray(np.sum((candidates - 1.0) ** 2, axis=1) + wobble)
+
+
+def depth(weights: Array) -> float:
+    return float(np.sum((weights - 1.0) ** 2))
+
+
+def train(folder: Path, generations: int, settings: TrainingSettings = SETTINGS) -> Search:
+    search = Search(settings, Journal(folder / "feedback.jsonl", settings))
+    run = search.run(bowl, depth)
+    for _ in range(generations):
+        if next(run, None) is None:
+            break
+    return search
+
+
+def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(tmp_path: Path) -> None:
+    alone = train(tmp_path / "alone", 99)
+    train(tmp_path / "killed", 3)
+    train(tmp_path / "killed", 5)
+    again = train(tmp_path / "killed", 99)
+    np.testing.assert_array_equal(alone.weights, again.weights)
+    lines = [
+        len(Journal(tmp_path / n / "feedback.jsonl", SETTINGS).generations)
+        for n in ("alone", "killed")
+    ]
+    assert lines == [12, 12]
+
+
+def test_line_cut_off_by_a_kill_is_dropped_and_done_again(tmp_path: Path) -> None:
+    alone = train(tmp_path / "alone", 99)
+    train(tmp_path / "torn", 7)
+    path = tmp_path / "torn" / "feedback.jsonl"
+    path.write_bytes(path.read_bytes()[:-40])
+    again = train(tmp_path / "torn", 99)
+    np.testing.assert_array_equal(alone.weights, again.weights)
+
+
+def test_finished_run_is_not_folded_again(tmp_path: Path) -> None:
+    first = train(tmp_path, 99)
+    search = Search(SETTINGS, Journal(tmp_path / "feedback.jsonl", SETTINGS))
+    assert list(search.run(lambda *_: pytest.fail("folded again"), depth)) == []
+    np.testing.assert_array_equal(first.weights, search.weights)
+
+
+def test_journal_of_other_settings_is_refused(tmp_path: Path) -> None:
+    train(tmp_path, 2)
+    other = SETTINGS.model_copy(update={"seed": 1})
+    with pytest.raises(ConfigurationError, match="other settings"):
+        train(tmp_path, 1, other)
+
+
+def test_search_goes_down_and_keeps_what_validated_best(tmp_path: Path) -> None:
+    settings = SETTINGS.model_copy(update={"generations": 60})
+    search = train(tmp_path, 99, settings)
+    start = depth(first_weights(np.random.default_rng(0)))
+    assert search.validated < 0.8 * start
+    assert search.validated == pytest.approx(depth(search.weights))
+
+
+def test_cost_is_the_papers_reward_and_no_touch_is_the_worst() -> None:
+    trace = np.array([[[0.1, 0.1], [0.1, 0.1], [0.05, 0.1]]])
+    folds = Folds(np.array([-0.02, np.nan, np.nan]), (None,) * 3, np.full(3, 3.0), trace)
+    cost = fold_cost(folds, weight=np.full(3, 10.0), length=0.6, force_weight=0.01)
+    assert cost[0] == pytest.approx(0.02 + 0.01 * 0.3)
+    assert cost[1] > cost[2] > 0.6
+
+
+def test_start_draws_a_raised_triangle() -> None:
+    import torch
+
+    network = HeadingNetwork(first_weights(np.random.default_rng(0)))
+    states = torch.tensor([[[0.8, 0.2, 0.7], [0.2, 0.3, 0.2]]], dtype=torch.float64)
+    with torch.inference_mode():
+        heading = network(states)[0].numpy() / np.pi
+    assert heading == pytest.approx([0.73, 1.25], abs=0.01)
+    assert len(first_weights(np.random.default_rng(0))) == WEIGHTS
+
+
+def test_papers_range_has_its_corners_and_samples_stay_inside() -> None:
+    corner = strip_at(0.0, 1.0)
+    assert corner.retardation_time == pytest.approx(50 * paper_damping_minimum(0.02) / 0.02)
+    lengths = [strip.bending_length for strip in grid(12)]
+    assert min(lengths) == pytest.approx(0.0135, abs=1e-4)
+    assert max(lengths) == pytest.approx(0.0333, abs=1e-4)
+    drawn = sample(4, np.random.default_rng(0))
+    assert len(drawn) == 16
+    assert all(0.0135 < strip.bending_length < 0.0334 for strip in drawn)
