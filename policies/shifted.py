@@ -3,9 +3,8 @@
 from policies.follower import PathPolicy
 from policies.path import Path, triangular
 
-RISE = 0.042  # m; at 0.1 m/s over the paper's range |d| is least in the mean at 40, at worst at 43
-    0.042  # m; over the paper's range at 0.1 m/s |d| is least in the mean at 40, at worst at 43 mm
-)
+# m. Over the paper's range at 0.1 m/s |d| is least in the mean at 40 mm, at worst at 43 mm.
+RISE = 0.042
 
 
 class Shifted(PathPolicy):
