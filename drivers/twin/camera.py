@@ -14,6 +14,7 @@ from drivers.twin.scene import Scene
 from drivers.types import Frame
 
 SOURCE = "twin camera"
+NANO = 9  # digits of a second that the clock knows
 
 
 class Visible(Protocol):
@@ -64,7 +65,7 @@ class TwinCamera:
         if not self._connected:
             raise Fault("camera_closed", "a frame was read before connect or after close")
         sequence = self._last_arrived()
-        if sequence < 0 or sequence / self._settings.rate <= after:
+        if sequence < 0 or self._stamp(sequence) <= after:
             return None
         if self._newest is None or self._newest.sequence != sequence:
             self._newest = self._frame(sequence)
@@ -77,17 +78,23 @@ class TwinCamera:
 
     def _last_arrived(self) -> int:
         """Sequence of the newest frame that has arrived; -1 before the first."""
-        now, rate = self._clock.now(), self._settings.rate
-        sequence = floor((now - self._delay) * rate) + 1
-        while sequence >= 0 and sequence / rate + self._delay > now:
+        now = self._clock.now()
+        sequence = floor((now - self._delay) * self._settings.rate) + 1
+        while sequence >= 0 and self._arrival(sequence) > now:
             sequence -= 1
         return max(sequence, -1)
 
+    def _stamp(self, sequence: int) -> float:
+        return round(sequence / self._settings.rate, NANO)
+
+    def _arrival(self, sequence: int) -> float:
+        return round(self._stamp(sequence) + self._delay, NANO)
+
     def _frame(self, sequence: int) -> Frame:
-        stamp = sequence / self._settings.rate
+        stamp = self._stamp(sequence)
         image = self._renderer.render(self._exposure(stamp - self._latency), sequence)
         image.setflags(write=False)
-        return Frame(stamp, stamp + self._delay, SOURCE, sequence, image)
+        return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
     def _exposure(self, middle: float) -> list[Scene]:
         """Moments at the middles of equal parts of the exposure, none before the run began."""

@@ -58,11 +58,24 @@ def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Ar
 
 def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
     """A dark plate with a bright disc whose centre is the gripper point in the plane y = 0."""
-    angle = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     centre = np.array([scene.gripper.x, scene.gripper.z])
-    fill(image, optics.plane(centre + PLATE * circle), colour * 0.5)
-    fill(image, optics.plane(centre + DISC * circle), BRIGHT)
+    _disc(image, centre, PLATE, optics, colour * 0.5)
+    _disc(image, centre, DISC, optics, BRIGHT)
+
+
+def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Array) -> None:
+    """A disc of `radius` [m] in the plane y = 0 with exact coverage of its border, in place."""
+    middle, *sides = optics.plane(centre + radius * np.array([(0, 0), (1, 0), (0, 1)]))
+    axes = np.array(sides) - middle
+    reach = int(np.abs(axes).sum(axis=0).max()) + 2
+    left, top = (max(round(float(p)) - reach, 0) for p in middle)
+    part = image[top : top + 2 * reach + 1, left : left + 2 * reach + 1]
+    if part.size == 0:
+        return
+    v, u = np.mgrid[top : top + part.shape[0], left : left + part.shape[1]]
+    share = np.hypot(*np.moveaxis((np.stack([u, v], -1) - middle) @ np.linalg.inv(axes), -1, 0))
+    cover = np.clip((1 - share) * np.hypot(*axes[0]) + 0.5, 0, 1)[..., None]
+    part[:] = part + cover * (colour - part) + 0.5
 
 
 def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Array, Array]:
