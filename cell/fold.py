@@ -54,9 +54,9 @@ def fold(
     settings, strip = configs.cell(), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
+    devices = open_cell(settings, strip, request.choice, calibrating=False)
     calibration = calibration_of(settings)
     begun = time.perf_counter()
-    devices = open_cell(settings, strip, request.choice, calibrating=False)
     header = run_header(request, settings, strip, calibration)
     keep = request.frames or settings.record.frames
     writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)

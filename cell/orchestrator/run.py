@@ -265,6 +265,8 @@ class Run:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         elif touch is not None:
             name, reason, code = "layer_touch", "the layers touch", 0
+        elif cell.touches is not None:
+            name, reason, code = "calibrated", "all points were touched", 0
         else:
             name, reason, code = "path_done", "the path ended and no touch was seen", 1
         return Outcome(name, reason, code, touch, cell.edge_offset, duration)

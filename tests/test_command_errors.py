@@ -1,0 +1,162 @@
+"""Errors of input: one clear line, the right exit code, nothing half-written."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cell.__main__ import main
+from cell.config.places import BESIDE
+
+
+@pytest.fixture
+def configs(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+def refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
+) -> str:
+    """What a command that must be refused as bad input says: a line for each thing wrong."""
+    code = run(monkeypatch, *words)
+    told = capsys.readouterr()
+    assert code == 2, told
+    assert told.out == ""
+    assert "Traceback" not in told.err
+    assert told.err.startswith("cell: ")
+    return told.err.removeprefix("cell: ").strip()
+
+
+def test_unknown_strip_lists_the_known_ones(monkeypatch, capsys, configs, tmp_path) -> None:
+    line = refused(
+        monkeypatch,
+        capsys,
+        "fold",
+        "--strip",
+        "silk",
+        "--configs",
+        configs,
+        "--runs",
+        tmp_path / "r",
+    )
+    assert "silk" in line
+    assert "denim" in line
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("length: 0.6", "length: [0.6"), "not valid YAML"),
+        (("length: 0.6", "length: -1.0"), "length"),
+        (("length: 0.6", "thickness: thin\nlength: 0.6"), "given twice"),
+        (("length: 0.6", "length: long"), "length"),
+        (("length: 0.6", "lenght: 0.6"), "lenght"),
+        (("length: 0.6", "length: .nan"), "length"),
+        (("effects: {}", "effects: {wind: {speed: 1.0}}"), "wind"),
+        (("effects: {}", "effects: {camera_latency: {time: 0.01}}"), "camera_latency"),
+        (("schema: 1", "schema: 9"), "schema"),
+    ],
+)
+def test_broken_strip_file_names_file_and_key(
+    monkeypatch, capsys, configs, tmp_path, change, said
+) -> None:
+    path = configs / "strips" / "denim.yaml"
+    content = "\n".join(
+        line for line in path.read_text().splitlines() if not line.startswith("effects")
+    )
+    text = content + "\neffects: {}\n"
+    assert change[0] in text
+    path.write_text(text.replace(*change))
+    line = refused(
+        monkeypatch,
+        capsys,
+        *("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r"),
+    )
+    assert all(problem.startswith(str(path)) for problem in line.splitlines()), line
+    assert said in line
+    assert not (tmp_path / "r").exists()
+
+
+def test_unknown_policy_lists_the_known_ones(monkeypatch, capsys, tmp_path) -> None:
+    line = refused(
+        monkeypatch, capsys, "fold", "--strip", "denim", "--policy", "magic", "--runs", tmp_path
+    )
+    assert "magic" in line
+    assert "triangular" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"\x80\x04N.", b'{"schema": 1}'])
+def test_corrupt_checkpoint_is_refused(monkeypatch, capsys, tmp_path, content) -> None:
+    weights = tmp_path / "weights.json"
+    weights.write_bytes(content)
+    line = refused(
+        monkeypatch,
+        capsys,
+        *("fold", "--strip", "denim", "--checkpoint", weights, "--runs", tmp_path / "r"),
+    )
+    assert str(weights) in line
+    assert not (tmp_path / "r").exists()
+
+
+def test_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, tmp_path) -> None:
+    taken = tmp_path / "file"
+    taken.write_text("")
+    line = refused(monkeypatch, capsys, "fold", "--strip", "denim", "--runs", taken / "runs")
+    assert str(taken) in line
+    assert taken.read_text() == ""
+
+
+def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) -> None:
+    cell = configs / "cell.yaml"
+    cell.write_text(cell.read_text() + f"calibration: {tmp_path / 'gone.yaml'}\n")
+    line = refused(
+        monkeypatch,
+        capsys,
+        *("fold", "--strip", "denim", "--configs", configs, "--runs", tmp_path / "r"),
+    )
+    assert "gone.yaml" in line
+    assert "cell calibrate" in line
+    assert not (tmp_path / "r").exists()
+
+
+def test_drivers_of_later_versions_are_refused(monkeypatch, capsys, tmp_path) -> None:
+    line = refused(
+        monkeypatch, capsys, "fold", "--strip", "denim", "--arm", "fci", "--runs", tmp_path / "r"
+    )
+    assert "fci" in line
+    assert not (tmp_path / "r").exists()
+
+
+@pytest.mark.parametrize("command", ["report", "viz", "replay"])
+def test_folder_that_is_no_run_is_refused(monkeypatch, capsys, tmp_path, command) -> None:
+    line = refused(monkeypatch, capsys, command, tmp_path)
+    assert str(tmp_path) in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_imports_nothing_heavy() -> None:
+    import subprocess
+    import sys
+
+    script = (
+        "import sys\n"
+        "sys.argv = ['cell', '--help']\n"
+        "from cell.__main__ import main\n"
+        "try:\n    main()\n"
+        "except SystemExit:\n    pass\n"
+        "heavy = {'mujoco', 'cv2', 'torch', 'numba', 'rerun', 'matplotlib', 'pyarrow', 'numpy'}\n"
+        "print('heavy:', sorted(heavy & set(sys.modules)))\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.strip().endswith("heavy: []")
