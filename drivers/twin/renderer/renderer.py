@@ -10,7 +10,7 @@ from drivers.twin.renderer.curve import Curve, exposed
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, weave
+from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, seen, weave
 from drivers.twin.renderer.sensor import blurred, noise_bank, reach
 from drivers.twin.renderer.shadow import shadow_band, shadow_profile
 from drivers.twin.renderer.splat import Cloud, paint
@@ -69,8 +69,11 @@ class Renderer:
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
         """The strip's material, far to near."""
-        parts = (faces, near_edge)
-        return tuple(part(curve, self._optics, self._look, self._weave) for part in parts)
+        picture = seen(curve, self._optics, self._look)
+        return (
+            faces(curve, picture, self._optics, self._look, self._weave),
+            near_edge(curve, picture, self._weave),
+        )
 
     def _draw(
         self,

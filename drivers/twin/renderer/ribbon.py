@@ -13,6 +13,7 @@ from drivers.types import Array
 GRAIN = 0.0005  # m, grid of the weave
 ROWS, COLUMNS = 2048, 128  # its size, then it repeats
 PITCH = 0.5  # px between points of material
+PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 SPREAD = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
 AMBIENT = 0.62
@@ -50,49 +51,76 @@ def weave(depth: float, rng: np.random.Generator) -> Weave:
     return Weave(*(np.clip(part, 0.3, 1.7) for part in (face, 1 + depth * yarns)))
 
 
-def faces(curve: Curve, optics: Optics, look: StripLook, material: Weave) -> Cloud:
-    """Points of the side that the camera sees, from the near edge to the far one."""
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """The midline in the image, at y = 0: `near` (m, 2) [px] and what displacements become there.
+
+    `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
+    normal, `motion` (m, 2) the path during the exposure, None at rest.
+    """
+
+    near: Array
+    along: Array
+    half: Array
+    motion: Array | None
+
+
+def seen(curve: Curve, optics: Optics, look: StripLook) -> Seen:
+    """`curve` through the lens, linear about each of its points."""
     near = optics.plane(curve.points)
-    across = optics.plane(curve.points, look.width) - near
-    along = optics.plane(curve.points + curve.steps) - near
-    area = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
-    rows = np.ceil(area / np.hypot(*along.T) / PITCH).astype(np.int64)
+    by_x, by_z = ((optics.plane(curve.points + step) - near) / PROBE for step in PROBE * np.eye(2))
+
+    def moved(step: Array) -> Array:
+        return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])
+
+    half = moved(curve.normals * (look.thickness / 2))
+    motion = None if curve.motion is None else moved(curve.motion)
+    return Seen(near, moved(curve.steps), half, motion)
+
+
+def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material: Weave) -> Cloud:
+    """Points of the side that the camera sees, from the near edge to the far one."""
+    across = optics.plane(curve.points, look.width) - picture.near
+    area, length = _area(picture.along, across), np.hypot(*picture.along.T)
+    rows = np.ceil(area / length / PITCH).astype(np.int64)
     which = np.repeat(np.arange(len(rows)), rows)
-    row = np.arange(len(which)) - (np.cumsum(rows) - rows)[which]
-    depth = (row + 0.5) / rows[which]
-    u, v = (near[which, j] + depth * across[which, j] for j in range(2))
+    row = np.arange(len(which)) - np.repeat(np.cumsum(rows) - rows, rows)
+    share = 1 / np.maximum(rows, 1)
+    depth = (row + 0.5) * share[which]
+    u, v = (picture.near[which, j] + depth * across[which, j] for j in range(2))
     shade = _lit(curve, optics)[which] * material.at(curve.s[which], depth * look.width)
-    cloud = Cloud(u, v, (area / np.maximum(rows, 1))[which], shade)
-    return _blurred(cloud, curve, optics, which, row)
+    return _blurred(Cloud(u, v, (area * share)[which], shade), picture, which, row)
 
 
-def near_edge(curve: Curve, optics: Optics, look: StripLook, material: Weave) -> Cloud:
+def near_edge(curve: Curve, picture: Seen, material: Weave) -> Cloud:
     """Points of the cut edge in the plane y = 0: half a thickness to either side of the midline."""
-    half = curve.normals * (look.thickness / 2)
-    upper, lower = optics.plane(curve.points + half), optics.plane(curve.points - half)
-    across = lower - upper
-    along = optics.plane(curve.points + curve.steps) - (upper + lower) / 2
-    area = np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
-    rows = max(int(np.ceil(np.hypot(*across.T).max() / PITCH)), 2)
-    depth = (np.arange(rows) + 0.5) / rows
-    u, v = ((upper[:, j, None] + depth * across[:, j, None]).ravel() for j in range(2))
+    thickness = 2 * float(np.hypot(*picture.half.T).max())
+    rows = max(int(np.ceil(thickness / PITCH)), 2)
+    depth = (2 * np.arange(rows) + 1) / rows - 1
+    u, v = ((picture.near[:, j, None] + depth * picture.half[:, j, None]).ravel() for j in range(2))
+    area = _area(picture.along, 2 * picture.half) / rows
     shade = CUT * material.cut_at(curve.s)
-    cloud = Cloud(u, v, np.repeat(area / rows, rows), np.repeat(shade, rows))
     which, row = np.divmod(np.arange(len(u)), rows)
-    return _blurred(cloud, curve, optics, which, row)
+    return _blurred(Cloud(u, v, area[which], shade[which]), picture, which, row)
 
 
-def _blurred(cloud: Cloud, curve: Curve, optics: Optics, which: Indices, row: Indices) -> Cloud:
+def _area(along: Array, across: Array) -> Array:
+    """(m,) area of parallelograms [px^2]."""
+    return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
+
+
+def _blurred(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
     """`cloud` with each point at an instant of its own, so that neighbours together blur.
 
     `which` (n,) are the samples of the curve that the points belong to, `row` their rows there.
     """
-    if curve.motion is None:
+    if picture.motion is None:
         return cloud
-    half = curve.motion / 2
-    shift = optics.plane(curve.points + half) - optics.plane(curve.points - half)
-    instant = (which * SPREAD[0] + row * SPREAD[1]) % 1.0 - 0.5
-    u, v = cloud.u + instant * shift[which, 0], cloud.v + instant * shift[which, 1]
+    instant = which * SPREAD[0] + row * SPREAD[1]
+    instant -= np.floor(instant) + 0.5
+    u, v = (
+        place + instant * picture.motion[which, j] for j, place in enumerate((cloud.u, cloud.v))
+    )
     return Cloud(u, v, cloud.area, cloud.shade)
 
 
