@@ -12,7 +12,8 @@ from drivers.types import Array
 
 GRAIN = 0.0005  # m, grid of the weave
 ROWS, COLUMNS = 2048, 128  # its size, then it repeats
-PITCH = 0.5  # px between points of material
+PITCH = 0.5  # px between points of material along the strip
+DEPTH_PITCH = 0.65  # px, across its faces
 PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 SPREAD = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
@@ -82,7 +83,7 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     """Points of the side that the camera sees, from the near edge to the far one."""
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
-    rows = np.ceil(area / length / PITCH).astype(np.int64)
+    rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
     which = np.repeat(np.arange(len(rows)), rows)
     row = np.arange(len(which)) - np.repeat(np.cumsum(rows) - rows, rows)
     share = 1 / np.maximum(rows, 1)
