@@ -28,7 +28,7 @@ class NotConverged(Fault):
 
 
 class Rod:
-    """An implicit planar elastic rod of `segments` equal segments; see `Stepper`.
+    """An implicit planar elastic rod of `segments` segments; see `Stepper`.
 
     `order` 2 is BDF2, 1 backward Euler, which damps like fabric. A batch lies in blocks of
     `WIDTH` strips, one per lane; one or two strips are simulated without lanes. A strip whose
@@ -50,7 +50,8 @@ class Rod:
         self._strips = np.arange(blocks * lanes).reshape(blocks, lanes)
         self._nature = _packed(natures, lanes)
         states = np.zeros((blocks * lanes, rows, at.STATE))
-        states[:, :, at.X] = (np.arange(rows) - 1.0) * natures[:, :, at.SPAN]
+        states[:, 0, at.X] = -natures[:, 0, at.SPAN]
+        states[:, 1:, at.X] = np.cumsum(natures[:, :-1, at.SPAN], axis=1) + states[:, :1, at.X]
         states[:, :, at.X1] = states[:, :, at.X]
         self._state = _packed(states, lanes)
         tail = () if lanes == 1 else (WIDTH,)
@@ -59,9 +60,7 @@ class Rod:
         living = (np.arange(blocks * lanes) < count).astype(np.float64)
         self._alive = _packed(living[:, None, None], lanes)
         self._known = np.array([_limits(model) for model in models])
-        self._arc = np.stack(
-            [np.linspace(0.0, m.mechanics.length, self.segments + 1) for m in models]
-        )
+        self._arc = np.stack([at.lattice(m.mechanics.length, self.segments) for m in models])
         lengths = [m.mechanics.length for m in models]
         self._held = np.array([(length, 0.0, 0.0) for length in lengths])
         self._time, self._last_dt = 0.0, np.inf
@@ -99,7 +98,7 @@ class Rod:
         shapes = np.full((len(poses) // every if every else 0, count, self.segments + 1, 2), np.nan)
         outcome, block, k = film.follow(
             self._nature, self._state, self._work, self._band, self._strips, self._alive,
-            self._known, self._held, poses, shown, shapes, max(every, 1), self._time, dt,
+            self._known, self._arc, self._held, poses, shown, shapes, max(every, 1), self._time, dt,
             self._again * min(dt / self._last_dt, 2.0), self._again,
         )  # fmt: skip
         if outcome != film.FINE:

@@ -38,13 +38,13 @@ def gather(state: Any, lane: int, x: Any, z: Any) -> None:
 
 
 @kernel
-def measure(x: Any, z: Any, known: Any, shown: Any, time: float, h: float) -> Any:
+def measure(x: Any, z: Any, s: Any, known: Any, shown: Any, time: float, h: float) -> Any:
     """Observables of one strip into `shown`; whether its layers touched in this step."""
     shown[CONTACT_X] = desk_contact(x, z, known[HEIGHT])
     tip = rightmost(x)
     shown[TIP_X], shown[TIP_Z] = fold_tip(x, z, tip)
     height, index = layer_gap(x, z, tip, known[OPENING])
-    here_x, here_s = along(x, index), index * known[LENGTH] / (len(x) - 1)
+    here_x, here_s = along(x, index), along(s, index)
     touched = height <= known[TOUCH_GAP]
     if touched:
         settle_touch(known, height, here_x, here_s, time, h)
@@ -65,7 +65,15 @@ def settle_touch(known: Any, height: float, x: float, s: float, time: float, h: 
 
 @kernel
 def observe(
-    state: Any, work: Any, strips: Any, alive: Any, known: Any, shown: Any, time: float, h: float
+    state: Any,
+    work: Any,
+    strips: Any,
+    alive: Any,
+    arc: Any,
+    known: Any,
+    shown: Any,
+    time: float,
+    h: float,
 ) -> None:
     """Measure every living lane; a strip whose layers touched lives no longer."""
     x, z = np.empty(state.shape[0] - 2), np.empty(state.shape[0] - 2)
@@ -73,8 +81,8 @@ def observe(
         if pick(alive, 0, 0, lane) > 0.0:
             i = strips[lane]
             gather(state, lane, x, z)
-            shown[i, HOLDING] = -pick(work, 1, at.PULL_X, lane)
-            if measure(x, z, known[i], shown[i], time, h):
+            shown[i, HOLDING] = -pick(state, 1, at.TENSION, lane)
+            if measure(x, z, arc[i], known[i], shown[i], time, h):
                 put(alive, 0, 0, lane, 0.0)
 
 
@@ -124,6 +132,7 @@ def follow(
     strips: Any,
     alive: Any,
     known: Any,
+    arc: Any,
     held: Any,
     poses: Any,
     shown: Any,
@@ -155,7 +164,7 @@ def follow(
             time = start + (k + 1) * h
             if len(shapes) > 0 and (k + 1) % every == 0:
                 record(state[b], strips[b], alive[b], shapes[(k + 1) // every - 1])
-            observe(state[b], work, strips[b], alive[b], known, shown[k], time, h)
+            observe(state[b], work, strips[b], alive[b], arc, known, shown[k], time, h)
             hold(held, poses[k], strips[b])
             ratio = again
     return FINE, 0, 0

@@ -7,7 +7,7 @@ eight strips in one vector register or one strip alone, operation for operation,
 
 import operator
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec
 
 from llvmlite import ir
 from numba import types
@@ -17,7 +17,7 @@ from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic
 
-F = TypeVar("F", bound=Callable[..., Any])
+P = ParamSpec("P")
 
 WIDTH = 8
 VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
@@ -112,10 +112,10 @@ def _native(name: str, count: int) -> Callable[..., Any]:
     return generate
 
 
-def _inlined(function: F) -> F:
-    """`function` gives the type and the generator of code that takes the place of a call."""
-    compiled: F = intrinsic(function)
-    return compiled
+def _inlined(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
+    """`function` gives the type and the generator of the code that takes the place of a call."""
+    code: Callable[P, Any] = intrinsic(function)
+    return code
 
 
 @_inlined

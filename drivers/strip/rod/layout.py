@@ -19,24 +19,38 @@ X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
 STATE = 12
 
 # Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
-MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, DAMP, SLIP, STICK, REST, AXIAL, SPAN, FLOOR = range(13)
-NATURE = 13
+MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, DAMP, SLIP, STICK, REST = range(10)
+AXIAL, SPAN, SHARE, FLOOR = range(10, 14)
+NATURE = 14
 
 # Work of one Newton iteration.
 HAT_X, HAT_Z, BASE_X, BASE_Z, BASE_EPS, TANGENT = range(6)
 TURN_X, TURN_Z, PULL_X, PULL_Z, S_XX, S_XZ, S_ZZ, TAUT, GROWTH = range(6, 15)
 WORK = 15
 
-INEXTENSIBLE = 1e5  # axial stiffness over weight: 10 ppm of strain under its own weight
+GRADED = 0.1  # share of the segments that grow finer towards the grip
+FINEST = 1 / 8  # length of the last of them over that of an equal one
+INEXTENSIBLE = 1e6  # axial stiffness over weight
 SINK = 2e-5  # m over which the desk takes up the weight
 
 
+def lattice(length: float, segments: int) -> Array:
+    """Arc lengths of the nodes (segments + 1,) [m]: equal segments, finer towards the grip.
+
+    A taut strip bends to the grip's pitch within sqrt(EI / T), a millimetre or two, and where it
+    leaves the desk hangs on the length lost in that bend.
+    """
+    before_grip = (segments - 0.5 - np.arange(segments)) / segments
+    spans = np.minimum(1.0, FINEST ** (1.0 - before_grip / GRADED))
+    arc = np.concatenate([[0.0], np.cumsum(spans)])
+    return np.asarray(arc * (length / arc[-1]))
+
+
 def nature(model: StripModel, segments: int) -> Array:
-    """The description lumped onto `segments` equal segments -> (segments + 3, NATURE)."""
+    """The description lumped onto `segments` segments -> (segments + 3, NATURE)."""
     mechanics = model.mechanics
-    length = mechanics.length
-    span = length / segments
-    nodes = np.clip((np.arange(segments + 2) - 0.5) * span, 0.0, length)
+    arc = lattice(mechanics.length, segments)
+    nodes = np.concatenate([[0.0], 0.5 * (arc[1:] + arc[:-1]), [mechanics.length]])
     rows = np.zeros((segments + 3, NATURE))
     inner = rows[1:-1]
     inner[:, MASS] = mechanics.total(mechanics.linear_density, nodes)
@@ -46,7 +60,9 @@ def nature(model: StripModel, segments: int) -> Array:
     inner[:, DESK] = -inner[:, LOAD_Z]
     _lump_bending(inner, mechanics, nodes)
     weight = float(inner[:, MASS].sum()) * float(np.hypot(gx, gz))
-    rows[:, SPAN] = span
+    spans = np.diff(arc)
+    rows[:, SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
+    rows[:, SHARE] = rows[:, SPAN] / mechanics.length
     rows[:, FLOOR] = -weight
     rows[:, AXIAL] = INEXTENSIBLE * weight
     return rows

@@ -9,7 +9,8 @@ from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
 
 ITERATIONS = 10
-TOLERANCE = 2e-5  # m, root of the summed squares of the last correction
+TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments
+WILD = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
 FIRST = 2  # row of the first free node
 
 
@@ -77,40 +78,51 @@ def assemble(nature: Any, state: Any, work: Any, band: Any, r: int, rate: Any) -
 
 
 @kernel
-def correct(state: Any, work: Any, band: Any, last: int, gate: Any) -> Any:
+def correct(nature: Any, state: Any, work: Any, band: Any, last: int, gate: Any) -> Any:
     """Move the free nodes by the solution where `gate`, and the tensions with them.
 
     T = EA (l / l0 - 1 + t de / l0): the tension of the linearised segment, free of the stretch
-    that a turn of a straight piece feigns. Returns the sum of the squared moves.
+    that a turn of a straight piece feigns. Returns the mean and the largest of the squared turns
+    of the segments [rad^2].
     """
-    size = like(state, 0.0)
+    turned, wildest = like(state, 0.0), like(state, 0.0)
     x0, z0 = like(state, 0.0), like(state, 0.0)
     for r in range(FIRST, last + 2):
         dx, dz = load(band, 2 * r, SIDE), load(band, 2 * r + 1, SIDE)
-        size = fma(dx, dx, fma(dz, dz, size))
         x, z = load(state, r, at.X), load(state, r, at.Z)
         store(state, r, at.X, choose(gate, x - dx, x))
         store(state, r, at.Z, choose(gate, z - dz, z))
         turn_x, turn_z = load(work, r - 1, at.TURN_X), load(work, r - 1, at.TURN_Z)
+        turn = fma(turn_x, dx - x0, turn_z * (dz - z0))
+        square = turn * turn
+        turned = fma(load(nature, r - 1, at.SHARE), square, turned)
+        wildest = choose(square - wildest, square, wildest)
         along = turn_z * (dx - x0) - turn_x * (dz - z0)
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
         store(state, r - 1, at.TENSION, choose(gate, tension, load(state, r - 1, at.TENSION)))
         x0, z0 = dx, dz
-    return size
+    return turned, wildest
 
 
 @kernel
 def solve(nature: Any, state: Any, work: Any, band: Any, rate: Any, alive: Any) -> Any:
-    """Newton until the last correction is below TOLERANCE; returns lanes that never got there."""
+    """Newton until segments turn less than TOLERANCE; the lanes that failed.
+
+    A lane whose segments turn more than WILD in one correction has failed: from there Newton may
+    find a shape with a kink, in equilibrium too, but not the one that follows in time.
+    """
     last = state.shape[0] - 3
     unsolved = alive
+    failed = 0.0 * alive
     for _ in range(ITERATIONS):
         internal(nature, state, work, rate)
         for r in range(FIRST, last + 1):
             assemble(nature, state, work, band, r, rate)
         substitute(band, 2 * FIRST, 2 * last + 1)
-        size = correct(state, work, band, last, unsolved)
-        unsolved = choose(below(size, TOLERANCE * TOLERANCE), 0.0 * unsolved, unsolved)
+        turned, wildest = correct(nature, state, work, band, last, unsolved)
+        sane = below(turned, WILD) * below(wildest, WILD)
+        failed = choose(unsolved * (1.0 - sane), unsolved, failed)
+        unsolved = unsolved * sane * (1.0 - below(turned, TOLERANCE * TOLERANCE))
         if not anywhere(unsolved):
             break
-    return unsolved
+    return choose(unsolved, unsolved, failed)

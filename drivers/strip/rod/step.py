@@ -56,12 +56,12 @@ def rewind(state: Any, gate: Any) -> None:
 
 
 @kernel
-def copy(target: Any, source: Any, fields: int, to: int, gate: Any) -> None:
-    """The first `fields` of `source` to those of `target` from `to` on, where `gate`."""
+def copy(source: Any, first: int, count: int, target: Any, to: int, gate: Any) -> None:
+    """`count` fields of `source` from `first` to those of `target` from `to`, where `gate`."""
     for r in range(target.shape[0]):
-        for c in range(fields):
+        for c in range(count):
             old = load(target, r, to + c)
-            store(target, r, to + c, choose(gate, load(source, r, c), old))
+            store(target, r, to + c, choose(gate, load(source, r, first + c), old))
 
 
 @kernel
@@ -79,10 +79,10 @@ def step(
     for parts in PARTS:
         failed = in_parts(block, work, band, held, poses, h, again, gate, parts)
         if not anywhere(failed):
-            copy(state, start, at.EPS, at.X1, gate)
-            copy(state, start[:, at.EPS :], 1, at.EPS1, gate)
+            copy(start, at.X, at.EPS, state, at.X1, gate)
+            copy(start, at.EPS, 1, state, at.EPS1, gate)
             break
-        copy(state, start, at.STATE, 0, gate)
+        copy(start, 0, at.STATE, state, 0, gate)
     return failed
 
 
