@@ -34,7 +34,7 @@ class Chain:
     def reset(self, models: Sequence[StripModel]) -> None:
         """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
 
-        Raises Unsupported for a strip that is not as long as stated.
+        Raises Unsupported for what a chain cannot represent.
         """
         self._models = tuple(models)
         self._strips = [ChainStrip(model, self._links) for model in models]

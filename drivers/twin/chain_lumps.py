@@ -43,15 +43,24 @@ class Lumps:
         span = np.diff(middles)
         mass = strip.total(strip.linear_density, nodes)
         scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
-        stiffness = strip.series(strip.rigidity, middles) * scale / span
+        bare = strip.series(strip.rigidity, middles) / span
+        stiffness = bare * scale
         return cls(
             spacing=strip.length / links,
             scale=scale,
             mass=mass * scale,
             stiffness=stiffness,
-            damping=stiffness * strip.mean(strip.viscosity / strip.rigidity, middles),
+            damping=stiffness * bare * strip.total(strip.viscosity / strip.rigidity**2, middles),
             rest=strip.total(strip.rest_curvature, middles),
             cubic=stiffness * law.cubic / span**2,
             presliding=stiffness * law.stiffness_ratio,
             slip=span * (law.yield_curvature / law.stiffness_ratio),
         )
+
+    def damping_at(self, h: float) -> Array:
+        """Damping (n + 1,) [N m s/rad] to simulate with steps of `h` [s].
+
+        An implicit step takes the spring's moment at its end, which damps like h times the
+        stiffness; what is left to add is the rest. This makes d of second order in the step.
+        """
+        return np.maximum(self.damping - h * self.stiffness, 0.0)

@@ -1,9 +1,11 @@
 """The MuJoCo description of a strip: a planar chain of hinges, desk and gripper."""
 
+from dataclasses import fields
+
 import mujoco
 
 from drivers.errors import Unsupported
-from drivers.strip.model import StripModel
+from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
 from drivers.twin.chain_contact import SOLIMP, SOLREF, STEP, solid
 from drivers.twin.chain_layers import Layers
 from drivers.twin.chain_lumps import Lumps
@@ -11,6 +13,11 @@ from drivers.twin.chain_lumps import Lumps
 GRIP_WEIGHT = 300.0  # 1/kg: a pull of 10 N stretches the grip by 0.07 mm
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
+KNOWN: dict[type, str] = {
+    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law",
+    BendingLaw: "cubic yield_curvature stiffness_ratio",
+    Boundary: "gravity",
+}
 
 
 def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
@@ -18,10 +25,9 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 
     Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
     Without `layers` only the desk carries the strip, with them its layers rest on each other.
-    Raises Unsupported for a strip that is not as long as stated.
+    Raises Unsupported for what a chain cannot represent.
     """
-    if abs(model.mechanics.length - model.stated_length) > 1e-9:
-        raise Unsupported("chain", "a strip that is not as long as stated")
+    _check(model)
     lumps = Lumps.of(model, links)
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()
@@ -54,6 +60,16 @@ def compiled(model: StripModel, links: int, layers: Layers | None = None) -> muj
     return chain
 
 
+def _check(model: StripModel) -> None:
+    if abs(model.mechanics.length - model.stated_length) > 1e-9:
+        raise Unsupported("chain", "a strip that is not as long as stated")
+    for part in (model.mechanics, model.mechanics.law, model.boundary):
+        for field in fields(part):
+            known = field.name in KNOWN[type(part)].split()
+            if not known and getattr(part, field.name) != field.default:
+                raise Unsupported("chain", f"the description's {field.name}")
+
+
 def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
     off = mujoco.mjtDisableBit
     spec.compiler.degree = False
@@ -84,7 +100,7 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
         stiffness=[lumps.stiffness[node], 0.0, lumps.cubic[node]],
-        damping=[lumps.damping[node], 0.0, 0.0],
+        damping=[lumps.damping_at(STEP)[node], 0.0, 0.0],
         springref=lumps.rest[node],
     )
     if lumps.slip[node] > 0:

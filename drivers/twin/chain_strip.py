@@ -24,9 +24,8 @@ class ChainStrip:
     """
 
     def __init__(self, model: StripModel, links: int) -> None:
-        lumps = Lumps.of(model, links)
         self._description, self._links = model, links
-        self._spacing, self._scale = lumps.spacing, lumps.scale
+        self._lumps = Lumps.of(model, links)
         self._load(compiled(model, links))
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
         self._grip = Grip.at_rest(np.array([model.stated_length, 0.0, 0.0]))
@@ -48,7 +47,7 @@ class ChainStrip:
         Raises SimulationNotFinite when the strip leaves the finite numbers.
         """
         start, h = self._grip.pose, dt / parts
-        self._model.opt.timestep = h
+        self._pace(h)
         for part in range(1, parts + 1):
             grip = self._grip.to(start + (pose - start) * (part / parts), h)
             if self.touch is None:
@@ -61,7 +60,7 @@ class ChainStrip:
     def holding_force(self) -> float:
         """Horizontal force [N] of the fixed edge on the strip during the last step."""
         along = self._data.site_xmat[0, :3] @ self._data.sensordata
-        return -float(along) / self._scale
+        return float(along) / self._lumps.scale
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
         """A step, and another one from the same start with solid layers when they meet in it."""
@@ -75,7 +74,7 @@ class ChainStrip:
         if self.touch is not None:
             layers = Layers.of(self._angles()[:-1])
             self._load(compiled(self._description, self._links, layers))
-            self._model.opt.timestep = h
+            self._pace(h)
             mujoco.mj_setState(self._model, self._data, self._state, STATE)
             self._step(grip, h)
 
@@ -89,6 +88,11 @@ class ChainStrip:
         diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
         if diverged or not np.isfinite(self.points).all():
             raise SimulationNotFinite("chain", self._time + h)
+
+    def _pace(self, h: float) -> None:
+        if self._model.opt.timestep != h:
+            self._model.opt.timestep = h
+            self._model.dof_damping[:] = self._lumps.damping_at(h)
 
     def _load(self, model: mujoco.MjModel) -> None:
         # A strip that diverges is a fault with a name, not a line on the screen.
@@ -105,7 +109,7 @@ class ChainStrip:
         nodes = np.zeros((self._links + 1, 2))
         nodes[1:, 0] = np.cos(angles)
         nodes[1:, 1] = np.sin(angles)
-        return np.asarray(nodes.cumsum(axis=0) * self._spacing)
+        return np.asarray(nodes.cumsum(axis=0) * self._lumps.spacing)
 
 
 def _unheard(_: str) -> None:
