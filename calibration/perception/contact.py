@@ -11,7 +11,8 @@ from drivers.types import Array, Image
 
 SPACING = 0.0003  # m between samples along the line
 AVERAGE = 9  # samples over which a sample is averaged against noise
-MARGIN = 0.012  # m of desk that must follow
+START = 10  # samples that tell whether the strip lies at the line's beginning
+MARGIN = 0.004  # m of desk that must follow
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +55,12 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     """
     at = (line.pixels - origin).astype(np.float32)
     sampled = cv2.remap(levels, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR)[0]
-    along = share(cv2.blur(sampled[None, :].astype(np.float32), (AVERAGE, 1))[0])
+    along = share(np.convolve(sampled, np.ones(AVERAGE) / AVERAGE, mode="same"))
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
+    if strip[:START].mean() < 0.5:  # the strip rises at its very beginning
+        return Contact(float(line.x[0]), 0.5)
     ahead = int(MARGIN / SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
     started = np.maximum.accumulate(strip)
@@ -67,7 +70,8 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
         return Contact(x, 1.0 if strip[-1] else 0.0)
     i = int(ends[0])
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
-    before = float(along[max(i - 2 * ahead, 0) : max(i - ahead, 1)].mean())
-    after = float(along[i + ahead : i + 2 * ahead].mean()) if i + ahead < len(along) else 0.0
+    aside = 3 * ahead
+    before = float(along[max(i - 2 * aside, 0) : max(i - aside, 1)].mean())
+    after = float(along[i + aside : i + 2 * aside].mean()) if i + aside < len(along) else 0.0
     confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
     return Contact(float(line.x[i] + part * SPACING), confidence)

@@ -58,7 +58,7 @@ class LayerTouch:
         if closing is None:
             return None
         time, speed = closing
-        time -= self._settings.touch_margin / speed
+        time += self._settings.touch_margin / speed
         after = t >= time
         if after.sum() < 3:
             return None

@@ -11,7 +11,7 @@ from calibration.perception.profile import Geometry, midline_points, ordered, re
 from calibration.perception.region import START, Region, hide_hand, strip_region
 from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import Sight
-from calibration.perception.silhouette import outer_side, silhouette
+from calibration.perception.silhouette import Grip, outer_side, silhouette
 from drivers.strip.file import StripFile
 from drivers.strip.shape import fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
@@ -51,10 +51,11 @@ class Perception:
             appearance,
             settings.contact_height,
             strip.thickness,
-            (START + 0.002, strip.length + 0.01),
+            (START + 0.0005, strip.length + 0.01),
         )
         shadow = calibration.to_image(np.array([[strip.length / 2, settings.shadow_height]]))
         self._desk_row = round(float(shadow[0, 1]))
+        self._scale = _scale(calibration)
 
     def look(self, frame: Frame, gripper: Pose) -> Sight:
         """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
@@ -85,11 +86,12 @@ class Perception:
         """The lifted strip's midline in the window `levels` of the image."""
         if not np.isfinite(contact.x):
             return UNSEEN
+        if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
+            return Curve(np.empty((0, 2)), contact.confidence)
         mask = silhouette(levels, self._faint, self._desk_row - region.top)
         hide_hand(mask, region, self._calibration, gripper)
-        ends = np.array([(contact.x, 0.0), (gripper.x, gripper.z)])
-        start, end = self._calibration.to_image(ends) - region.origin
-        side = outer_side(mask, start, end, self._settings.outline_step)
+        start, grip = self._ends(contact, gripper, region)
+        side = outer_side(mask, start, grip, self._settings.outline_step)
         if side is None:
             return UNSEEN
         geometry = Geometry(
@@ -100,15 +102,30 @@ class Perception:
         lifted = points[_first_lifted(points, contact.x) :]
         if len(lifted) < 8:
             return UNSEEN
-        missing = max(side.reach * midline.scale - self._settings.gripper_clearance, 0.0)
+        missing = max(side.missing * midline.scale - self._settings.gripper_clearance, 0.0)
         whole = np.clip(1 - missing / 0.03, 0.0, 1.0)
         even = resampled(lifted, self._settings.profile_points)
         return Curve(even, float(whole * midline.seen.mean()))
+
+    def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
+        beyond = 0.01 * np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+        held = np.array([gripper.x, gripper.z])
+        plane = np.array([(contact.x, 0.0), held, held + beyond])
+        start, point, after = self._calibration.to_image(plane) - region.origin
+        approach = (after - point) / np.hypot(*(after - point))
+        return start, Grip(point, approach, self._settings.gripper_clearance / self._scale)
 
     def _resting(self, contact_x: float) -> Array:
         """The midline (n, 2) [m] on the desk, up to the contact."""
         x = np.arange(0.0, max(contact_x, 0.0), self._settings.spacing)
         return np.column_stack([x, np.zeros_like(x)])
+
+
+def _scale(calibration: Calibration) -> float:
+    """Metres per pixel where the camera looks."""
+    lens = calibration.lens
+    middle = np.array([(lens.width / 2, lens.height / 2), (lens.width / 2 + 1, lens.height / 2)])
+    return float(np.hypot(*np.diff(calibration.to_plane(middle), axis=0)[0]))
 
 
 def _first_lifted(points: Array, contact_x: float) -> int:

@@ -8,7 +8,7 @@ import numpy as np
 from calibration.calibration import Calibration
 from drivers.types import Array, Image, Pose
 
-START = 0.003  # m, right of the clamp that holds the fixed edge
+START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.06  # m past the grasped edge at rest
 OVER = 0.012  # m above the gripper point

@@ -12,6 +12,7 @@ from drivers.types import Array, Image
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 SPECK = 12  # px, smaller patches are noise
 BRIDGE = 45.0  # px, longest break of an edge-on strip that is bridged
+ASIDE = 30.0  # px about the gripper point within which the fingers end the strip
 SMOOTH = 4  # px along the outline to either side of which directions are averaged
 
 Outline = NDArray[np.int32]
@@ -20,13 +21,30 @@ Outline = NDArray[np.int32]
 @dataclass(frozen=True, slots=True)
 class Side:
     """The outer side in order from the desk contact to the gripper: `points` (n, 2) [px] in the
-    window, unit `normals` (n, 2) out of the strip; `reach` [px] is how far from the gripper point
-    it ends.
+    window, unit `normals` (n, 2) out of the strip; `missing` [px] between its end and the grip.
     """
 
     points: Array
     normals: Array
-    reach: float
+    missing: float
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Where fingers cut the strip off, in the window: the gripper point (2,) [px], its unit
+    `approach` (2,), and the `clearance` [px] before it from where on nothing is believed.
+    """
+
+    point: Array
+    approach: Array
+    clearance: float
+
+    def cuts(self, outline: Array) -> NDArray[np.bool_]:
+        """Which points (n, 2) of an outline lie in the fingers' reach."""
+        away = outline - self.point
+        along = away @ self.approach
+        aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
+        return np.asarray((along > -self.clearance) & (aside < ASIDE) & (along < ASIDE))
 
 
 def silhouette(levels: Image, faint: float, desk_row: int) -> Image:
@@ -42,27 +60,30 @@ def silhouette(levels: Image, faint: float, desk_row: int) -> Image:
     return np.asarray(mask, dtype=np.uint8)
 
 
-def outer_side(mask: Image, contact: Array, gripper: Array, step: int) -> Side | None:
-    """Outer side of the silhouette from `contact` to `gripper` (2,) [px], a point every `step`.
+def outer_side(mask: Image, contact: Array, grip: Grip, step: int) -> Side | None:
+    """Outer side of the silhouette from `contact` (2,) [px] to the grip, a point every `step`.
 
-    With the strip on its left the outline runs from under the contact around the fold. None
-    where no body of strip is seen at the contact.
+    With the strip on its left the outline runs from under the contact around the fold, until the
+    fingers cut it off. None where no body of strip is seen at the contact.
     """
-    outline = _body(mask, contact, gripper)
+    outline = _body(mask, contact, grip.point)
     if outline is None:
         return None
     start = int(np.argmin(np.hypot(*(outline - contact).T)))
     ring = np.roll(outline, -start, axis=0)
-    away = np.hypot(*(ring - gripper).T)
-    end = int(np.argmin(away))
+    cut = grip.cuts(ring)
+    end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
     if end < 3 * step:
         return None
     smooth = _smoothed(ring)
     tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
-    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
+    speed = np.hypot(*tangent.T)
     picked = np.arange(0, end + 1, step)
+    picked = picked[speed[picked] > 0.5]  # where the outline turns back on itself it has no side
+    tangent /= np.maximum(speed, 1e-9)[:, None]
     normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    return Side(smooth[picked], normals[picked], float(away[end]))
+    missing = 0.0 if cut.any() else float(np.hypot(*(ring[end] - grip.point)))
+    return Side(smooth[picked], normals[picked], missing)
 
 
 def _smoothed(ring: Array) -> Array:
