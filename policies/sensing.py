@@ -13,16 +13,18 @@ from policies.policy import Observation
 class Sensing:
     """How images spoil the state.
 
-    One-sigma noise [m] of `desk_contact` and of the fold's rightmost point, anew in each image,
-    and the delay [s] of images, one value a strip, uniform over (low, high).
+    One-sigma noise [m] of `desk_contact` and of the fold's rightmost point, anew in each image;
+    one-sigma bias [m] of the contact, as calibration leaves it, and the delay [s] of images,
+    uniform over (low, high): both one value a strip.
     """
 
     contact_sigma: float = 0.001
     tip_sigma: float = 0.001
+    contact_bias: float = 0.001
     delay: tuple[float, float] = (0.0, 0.06)
 
 
-EXACT = Sensing(contact_sigma=0.0, tip_sigma=0.0, delay=(0.0, 0.0))
+EXACT = Sensing(contact_sigma=0.0, tip_sigma=0.0, contact_bias=0.0, delay=(0.0, 0.0))
 
 
 class Eye:
@@ -40,6 +42,8 @@ class Eye:
         self._rng = rng
         self._size = count // groups
         self._late = np.tile(rng.uniform(*sensing.delay, size=self._size), groups) / period
+        bias = np.tile(rng.normal(size=self._size), groups) * sensing.contact_bias
+        self._bias = np.column_stack([bias, np.zeros(count), np.zeros(count)])
         depth = int(np.ceil(sensing.delay[1] / period)) + 2
         self._recent: Array = np.full((depth, count, 3), np.nan)
 
@@ -55,7 +59,7 @@ class Eye:
         lane = np.arange(len(points))
         state = (1 - share) * self._recent[back, lane] + share * self._recent[back + 1, lane]
         noise = self._rng.normal(size=(self._size, 3)) * self._sigma
-        state = state + np.tile(noise, (self._groups, 1))
+        state = state + self._bias + np.tile(noise, (self._groups, 1))
         now = np.full(len(points), time)
         return Observation(
             time=now,

@@ -109,7 +109,7 @@ def test_gripper_never_turns_faster_than_its_limit() -> None:
 
 def test_images_are_as_old_as_their_stamps_say() -> None:
     policy = Watcher()
-    fold(policy, Ideal(touch_at=0.05), sensing=Sensing(0.0, 0.0, (0.05, 0.05)))
+    fold(policy, Ideal(touch_at=0.05), sensing=Sensing(0.0, 0.0, 0.0, (0.05, 0.05)))
     late = policy.seen[30]
     assert late.time - late.stamp == pytest.approx(0.05)
     assert late.contact_x - late.x == pytest.approx(0.05 * 0.1)
@@ -117,7 +117,7 @@ def test_images_are_as_old_as_their_stamps_say() -> None:
 
 def test_noise_is_drawn_anew_in_each_image_but_alike_in_each_group() -> None:
     rng = np.random.default_rng(0)
-    eye = Eye(Sensing(0.001, 0.002, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng)
+    eye = Eye(Sensing(0.001, 0.002, 0.0, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng)
     seen = Observables(0.0, np.full(4, 0.3), np.full((4, 2), 0.4), np.zeros(4), (None,) * 4)
     for _ in range(6):
         eye.remember(seen)

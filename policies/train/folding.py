@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,12 +10,12 @@ import torch
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.domain import grid, sample
-from policies.rollout import Folds, Rollout
-from policies.sensing import Sensing
-from policies.train.objective import costs, fold_all
+from policies.rollout import Folds
+from policies.train.objective import costs, fold_all, rollout_settings
 from policies.train.settings import TrainingSettings
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
+FINE = 100  # segments of the rod that judges
 VALIDATION = 8  # strips a side of the grid that picks among generations
 
 
@@ -51,11 +52,10 @@ def validator(settings: TrainingSettings) -> Callable[[Array], float]:
 
 
 def grid_folds(weights: Array, side: int, settings: TrainingSettings, seed: int) -> Folds:
-    """The `side` x `side` grid of the paper's range folded by `weights`, in finer steps."""
-    sensing = Sensing(settings.contact_sigma, settings.contact_sigma, (0.0, settings.delay))
-    rollout = Rollout(speed=settings.speed, sensing=sensing)
+    """The `side` x `side` grid of the paper's range folded by `weights`, finer than training."""
+    rollout = replace(rollout_settings(settings), substeps=3)
     rng = np.random.default_rng([seed, 2])
-    return fold_all(Rod(settings.segments), np.atleast_2d(weights), grid(side), rollout, rng)
+    return fold_all(Rod(FINE), np.atleast_2d(weights), grid(side), rollout, rng)
 
 
 def scored(folds: Folds) -> Array:

@@ -16,7 +16,11 @@ from policies.train.settings import TrainingSettings
 
 def rollout_settings(settings: TrainingSettings) -> Rollout:
     """How training folds: late and noisy, in coarse steps."""
-    sensing = Sensing(settings.contact_sigma, settings.contact_sigma, (0.0, settings.delay))
+    sensing = Sensing(
+        contact_sigma=settings.contact_sigma,
+        contact_bias=settings.contact_bias,
+        delay=(0.0, settings.delay),
+    )
     return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing)
 
 

@@ -11,7 +11,7 @@ class TrainingSettings(Settings):
     """
 
     seed: int = Field(0, ge=0)
-    generations: int = Field(150, ge=1)
+    generations: int = Field(300, ge=1)
     population: int = Field(24, ge=4)
     sigma: float = Field(0.05, gt=0)
     strips: int = Field(4, ge=1)
@@ -19,6 +19,7 @@ class TrainingSettings(Settings):
     segments: int = Field(60, ge=20)
     substeps: int = Field(2, ge=1)
     contact_sigma: float = Field(0.001, ge=0)
+    contact_bias: float = Field(0.001, ge=0)
     delay: float = Field(0.06, ge=0)  # s, largest
     force_weight: float = Field(0.01, ge=0)
     validate_every: int = Field(5, ge=1)
