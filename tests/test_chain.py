@@ -1,102 +1,24 @@
-"""The chain engine against theory, the paper's numbers, and itself."""
+"""The chain engine against the paper's numbers and against itself."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path as File
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp
 
 from drivers.errors import SimulationNotFinite
 from drivers.strip.effects import registry
-from drivers.strip.engine import StripMotion, simulate
-from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
-from drivers.strip.model import Boundary, StripModel, describe
-from drivers.strip.shape import Touch
+from drivers.strip.engine import StripMotion
+from drivers.strip.file import paper_damping_minimum, paper_strip
+from drivers.strip.model import describe
 from drivers.twin.chain import Chain
-from drivers.types import Array
-from policies.path import Path, circular, triangular
-
-H = 0.005  # s
-SPEED = 0.1  # m/s
-LENGTH = 0.6  # m
-
-
-def middling(**changes: object) -> StripFile:
-    """A strip in the middle of the paper's range."""
-    return paper_strip(0.0775, 7 * paper_damping_minimum(0.0775)).model_copy(update=changes)
-
-
-def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripMotion:
-    t = np.arange(0.0, path.length / SPEED, H)
-    motion = simulate(Chain(links), describe(strip), t, path.poses(t * SPEED), dt=dt)
-    assert motion.touch is not None
-    return motion
-
-
-def displacement(motion: StripMotion) -> float:
-    assert motion.touch is not None
-    return motion.touch.displacement
-
-
-def carry(chain: Chain, travel: float, path: Path) -> Array:
-    """Moves the gripper along `path` from its start to `travel` [m]; the pose (3,) there."""
-    poses = path.poses(np.arange(H, travel / SPEED, H) * SPEED)
-    for pose in poses:
-        chain.step(pose[None], H)
-    return np.asarray(poses[-1])
-
-
-def settle(chain: Chain, pose: Array, seconds: float) -> Array:
-    """Steps with the gripper at rest; the shape (nodes, 2) at the end."""
-    for _ in range(round(seconds / H)):
-        chain.step(pose[None], H)
-    return chain.shapes()[0]
+from policies.path import circular, triangular
+from tests.chain_moves import LENGTH, SPEED, H, carry, displacement, fold, middling, settle
 
 
 @pytest.fixture(scope="module")
 def triangle() -> StripMotion:
     return fold(middling(), triangular(LENGTH))
-
-
-class Laid:
-    """A strip folded along the triangle, laid down about its touch, then let go."""
-
-    def __init__(self, links: int, length: float) -> None:
-        self.model = describe(paper_strip(0.1, 0.005, length=length))
-        self.chain = Chain(links)
-        self.chain.reset([self.model])
-        self.touch, pose = self._fold(triangular(length))
-        pose = self._lay(pose)
-        self.held = settle(self.chain, pose, 0.5)
-        self.chain.release()
-        self.released = settle(self.chain, pose, 1.5)
-
-    def _fold(self, path: Path) -> tuple[Touch, Array]:
-        for pose in path.poses(np.arange(H, path.length / SPEED, H) * SPEED):
-            touch = self.chain.step(pose[None], H).touch[0]
-            if touch is not None:
-                return touch, pose
-        raise AssertionError("the layers never met")
-
-    def _lay(self, pose: Array) -> Array:
-        """Lower the edge about the touch, along a circle that grows to the layer's length."""
-        x, z = pose[:2] - (self.touch.x, self.model.mechanics.touch_gap)
-        start, radius = np.arctan2(z, x), np.hypot(x, z)
-        for share in np.linspace(0.0, 1.0, 600):
-            angle = start + share * (np.pi - start)
-            reach = radius + share * (self.touch.to_grasped - radius)
-            place = reach * np.array([np.cos(angle), np.sin(angle)])
-            place += (self.touch.x, self.model.mechanics.touch_gap)
-            pose = np.array([*place, np.pi / 2 * (1 + share)])
-            self.chain.step(pose[None], H)
-        return pose
-
-
-@pytest.fixture(scope="module")
-def laid() -> Laid:
-    return Laid(links=80, length=0.4)
 
 
 def test_flat_strip_stays_flat_and_still() -> None:
@@ -185,94 +107,6 @@ def test_strips_of_a_batch_do_not_know_each_other() -> None:
             chain.step(np.tile(pose, (len(batch), 1)), H)
         shapes.append(chain.shapes())
     np.testing.assert_array_equal(shapes[0], np.concatenate(shapes[1:]))
-
-
-def test_clamped_strip_bends_as_the_heavy_elastica() -> None:
-    """Clamped flat under gravity turned upwards, three bending lengths long."""
-    strip = paper_strip(0.3, 0.03, length=0.1)
-    model = describe(strip)
-    up = replace(model, boundary=Boundary(gravity=(0.0, -model.boundary.gravity[1])))
-    chain = Chain(80)
-    chain.reset([up])
-    chain.release()
-    tip = settle(chain, np.zeros(3), 3.0)[-1]
-    expected = heavy_elastica(strip.length, strip.bending_length)
-    assert np.hypot(*(tip - expected)) < 0.01 * np.hypot(*(expected - (strip.length, 0.0)))
-
-
-def heavy_elastica(length: float, bending_length: float) -> Array:
-    """Tip (2,) of EI theta'' = -w (L - s) cos(theta), theta(0) = 0, theta'(L) = 0."""
-
-    def slope(s: Array, y: Array) -> Array:
-        bend = -(length - s) * np.cos(y[0]) / bending_length**3
-        return np.array([y[1], bend, np.cos(y[0]), np.sin(y[0])])
-
-    def ends(a: Array, b: Array) -> Array:
-        return np.array([a[0], b[1], a[2], a[3]])
-
-    s = np.linspace(0.0, length, 101)
-    start = np.stack([s / length, np.ones_like(s) / length, s, s / 2])
-    solution = solve_bvp(slope, ends, s, start, tol=1e-8)
-    return np.array(solution.y[2:, -1])
-
-
-def test_fold_at_rest_is_as_high_as_the_heavy_elastica(laid: Laid) -> None:
-    c = (0.1 * 0.002 / (1.65 * 9.81)) ** (1 / 3)
-    assert laid.released[:, 1].max() == pytest.approx(0.9066 * c, rel=0.03)
-
-
-def test_laid_layers_rest_on_each_other_and_stay(laid: Laid) -> None:
-    upper = laid.released[laid.chain.arc()[0] > 0.4 - laid.touch.to_grasped + 0.02]
-    gap = laid.model.mechanics.touch_gap
-    assert np.abs(upper[:, 1] - gap).max() < 0.25 * gap
-    assert np.abs(laid.released - laid.held).max() < 0.5e-3
-
-
-def test_edge_is_laid_off_by_the_displacement(laid: Laid) -> None:
-    offset = laid.released[0, 0] - laid.released[-1, 0]
-    assert offset == pytest.approx(laid.touch.displacement, abs=1e-3)
-
-
-def test_released_edge_falls_to_the_desk() -> None:
-    chain = Chain(20)
-    chain.reset([describe(middling())])
-    pose = carry(chain, 0.15, triangular(LENGTH))
-    chain.release()
-    assert settle(chain, pose, 1.0)[-1, 1] == pytest.approx(0, abs=1e-4)
-
-
-def test_fixed_edge_holds_what_pulls_along_the_desk() -> None:
-    model = describe(middling())
-    tilted = replace(model, boundary=Boundary(gravity=(0.5, -9.8)))
-    chain = Chain(20)
-    chain.reset([tilted])
-    chain.release()
-    settle(chain, np.zeros(3), 1.0)
-    held = chain.step(np.zeros((1, 3)), H).holding_force[0]
-    assert held == pytest.approx(-0.5 * 1.65 * LENGTH, rel=1e-3)
-
-
-def bent_and_let_go(model: StripModel, curvature: float) -> Array:
-    """Curvatures at the inner hinges [1/m] that a weightless strip keeps."""
-    length, links = model.mechanics.length, 20
-    afloat = replace(model, boundary=Boundary(gravity=(0.0, 0.0)))
-    chain = Chain(links)
-    chain.reset([afloat])
-    for kappa in np.linspace(0.0, curvature, 200)[1:]:
-        turn = kappa * length
-        edge = np.array([np.sin(turn) / kappa, (1 - np.cos(turn)) / kappa, turn])
-        chain.step(edge[None], H)
-    chain.release()
-    edges = np.diff(settle(chain, edge, 4.0), axis=0)
-    return np.diff(np.arctan2(edges[:, 1], edges[:, 0])) / (length / links)
-
-
-def test_yarn_friction_keeps_a_sharply_bent_strip_bent_at_its_yield_curvature() -> None:
-    """EI kappa = friction moment = EI yield_curvature, once the friction slid back."""
-    strip = paper_strip(3.0, 0.9, length=0.1)
-    rubbing = strip.model_copy(update={"effects": {"bending_hysteresis": {"yield_curvature": 5.0}}})
-    np.testing.assert_allclose(bent_and_let_go(describe(strip), 20.0), 0.0, atol=0.05)
-    np.testing.assert_allclose(bent_and_let_go(describe(rubbing), 20.0), 5.0, rtol=0.02)
 
 
 def lawful() -> list[tuple[str, float]]:
