@@ -1,0 +1,103 @@
+"""Which model predicts better, and how sure that is: margins in nats, probabilities, weights."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap import robust
+from cell.gap.crossvalidation import Validated
+from drivers.types import Array
+
+MARGIN = 4.0  # nats
+LEVEL = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Yardstick:
+    """What a nat is worth here: the dispersion and the inefficiency of the best model.
+
+    Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
+    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
+    """
+
+    scale: float
+    inefficiency: float
+
+
+def yardstick(models: Sequence[Validated]) -> Yardstick:
+    """The yardstick of the model that fits best."""
+    best = min(models, key=lambda m: m.estimate.scale)
+    runs = best.estimate.evidence.runs
+    return Yardstick(best.estimate.scale, robust.inefficiency(runs, best.estimate.residuals))
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How much better one model predicts than another.
+
+    `gain` [nats] over runs left out, `se` its standard error over runs, `p` the probability of
+    such a margin if the other model were true, `distance` [sigma] between their fitted
+    predictions, `excess` the share of the other's excess gap that it removes.
+    """
+
+    gain: float
+    se: float
+    p: float
+    distance: float
+    removed: float
+
+
+def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
+    """Margin of `model` over `other`, nested or not."""
+    each = (other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency
+    gain = float(each.sum())
+    se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
+    distance = _distance(model, other, by)
+    if other.model.names < model.model.names:
+        p = _nested(model, other, by)
+    else:
+        p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
+    before, after = excess(other.left_out), excess(model.left_out)
+    removed = 1.0 - after / before if before > 0.0 else 0.0
+    return Margin(gain, se, p, distance, removed)
+
+
+def _nested(model: Validated, other: Validated, by: Yardstick) -> float:
+    """Likelihood ratio of fitted models (Wilks 1938); conservative where a sign is fixed."""
+    mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
+    its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
+    freedom = len(model.model.parameters) - len(other.model.parameters)
+    return float(stats.chi2.sf(max(0.0, 2.0 * (its - mine) / by.inefficiency), freedom))
+
+
+def _distance(model: Validated, other: Validated, by: Yardstick) -> float:
+    """Distance of fitted predictions [sigma]; Cox 1961 judges separate families by it."""
+    a = np.concatenate(model.estimate.residuals)
+    b = np.concatenate(other.estimate.residuals)
+    return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
+
+
+def excess(residuals: Sequence[Array]) -> float:
+    """sqrt(max(mean r^2 - 1, 0)), every run with equal weight."""
+    square = np.mean([np.mean(np.square(r)) for r in residuals])
+    return float(np.sqrt(max(square - 1.0, 0.0)))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Family-wise probabilities (Holm 1979), in the order given."""
+    order = np.argsort(p)
+    adjusted = np.empty(len(p))
+    running = 0.0
+    for rank, i in enumerate(order):
+        running = max(running, (len(p) - rank) * p[i])
+        adjusted[i] = min(1.0, running)
+    return [float(v) for v in adjusted]
+
+
+def weights(models: Sequence[Validated], by: Yardstick) -> list[float]:
+    """Share of each model in the predictive likelihood (pseudo-BMA; Yao et al. 2018)."""
+    total = np.array([-m.losses(by.scale).sum() / by.inefficiency for m in models])
+    share = np.exp(total - total.max())
+    return [float(v) for v in share / share.sum()]

@@ -1,0 +1,40 @@
+"""How small an effect these runs would still have shown."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cell.gap.compare import Yardstick
+from cell.gap.projection import Projection
+from cell.gap.screen import Probed
+
+SURE = 5.0  # sigma after the base is refitted: shown in all but one case of a hundred
+
+
+def detectable(
+    about: Projection, probed: Sequence[Probed], by: Yardstick
+) -> dict[str, float | None]:
+    """Smallest value of each effect's most telling parameter; None where it changes nothing.
+
+    The response of the probe nearest to SURE, refitted base projected out, scaled to SURE.
+    """
+    return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
+
+
+def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
+    best: tuple[float, float] | None = None
+    candidate = probed.candidate
+    for group, responses in zip(candidate.probes, probed.responses, strict=True):
+        form = about.form(about.weighed(responses))
+        for i, vector in enumerate(group):
+            power = form.curvature[i, i] / by.inefficiency
+            if power <= 1e-12:
+                continue
+            sigma = float(np.sqrt(power))
+            moved = [k for k, p in enumerate(candidate.parameters) if vector[k] != p.start]
+            p = candidate.parameters[moved[0]]
+            size = (vector[moved[0]] - p.start) * SURE / sigma
+            rank = abs(np.log(sigma / SURE))
+            if best is None or rank < best[0]:
+                best = (rank, p.shown(p.start + size))
+    return None if best is None else best[1]

@@ -1,0 +1,253 @@
+"""The whole investigation, stage by stage, for any subject."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap import lack_of_fit, search, shrink
+from cell.gap.advise import Advice, advise
+from cell.gap.ambiguity import Rival, classes, rivals
+from cell.gap.batch import Simulate, alone, together
+from cell.gap.compare import LEVEL, MARGIN, Yardstick, holm, yardstick
+from cell.gap.crossvalidation import Validated, validate
+from cell.gap.describe import Law, describe
+from cell.gap.detect import detectable
+from cell.gap.invariance import Invariance, invariance
+from cell.gap.lack_of_fit import Misfit
+from cell.gap.model import Evidence, Model, evidence
+from cell.gap.projection import projection
+from cell.gap.refit import Estimate, refit
+from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs
+from cell.gap.starts import Undetermined, refit_base, undetermined
+from cell.gap.subject import Experiment, Subject
+from cell.gap.where import Place, localise
+from drivers.types import Array
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a stage and the share of the whole that is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The refitted base and what it leaves."""
+
+    base: Validated
+    inflation: dict[str, float]
+    misfit: Misfit
+    places: tuple[Place, ...]
+    weak: tuple[Undetermined, ...]
+
+    @property
+    def gap(self) -> bool:
+        """Whether the base leaves more than noise, anywhere or overall."""
+        return self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What screening said of every candidate."""
+
+    probed: tuple[Probed, ...]
+    singles: tuple[Score, ...]
+    pairs: tuple[Score, ...]
+    p: dict[str, float]
+    detectable: dict[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The accepted model and every doubt about it."""
+
+    found: search.Found
+    invariances: dict[str, dict[str, Invariance]]
+    leftover: Misfit
+    rivals: tuple[Rival, ...]
+    classes: tuple[tuple[str, ...], ...]
+    law: Law | None
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The base and the accepted model on held-out runs."""
+
+    before: Estimate
+    after: Estimate
+    shrink: shrink.Shrink
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Everything that an investigation found."""
+
+    subject: Subject
+    held_out: tuple[str, ...]
+    fitted: Fitted
+    screened: Screened
+    judged: Judged
+    shown: Shown
+    advice: tuple[Advice, ...]
+
+
+def investigate(
+    subject: Subject, held_out: Sequence[str], simulate: Simulate, progress: Progress, seed: int = 0
+) -> Findings:
+    """Find, name and show what the model of `subject` lacks; `held_out` runs only judge."""
+    rng = np.random.default_rng(seed)
+    train = [run for run in subject.runs if run.name not in held_out]
+    test = [run for run in subject.runs if run.name in held_out]
+    progress("refit the base", 0.02)
+    fitted = _fit_base(subject, evidence(train), simulate, rng)
+    progress("screen the candidates", 0.12)
+    screened = _screen(subject, fitted, simulate)
+    progress("refit the best", 0.25)
+    pool = _refit(subject, fitted, screened, simulate, progress)
+    progress("judge", 0.8)
+    judged = _judge(subject, pool, simulate, rng)
+    progress("show on held-out runs", 0.9)
+    shown = _show(simulate, fitted, judged, evidence(test, fitted.inflation), rng)
+    progress("advise", 0.95)
+    advice = _advise(subject, screened, judged, simulate)
+    return Findings(subject, tuple(held_out), fitted, screened, judged, shown, tuple(advice))
+
+
+def _fit_base(
+    subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
+) -> Fitted:
+    base = refit_base(simulate, Model(subject.library.base), runs, rng)
+    inflation = lack_of_fit.pure_error(base)
+    if any(factor > 1.0 for factor in inflation.values()):
+        again = evidence(runs.runs, inflation)
+        base = alone(simulate, refit(base.model, again, base.point))
+    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
+    return Fitted(
+        alone(simulate, validate(base)),
+        inflation,
+        lack_of_fit.lack_of_fit(base, noise),
+        tuple(localise(base, noise)),
+        tuple(undetermined(base)),
+    )
+
+
+def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
+    base = fitted.base.estimate
+    about = projection(base)
+    by = yardstick([fitted.base])
+    probed = together(simulate, [probe(base, c) for c in subject.library.candidates])
+    singles = ranked(about, probed)
+    return Screened(
+        tuple(probed),
+        tuple(singles),
+        tuple(ranked_pairs(about, probed, search.PAIRS)),
+        _screened_p(subject, singles, by),
+        detectable(about, probed, by),
+    )
+
+
+def _screened_p(subject: Subject, singles: Sequence[Score], by: Yardstick) -> dict[str, float]:
+    """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
+    size = {c.name: len(c.parameters) for c in subject.library.candidates}
+    raw = {s.names[0]: stats.chi2.sf(2.0 * s.gain / by.inefficiency, size[s.names[0]])
+           for s in singles}  # fmt: skip
+    names = list(size)
+    adjusted = holm([float(raw.get(name, 1.0)) for name in names])
+    return dict(zip(names, adjusted, strict=True))
+
+
+def _refit(
+    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate, progress: Progress
+) -> list[Validated]:
+    """Every model worth comparing, refitted: nothing more where there is nothing to find."""
+    base, library = fitted.base, subject.library.candidates
+    worth = yardstick([base]).inefficiency
+    promising = [s for s in (*screened.singles, *screened.pairs) if s.gain > MARGIN * worth]
+    if not promising:
+        return [base]
+    singles = screened.singles[: search.SINGLES]
+    pool = [base, *search.fit_scores(simulate, base.estimate, singles, library)]
+    if not _unsettled(pool):
+        return pool
+    progress("refit pairs", 0.45)
+    pool += search.fit_scores(simulate, base.estimate, screened.pairs, library)
+    if len(search.choose(pool).accepted.model.effects) < 2 or not _unsettled(pool):
+        return pool
+    progress("refit triples", 0.7)
+    return pool + search.fit_scores(simulate, base.estimate, search.triples(pool), library)
+
+
+def _unsettled(pool: Sequence[Validated]) -> bool:
+    """Whether the best model of the pool still leaves more than noise."""
+    best = min(pool, key=lambda m: m.estimate.scale)
+    noise = _noise(best.estimate, np.random.default_rng(1))
+    return lack_of_fit.lack_of_fit(best.estimate, noise).p < LEVEL
+
+
+def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
+    return lack_of_fit.noise_left(projection(estimate, robustly=False), rng)
+
+
+def _judge(
+    subject: Subject, pool: Sequence[Validated], simulate: Simulate, rng: np.random.Generator
+) -> Judged:
+    found = search.choose(pool)
+    best = found.accepted.estimate
+    judged = [found.accepted, *[m for m in pool if len(m.model.effects) == 1]]
+    invariances = {
+        m.model.name: {
+            e.name: alone(simulate, invariance(m.estimate, e.name, found.by))
+            for e in m.model.effects
+        }
+        for m in judged
+    }
+    tolerance = {k: q.tolerance for k, q in subject.library.quantities.items()}
+    slack = lack_of_fit.tolerated(best.evidence.runs, best.evidence.scales, tolerance)
+    leftover = lack_of_fit.lack_of_fit(best, _noise(best, rng), slack)
+    close = rivals(found.accepted, pool, found.by) if best.model.effects else []
+    groups = classes(found.accepted, close)
+    terms = together(simulate, [probe(best, t) for t in subject.library.terms])
+    law = describe(best, projection(best), terms, found.by.inefficiency, rng)
+    return Judged(found, invariances, leftover, tuple(close), tuple(map(tuple, groups)), law)
+
+
+def _show(
+    simulate: Simulate, fitted: Fitted, judged: Judged, test: Evidence, rng: np.random.Generator
+) -> Shown:
+    before = shrink.unseen(simulate, fitted.base.estimate, test)
+    after = before
+    if judged.found.accepted.model.effects:
+        after = shrink.unseen(simulate, judged.found.accepted.estimate, test)
+    share = shrink.shrink(shrink.run_squares(before), shrink.run_squares(after), rng)
+    return Shown(before, after, share)
+
+
+def _advise(
+    subject: Subject, screened: Screened, judged: Judged, simulate: Simulate
+) -> list[Advice]:
+    experiments: Sequence[Experiment] = subject.experiments()
+    found = judged.found
+    first = found.accepted.estimate
+    second = _alternative(screened, judged)
+    if second is None or not experiments:
+        return []
+    return alone(simulate, advise(first, second, experiments, found.by))
+
+
+def _alternative(screened: Screened, judged: Judged) -> tuple[Model, Array] | None:
+    """The explanation that most deserves to be told from the accepted one."""
+    found = judged.found
+    if judged.rivals:
+        other = judged.rivals[0].model
+        return other.model, other.estimate.shared
+    level = len(found.accepted.model.effects) or 1
+    others = [m for m in found.tried if len(m.model.effects) == level and m is not found.accepted]
+    if others:
+        best = min(others, key=lambda m: float(m.losses(found.by.scale).sum()))
+        return best.model, best.estimate.shared
+    alive = [p for p in screened.probed if not p.dead]
+    if not alive:
+        return None
+    base = found.accepted.estimate
+    candidate = alive[0].candidate
+    model = Model(base.model.base, (candidate,))
+    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])

@@ -1,0 +1,105 @@
+"""Is there a gap: what repeats say of the noise, and whether the residuals exceed it."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap.projection import Projection
+from cell.gap.refit import Estimate
+from cell.gap.subject import Run
+from drivers.types import Array
+
+SPAN = 0.3  # s of one bin in which repeats are compared
+DRAWS = 400
+
+
+def pure_error(estimate: Estimate) -> dict[str, float]:
+    """Factor by channel on the stated noise that the scatter between repeats demands, >= 1.
+
+    Variance of bin means between runs of one condition over what the noise explains, accepted
+    where its chi-square probability is below 1 % (Draper and Smith, Applied Regression
+    Analysis, lack of fit and pure error).
+    """
+    squares: dict[str, float] = defaultdict(float)
+    freedom: dict[str, int] = defaultdict(int)
+    for rows in _repeated(estimate).values():
+        for channel, values in rows:
+            mean, count = values[:, 0], values[:, 1]
+            centre = np.average(mean, weights=count)
+            squares[channel] += float((count * (mean - centre) ** 2).sum())
+            freedom[channel] += len(mean) - 1
+    factors = {}
+    for channel, dof in freedom.items():
+        excess = stats.chi2.sf(squares[channel], dof) < 0.01
+        factors[channel] = max(1.0, float(np.sqrt(squares[channel] / dof))) if excess else 1.0
+    return factors
+
+
+def _repeated(estimate: Estimate) -> dict[str, list[tuple[str, Array]]]:
+    """By condition with repeats: channel and (mean, count) of each run in each common bin."""
+    bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
+    for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
+        for key, rows in _binned(run).items():
+            bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
+    found: dict[str, list[tuple[str, Array]]] = defaultdict(list)
+    for (condition, channel, *_), values in bins.items():
+        if len(values) > 1:
+            found[condition].append((channel, np.array(values)))
+    return found
+
+
+def _binned(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
+    rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
+    s = run.samples
+    for i in range(len(s)):
+        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / SPAN))
+        rows[key].append(i)
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Lack of fit: probability under noise alone, and mean square by channel in units of it."""
+
+    p: float
+    square: dict[str, float]
+
+
+def lack_of_fit(estimate: Estimate, noise: Array, scales: Array | None = None) -> Misfit:
+    """Largest standardised mean square over channels against bootstrapped noise.
+
+    `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `scales` (N,)
+    divides the residuals first, to allow for a tolerance.
+    """
+    r = np.concatenate(estimate.residuals)
+    r = r if scales is None else r / scales
+    channels = np.concatenate([run.samples.channel for run in estimate.evidence.runs])
+    names = np.unique(channels)
+    found = np.array([np.mean(r[channels == c] ** 2) for c in names])
+    drawn = np.array([np.mean(noise[channels == c] ** 2, axis=0) for c in names])
+    mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
+    worst = float(((found[:, None] - mean) / spread).max())
+    null = ((drawn - mean) / spread).max(axis=0)
+    p = (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
+    square = {str(c): float(f / m) for c, f, m in zip(names, found, mean[:, 0], strict=True)}
+    return Misfit(p, square)
+
+
+def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
+    """Residuals (N, draws) that unit noise leaves once the fitted unknowns have absorbed theirs.
+
+    Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
+    """
+    return about.left(rng.standard_normal((len(about.residual), draws)))
+
+
+def tolerated(runs: Sequence[Run], scales: Sequence[Array], tolerance: dict[str, float]) -> Array:
+    """Factor (N,) on the scale of each sample that allows for the tolerance of its quantity."""
+    factors = []
+    for run, scale in zip(runs, scales, strict=True):
+        slack = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
+        factors.append(np.hypot(scale, slack) / scale)
+    return np.concatenate(factors)

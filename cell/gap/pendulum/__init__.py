@@ -1,0 +1,1 @@
+"""Measured free swings of planar hinge chains: the second subject of the gap workflow."""

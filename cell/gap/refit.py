@@ -1,0 +1,190 @@
+"""Fit of a model to runs: robust Gauss-Newton with the parameters' own secant steps.
+
+Shared parameters and each run's own unknowns are estimated jointly. Simulations are dear and
+responses nearly linear, so that a Jacobian is kept while it predicts the decrease well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap import quadratic, robust
+from cell.gap.batch import Task
+from cell.gap.model import Evidence, Model, Point, request, requests, whitened
+from cell.gap.subject import Parameter, Request, Residuals, Run
+from drivers.types import Array
+
+STEPS = 12
+ENOUGH = 0.02  # nats that a further step must promise
+TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
+SHORTER = (0.4, 0.1, 0.02)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A fitted model: where, what is left, and how the residuals respond.
+
+    Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
+    of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
+    """
+
+    model: Model
+    evidence: Evidence
+    point: Point
+    residuals: tuple[Array, ...]
+    raw: tuple[Residuals, ...]
+    jacobians: tuple[Array, ...]
+    scale: float
+    objective: float
+
+    @property
+    def shared(self) -> Array:
+        """Values of the shared parameters (P,)."""
+        return self.point.shared
+
+    def normal(self, scale: float | None = None) -> quadratic.Normal:
+        """Normal equations of data and priors here, at `scale` or the estimate's own."""
+        place = quadratic.layout(self.model, self.evidence)
+        used = self.scale if scale is None else scale
+        data = quadratic.normal(place, self.residuals, self.jacobians, used)
+        limits = quadratic.bounds(self.model, self.evidence)
+        return quadratic.with_prior(data, place.packed(self.point), limits)
+
+
+def refit(model: Model, evidence: Evidence, start: Point) -> Task[Estimate]:
+    """Estimate of `model` from `start`; yields simulations."""
+    place = quadratic.layout(model, evidence)
+    limits = quadratic.bounds(model, evidence)
+    z = np.clip(place.packed(start), limits.low, limits.high)
+    raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+    fresh = True
+    for _ in range(STEPS):
+        r = residuals(raw, evidence)
+        scale = robust.scale(np.concatenate(r))
+        data = quadratic.normal(place, r, jacobians, scale)
+        equations = quadratic.with_prior(data, z, limits)
+        step = quadratic.bounded_step(equations, z, limits)
+        promised = quadratic.decrease(equations, step)
+        if promised < ENOUGH:
+            break
+        now = quadratic.objective(r, z, limits, scale)
+        trial = yield from _tried(_Search(model, evidence, scale, now), z, step)
+        won = now - trial.objective
+        if won <= 0.0 and fresh:
+            break
+        if won > 0.0:
+            z, raw = trial.z, trial.raw
+        fresh = not TRUSTED[0] < won / promised < TRUSTED[1]
+        if fresh:
+            raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+    return _estimate(model, evidence, z, raw, jacobians)
+
+
+def _estimate(
+    model: Model,
+    evidence: Evidence,
+    z: Array,
+    raw: Sequence[Residuals],
+    jacobians: tuple[Array, ...],
+) -> Estimate:
+    limits = quadratic.bounds(model, evidence)
+    point = quadratic.layout(model, evidence).unpacked(z)
+    r = residuals(raw, evidence)
+    scale = robust.scale(np.concatenate(r))
+    total = quadratic.objective(r, z, limits, scale)
+    return Estimate(model, evidence, point, r, tuple(raw), jacobians, scale, total)
+
+
+def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
+    """Whitened residuals per run."""
+    return tuple(whitened(a, s) for a, s in zip(raw, evidence.scales, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    model: Model
+    evidence: Evidence
+    scale: float
+    now: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    z: Array
+    raw: Sequence[Residuals]
+    objective: float
+
+
+def _tried(search: _Search, z: Array, step: Array) -> Task[_Trial]:
+    """The full step, or the best of shorter ones where the full one does not win."""
+    full = yield from _evaluated(search, [z + step])
+    if full[0].objective < search.now:
+        return full[0]
+    shorter = yield from _evaluated(search, [z + f * step for f in SHORTER])
+    return min(shorter, key=lambda trial: trial.objective)
+
+
+def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
+    model, evidence = search.model, search.evidence
+    place = quadratic.layout(model, evidence)
+    limits = quadratic.bounds(model, evidence)
+    inside = [np.clip(p, limits.low, limits.high) for p in points]
+    answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpacked(p))]
+    trials, runs = [], len(evidence.runs)
+    for i, p in enumerate(inside):
+        raw = answers[i * runs : (i + 1) * runs]
+        value = quadratic.objective(residuals(raw, evidence), p, limits, search.scale)
+        trials.append(_Trial(p, raw, value))
+    return trials
+
+
+def linearised(
+    model: Model, evidence: Evidence, point: Point
+) -> Task[tuple[Sequence[Residuals], tuple[Array, ...]]]:
+    """Residuals and whitened secants at a point: per run (n, shared + local)."""
+    asked: list[Request] = []
+    steps: list[Array] = []
+    for run, local in zip(evidence.runs, point.local, strict=True):
+        moved, h = _moved(model, run, point.shared, local)
+        asked += moved
+        steps.append(h)
+    answers = yield asked
+    raw, jacobians, at = [], [], 0
+    for h, scale in zip(steps, evidence.scales, strict=True):
+        mine = answers[at : at + 1 + len(h)]
+        at += len(mine)
+        raw.append(mine[0])
+        jacobians.append(secants(mine[0], mine[1:], scale, h))
+    return raw, tuple(jacobians)
+
+
+def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
+    """Whitened differences over steps (n, len(steps)); zero where either side is lost."""
+    columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
+    matrix = np.array(columns).reshape(len(columns), len(scale)).T
+    return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _moved(model: Model, run: Run, shared: Array, local: Array) -> tuple[list[Request], Array]:
+    asked = [request(model, run, shared, local)]
+    steps = []
+    for i, p in enumerate(model.parameters):
+        h = _inward(p, shared[i])
+        asked.append(request(model, run, _shifted(shared, i, h), local))
+        steps.append(h)
+    for i, p in enumerate(run.local):
+        h = _inward(p, local[i])
+        asked.append(request(model, run, shared, _shifted(local, i, h)))
+        steps.append(h)
+    return asked, np.array(steps)
+
+
+def _inward(p: Parameter, value: float) -> float:
+    return p.step if value + p.step <= p.high else -p.step
+
+
+def _shifted(values: Array, i: int, h: float) -> Array:
+    moved = values.copy()
+    moved[i] += h
+    return moved

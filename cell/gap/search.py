@@ -1,0 +1,118 @@
+"""Which effects: single ones, pairs jointly, three at most, each step earned and checked back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cell.gap.batch import Simulate, Task, together
+from cell.gap.compare import LEVEL, MARGIN, Yardstick, holm, margin, yardstick
+from cell.gap.crossvalidation import Validated, validate
+from cell.gap.model import Model, Point
+from cell.gap.refit import Estimate, refit
+from cell.gap.screen import Score
+from cell.gap.starts import best
+from cell.gap.subject import Candidate
+
+SINGLES, PAIRS, TRIPLES = 5, 6, 3
+MATERIAL = 0.25  # of the excess gap that a step must remove
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One level of the search: its best model against what was accepted before.
+
+    `p` is family-wise over the models of the level.
+    """
+
+    model: Validated
+    before: Validated
+    gain: float
+    p: float
+    removed: float
+    accepted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The outcome: the accepted model (the base where none is), every model tried, the steps."""
+
+    accepted: Validated
+    tried: tuple[Validated, ...]
+    by: Yardstick
+    steps: tuple[Step, ...]
+
+
+def fit_scores(
+    simulate: Simulate, base: Estimate, scores: Sequence[Score], library: Sequence[Candidate]
+) -> list[Validated]:
+    """Screened models refitted with the base, from null and from the screened values."""
+    tasks: list[Task[Estimate]] = []
+    for s in scores:
+        model = with_effects(base.model, s.names, library)
+        for values in ({}, s.start):
+            start = Point(model.joined(base.shared, values), base.point.local)
+            tasks.append(refit(model, base.evidence, start))
+    estimates = together(simulate, tasks)
+    chosen = [best(estimates[i : i + 2]) for i in range(0, len(estimates), 2)]
+    return together(simulate, [validate(e) for e in chosen])
+
+
+def with_effects(model: Model, names: Sequence[str], library: Sequence[Candidate]) -> Model:
+    """The base model with the named effects, in the order of the library."""
+    return Model(model.base, tuple(c for c in library if c.name in names))
+
+
+def triples(pool: Sequence[Validated]) -> list[Score]:
+    """The best pair extended by each of the best other effects, started from their fits."""
+    pairs = _sorted([m for m in pool if len(m.model.effects) == 2], yardstick(pool))
+    singles = _sorted([m for m in pool if len(m.model.effects) == 1], yardstick(pool))
+    if not pairs:
+        return []
+    head = pairs[0]
+    values = head.model.split(head.estimate.shared)[1]
+    others = dict.fromkeys(e for m in (*pairs[1:], *singles) for e in sorted(m.model.names))
+    found = []
+    for name in [n for n in others if n not in head.model.names][:TRIPLES]:
+        source = next(m for m in (*singles, *pairs) if name in m.model.names)
+        start = {**values, name: source.model.split(source.estimate.shared)[1][name]}
+        found.append(Score((*sorted(head.model.names), name), 0.0, start))
+    return found
+
+
+def choose(pool: Sequence[Validated]) -> Found:
+    """The largest model of which every effect is earned."""
+    by = yardstick(pool)
+    accepted = next(m for m in pool if not m.model.effects)
+    steps = []
+    for level in (1, 2, 3):
+        rivals = _sorted([m for m in pool if len(m.model.effects) == level], by)
+        if not rivals:
+            continue
+        step = _step(rivals, accepted, pool, by)
+        steps.append(step)
+        if step.accepted:
+            accepted = step.model
+    return Found(accepted, tuple(pool), by, tuple(steps))
+
+
+def _step(
+    rivals: Sequence[Validated], before: Validated, pool: Sequence[Validated], by: Yardstick
+) -> Step:
+    margins = [margin(m, before, by) for m in rivals]
+    p = holm([m.p for m in margins])[0]
+    first = margins[0]
+    good = first.gain > MARGIN and p < LEVEL and first.removed > MATERIAL
+    good = good and all(_needed(rivals[0], e.name, pool, by) for e in rivals[0].model.effects)
+    return Step(rivals[0], before, first.gain, p, first.removed, good)
+
+
+def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardstick) -> bool:
+    """Backward check: the model without the effect, where it was tried, predicts worse."""
+    without = [m for m in pool if m.model.names == model.model.names - {effect}]
+    if not without or not model.model.names - {effect}:
+        return True
+    found = margin(model, without[0], by)
+    return found.gain > MARGIN and found.p < LEVEL and found.removed > MATERIAL
+
+
+def _sorted(models: Sequence[Validated], by: Yardstick) -> list[Validated]:
+    return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

@@ -1,0 +1,89 @@
+"""The base refitted from several starts, and what the runs cannot determine of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap import quadratic
+from cell.gap.batch import Simulate, together
+from cell.gap.model import Evidence, Model, Point
+from cell.gap.projection import stacked
+from cell.gap.refit import Estimate, refit
+from drivers.types import Array
+
+STARTS = 3
+
+
+def refit_base(
+    simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
+) -> Estimate:
+    """Best of the fits from the stated values and from values drawn around them."""
+    stated = np.array([p.start for p in model.parameters])
+    points = [stated] + [_drawn(model, rng) for _ in range(STARTS - 1)]
+    tasks = [refit(model, evidence, Point(p, evidence.start())) for p in points]
+    return best(together(simulate, tasks))
+
+
+def best(estimates: list[Estimate]) -> Estimate:
+    """The estimate of the smallest objective, all judged at the smallest dispersion."""
+    scale = min(e.scale for e in estimates)
+    return min(estimates, key=lambda e: judged(e, scale))
+
+
+def judged(estimate: Estimate, scale: float) -> float:
+    """Objective of an estimate at a given dispersion [nats]."""
+    place = quadratic.layout(estimate.model, estimate.evidence)
+    limits = quadratic.bounds(estimate.model, estimate.evidence)
+    return quadratic.objective(estimate.residuals, place.packed(estimate.point), limits, scale)
+
+
+def _drawn(model: Model, rng: np.random.Generator) -> Array:
+    """Values within what was known before, off the bounds."""
+    values = []
+    for p in model.parameters:
+        width = p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
+        low, high = max(p.low, p.start - width), min(p.high, p.start + width)
+        values.append(low + (high - low) * rng.uniform(0.1, 0.9))
+    return np.array(values)
+
+
+@dataclass(frozen=True, slots=True)
+class Undetermined:
+    """A direction of the base that the runs tell less about than was known before.
+
+    `gain` is the ratio of prior to posterior standard deviation along it; `words` names it.
+    """
+
+    words: str
+    gain: float
+
+
+def undetermined(estimate: Estimate) -> list[Undetermined]:
+    """Directions of shared parameters with singular values below one, weakest first.
+
+    Singular values of the whitened Jacobian, runs' own unknowns projected out, each parameter in
+    units of what was known of it (Brun, Reichert, Kuensch 2001, identifiability analysis).
+    """
+    parameters = estimate.model.parameters
+    jacobian = stacked(estimate) / estimate.scale
+    shared, local = jacobian[:, : len(parameters)], jacobian[:, len(parameters) :]
+    if local.size:
+        q, _ = np.linalg.qr(local)
+        shared = shared - q @ (q.T @ shared)
+    widths = [p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low) for p in parameters]
+    _, singular, directions = np.linalg.svd(shared * np.array(widths), full_matrices=False)
+    names = [p.name for p in parameters]
+    weak = [
+        Undetermined(_words(names, row), float(np.hypot(1.0, s)))
+        for s, row in zip(singular, directions, strict=True)
+        if s < 1.0
+    ]
+    return sorted(weak, key=lambda u: u.gain)
+
+
+def _words(names: list[str], direction: Array) -> str:
+    order = np.argsort(-np.abs(direction))
+    main = [i for i in order if abs(direction[i]) > 0.3]
+    sign = np.sign(direction[main[0]])
+    parts = [("+ " if direction[i] * sign > 0 else "- ") + names[i] for i in main]
+    return " ".join(parts).removeprefix("+ ")

@@ -1,0 +1,122 @@
+"""The verdict as other programs read it; see the contract of `cell gap fit`."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
+
+
+class Entry(BaseModel):
+    """Base of everything in a verdict: frozen, keys by name, unknown ones tolerated."""
+
+    model_config = ConfigDict(frozen=True, populate_by_name=True)
+
+
+class Interval(Entry):
+    """An estimate with its 95 % interval; None where it is unbounded."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+class Measured(Interval):
+    """An estimate with its unit."""
+
+    unit: str
+
+
+class NamedEffect(Entry):
+    """An effect that the patch adds."""
+
+    name: str
+    of: Literal["strip", "cell"]
+    parameters: dict[str, Measured]
+    confidence: float
+
+
+class Unexplained(Entry):
+    """What no effect of the library accounts for; `law` describes and does not explain."""
+
+    description: str
+    law: str
+    stable: bool
+
+
+class WhereBin(Entry):
+    """A place of disagreement, family-wise corrected."""
+
+    channel: str
+    phase: str
+    zone: str
+    condition: str
+    z: float
+    p: float
+
+
+class Gap(Entry):
+    """The gap on held-out runs, rms by quantity, and the share of the excess that is gone."""
+
+    before: dict[str, float]
+    after: dict[str, float]
+    floor: dict[str, float]
+    shrink: float
+    shrink_low: float
+    shrink_high: float
+
+
+class Compared(Entry):
+    """A candidate (or several joined by ` + `): nats gained over the base on runs left out."""
+
+    name: str
+    elpd_gain: float
+    se: float
+    p: float
+    invariance_p: float | None
+    parameters: dict[str, Measured]
+
+
+class Recommended(Entry):
+    """An experiment by expected separation per minute."""
+
+    experiment: str
+    separates: tuple[str, str]
+    expected_sigma: float
+    minutes: float
+
+
+class Verdict(Entry):
+    """verdict.json."""
+
+    schema_: Annotated[int, Field(alias="schema")] = 1
+    verdict: Kind
+    effects: list[NamedEffect]
+    ambiguous: list[list[str]]
+    unexplained: Unexplained | None
+    base: dict[str, Interval]
+    where: list[WhereBin]
+    gap: Gap
+    candidates: list[Compared]
+    advice: list[Recommended]
+    detectable: dict[str, float]
+    held_out: list[str]
+    runtime: float
+    simulations: int
+
+    def to_json(self) -> str:
+        """Text of verdict.json."""
+        return self.model_dump_json(by_alias=True, indent=1) + "\n"
+
+
+def read_verdict(path: Path) -> Verdict:
+    """The verdict at `path`."""
+    return Verdict.model_validate_json(path.read_text(encoding="utf-8"))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(text, encoding="utf-8")
+    partial.replace(path)
