@@ -41,6 +41,17 @@ class SimulationNotFinite(Fault):
         )
 
 
+class SimulationNotConverged(Fault):
+    """An implicit engine found no next shape of a strip."""
+
+    def __init__(self, engine: str, strip: int, time: float) -> None:
+        super().__init__(
+            "simulation_not_converged",
+            f"the {engine} found no shape of strip {strip} at {time:.3f} s; "
+            "use a smaller step, more damping or slower motion",
+        )
+
+
 class Unsupported(CellError):
     """An engine was given a part of the description that it cannot represent."""
 

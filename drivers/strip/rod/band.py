@@ -9,20 +9,17 @@ from typing import Any
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import fma, like, load, store
 
-COLUMNS = 7
 PIVOT, SIDE = 0, 6
 
 
 @kernel
-def eliminate(
-    band: Any, r: int, a4: Any, a3: Any, a2: Any, a1: Any, diagonal: Any, side: Any
-) -> None:
-    """Row r with A(r, r - j) = a_j, j = 1..4: its factors and its forward substitution.
+def eliminate(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
+    """Row r with A(r, r - j) = a_j, j = 4..1: its factors and its forward substitution.
 
     v_j = A(r, r-j) - sum_{k>j} v_k L(r-j, r-k); L(r, r-j) = v_j / D(r-j);
     D(r) = A(r, r) - sum_j v_j L(r, r-j).
     """
-    v4 = a4
+    v4, a3, a2, a1 = row
     v3 = a3 - v4 * load(band, r - 3, 1)
     v2 = fma(-v3, load(band, r - 2, 1), fma(-v4, load(band, r - 2, 2), a2))
     v1 = fma(-v4, load(band, r - 1, 3), fma(-v3, load(band, r - 1, 2), a1))
@@ -44,22 +41,19 @@ def eliminate(
 
 
 @kernel
-def eliminate_fifth(
-    band: Any, r: int, a5: Any, a4: Any, a3: Any, a2: Any, a1: Any, diagonal: Any, side: Any
-) -> None:
-    """`eliminate` for a row that also has A(r, r - 5) = a5."""
+def eliminate_fifth(band: Any, r: int, row: Any, diagonal: Any, side: Any) -> None:
+    """`eliminate` for a row with A(r, r - j) = a_j, j = 5..1."""
+    a5, a4, a3, a2, a1 = row
     l5 = a5 * load(band, r - 5, PIVOT)
     store(band, r, 5, l5)
-    eliminate(
-        band,
-        r,
+    rest = (
         fma(-a5, load(band, r - 4, 1), a4),
         fma(-a5, load(band, r - 3, 2), a3),
         fma(-a5, load(band, r - 2, 3), a2),
         fma(-a5, load(band, r - 1, 4), a1),
-        fma(-a5, l5, diagonal),
-        fma(-l5, load(band, r - 5, SIDE), side),
     )
+    side = fma(-l5, load(band, r - 5, SIDE), side)
+    eliminate(band, r, rest, fma(-a5, l5, diagonal), side)
 
 
 @kernel
@@ -70,7 +64,7 @@ def substitute(band: Any, first: int, last: int) -> None:
     """
     zero = like(band, 0.0)
     for r in range(last + 1, last + 6):
-        for column in range(1, COLUMNS):
+        for column in range(1, SIDE + 1):
             store(band, r, column, zero)
     for r in range(last, first - 1, -1):
         x = load(band, r, SIDE) * load(band, r, PIVOT)

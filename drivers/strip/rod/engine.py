@@ -1,171 +1,166 @@
 """The rod as an engine: n strips at once, stepped in compiled code without the GIL."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import Fault, SimulationNotFinite
+from drivers.errors import SimulationNotConverged, SimulationNotFinite
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
-from drivers.strip.rod import film
-from drivers.strip.rod import layout as at
-from drivers.strip.rod.band import COLUMNS
-from drivers.strip.rod.lanes import WIDTH
+from drivers.strip.rod import follow as of
+from drivers.strip.rod.batch import closed_up, laid_flat, living, midlines, retired
+from drivers.strip.rod.follow import follow
+from drivers.strip.rod.lumping import check
+from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
+SETTLING = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # s, Euler steps in which a strip stills
+APPROACH = 40  # steps of 50 ms from lying flat to where a strip hangs
 
-class NotConverged(Fault):
-    """Newton's method did not find the next shape of a strip."""
 
-    def __init__(self, strip: int, time: float, dt: float) -> None:
-        super().__init__(
-            "simulation_not_converged",
-            f"the rod found no shape of strip {strip} at {time:.3f} s with steps of {dt:g} s; "
-            "use a smaller step, more segments or slower motion",
-        )
+class Showing(NamedTuple):
+    """What n strips showed in k steps: `contact_x` (k, n), `tip` (k, n, 2), `holding_force`
+    (k, n), and `shapes` (m, n, nodes, 2), NaN after a strip's end.
+    """
+
+    contact_x: Array
+    tip: Array
+    holding_force: Array
+    shapes: Array
 
 
 class Rod:
     """An implicit planar elastic rod of `segments` segments; see `Stepper`.
 
-    `order` 2 is BDF2, 1 backward Euler, which damps like fabric. A batch lies in blocks of
-    `WIDTH` strips, one per lane; one or two strips are simulated without lanes. A strip whose
-    layers touched keeps its shape and costs nothing once its block is empty.
+    `order` 2 is BDF2, 1 backward Euler, which damps like fabric. Strips lie side by side in
+    the lanes of vectors, and each moves bit for bit as it would alone. One that touched, was
+    retired or failed keeps its shape and soon costs nothing. A strip that finds no shape raises
+    SimulationNotConverged or SimulationNotFinite; unless `strict`, it ends, and `failed` tells.
     """
 
-    def __init__(self, segments: int = 100, order: int = 2) -> None:
-        self.segments = segments
+    def __init__(self, segments: int = 100, order: int = 2, *, strict: bool = True) -> None:
+        if segments < 20 or order not in (1, 2):
+            raise ValueError(f"segments {segments}, order {order}; allowed: 20 or more, 1 or 2")
+        self._segments = segments
         self._again = 1.0 if order == 2 else 0.0
+        self._strict = strict
 
-    def reset(self, models: Sequence[StripModel]) -> None:
-        """Lay the strips flat and still; see `Stepper.reset`."""
-        at.check(models)
-        count, rows = len(models), self.segments + 3
-        lanes = 1 if count < 3 else WIDTH
-        blocks = -(-count // lanes)
-        padded = [*models, *[models[-1]] * (blocks * lanes - count)]
-        natures = np.stack([at.nature(model, self.segments) for model in padded])
-        self._strips = np.arange(blocks * lanes).reshape(blocks, lanes)
-        self._nature = _packed(natures, lanes)
-        states = np.zeros((blocks * lanes, rows, at.STATE))
-        states[:, 0, at.X] = -natures[:, 0, at.SPAN]
-        states[:, 1:, at.X] = np.cumsum(natures[:, :-1, at.SPAN], axis=1) + states[:, :1, at.X]
-        states[:, :, at.X1] = states[:, :, at.X]
-        self._state = _packed(states, lanes)
-        tail = () if lanes == 1 else (WIDTH,)
-        self._work = _aligned((rows, at.WORK, *tail))
-        self._band = _aligned((2 * rows + 2, COLUMNS, *tail))
-        living = (np.arange(blocks * lanes) < count).astype(np.float64)
-        self._alive = _packed(living[:, None, None], lanes)
-        self._known = np.array([_limits(model) for model in models])
-        self._arc = np.stack([at.lattice(m.mechanics.length, self.segments) for m in models])
-        lengths = [m.mechanics.length for m in models]
-        self._held = np.array([(length, 0.0, 0.0) for length in lengths])
-        self._time, self._last_dt = 0.0, np.inf
-        self._touch: tuple[Touch | None, ...] = (None,) * count
-        self._shown = np.zeros((1, count, film.SHOWN))
+    def reset(self, models: Sequence[StripModel], start: Array | None = None) -> None:
+        """Lay the strips flat and still, grippers at (L, 0), pitch 0, time 0.
+
+        With `start` (n, 3) they hang at rest from grippers at these poses instead.
+        Raises Unsupported for a part of a description that a rod cannot represent.
+        """
+        check(models)
+        self._batch = laid_flat(models, self._segments)
+        self._begin()
+        if start is not None:
+            self._settle(np.asarray(start, dtype=np.float64))
+            self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3); see `Stepper.step`."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """Advance in one call by a step of `dt` [s] to each of `poses` (k, n, 3) in turn.
-
-        Raises SimulationNotFinite, or NotConverged when no shape was found.
-        """
-        self.follow(poses, dt)
-        last = self._shown[-1]
+        """Advance in one call by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
+        self._march(poses, dt, np.empty((0, 0, 0, 2)), 1)
+        last = self._shown
         return Observables(
             time=self._time,
-            contact_x=last[:, film.CONTACT_X],
-            tip=last[:, [film.TIP_X, film.TIP_Z]],
-            holding_force=last[:, film.HOLDING],
-            touch=self._touch,
+            contact_x=last[:, of.CONTACT_X],
+            tip=last[:, of.TIP_X : of.TIP_Z + 1],
+            holding_force=last[:, of.HOLDING],
+            touch=self.touch,
         )
 
-    def follow(self, poses: Array, dt: float, every: int = 0) -> tuple[Array, Array]:
-        """`advance`, and what each step showed: (k, n, film.SHOWN), shapes (m, n, nodes, 2).
+    def follow(self, poses: Array, dt: float, every: int = 0) -> Showing:
+        """`advance`, and what every step showed; the shape of each `every`th, 0 for none."""
+        count = len(poses) // every if every else 0
+        shapes = np.full((count, *self.shapes().shape), np.nan)
+        shown = self._march(poses, dt, shapes, max(every, 1))
+        tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
+        return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], shapes)
 
-        `every` step of that many is one of the m shapes, 0 for none. Rows after a strip's
-        layer_touch repeat its last ones.
-        """
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        count = len(self._arc)
-        shown = np.repeat(self._shown[-1:], len(poses), axis=0)
-        shapes = np.full((len(poses) // every if every else 0, count, self.segments + 1, 2), np.nan)
-        outcome, block, k = film.follow(
-            self._nature, self._state, self._work, self._band, self._strips, self._alive,
-            self._known, self._arc, self._held, poses, shown, shapes, max(every, 1), self._time, dt,
-            self._again * min(dt / self._last_dt, 2.0), self._again,
-        )  # fmt: skip
-        if outcome != film.FINE:
-            time = self._time + (k + 1) * dt
-            if outcome == film.NOT_FINITE:
-                raise SimulationNotFinite("rod", time)
-            raise NotConverged(int(self._strips[block, 0]), time, dt)
-        self._shown = shown
-        self._time += len(poses) * dt
-        self._last_dt = dt
-        self._touch = tuple(
-            old or _touch(known) for old, known in zip(self._touch, self._known, strict=True)
-        )
-        return shown, shapes
+    def retire(self, gone: NDArray[np.bool_]) -> None:
+        """End the strips `gone` (n,): they keep their shape and cost nothing from now on."""
+        self._batch = retired(self._batch, gone)
+
+    @property
+    def touch(self) -> tuple[Touch | None, ...]:
+        """layer_touch of each strip so far."""
+        return self._touch
+
+    @property
+    def living(self) -> NDArray[np.bool_]:
+        """Which strips (n,) still simulate."""
+        return living(self._batch)
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """Which strips (n,) found no shape."""
+        return np.isfinite(self._batch.known[:, of.FAILED])
 
     def shapes(self) -> Array:
         """Midlines (n, nodes, 2) [m]; see `Stepper.shapes`."""
-        rows = _unpacked(self._state, self._strips.shape[1])[: len(self._arc)]
-        return np.ascontiguousarray(rows[:, 1:-1, [at.X, at.Z]])
+        return midlines(self._batch)
 
     def arc(self) -> Array:
-        """Arc lengths of the nodes (n, nodes) [m]; see `Stepper.arc`."""
-        return self._arc
+        """Arc lengths of the nodes (n, nodes) [m], closer towards the grip; see `Stepper.arc`."""
+        return np.array(self._batch.arc)
+
+    def _begin(self) -> None:
+        count = len(self._batch.arc)
+        self._time, self._last = 0.0, np.inf
+        self._touch: tuple[Touch | None, ...] = (None,) * count
+        self._shown = np.zeros((count, of.SHOWN))
+
+    def _march(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
+        """What each step shows, (k, n, SHOWN)."""
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        if poses.shape[1:] != self._batch.held.shape:
+            raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
+        self._batch = closed_up(self._batch)
+        shown = np.empty((len(poses), *self._shown.shape))
+        shown[:] = self._shown
+        pace = Pace(dt, self._again * min(dt / self._last, 2.0), self._again)
+        follow(self._batch, poses, shown, shapes, every, self._time, pace)
+        self._time += len(poses) * dt
+        self._last = dt
+        if len(shown):
+            self._shown = shown[-1]
+        self._note()
+        return shown
+
+    def _note(self) -> None:
+        """New touches; raises for new failures where they are not allowed."""
+        known = self._batch.known
+        for i in np.flatnonzero(np.isfinite(known[:, of.TIME])):
+            if self._touch[i] is None:
+                touch = list(self._touch)
+                touch[i] = _touch(known[i])
+                self._touch = tuple(touch)
+        if self._strict and self.failed.any():
+            i = int(np.argmax(self.failed))
+            time = float(known[i, of.FAILED])
+            if not np.isfinite(self._batch.held[i]).all():
+                raise SimulationNotFinite("rod", time)
+            raise SimulationNotConverged("rod", i, time)
+
+    def _settle(self, start: Array) -> None:
+        """Bring the grips slowly to `start` and let the strips come to rest."""
+        again, self._again = self._again, 0.0
+        share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None, None]
+        held = self._batch.held
+        self._march(held + share * (start - held), 0.05, np.empty((0, 0, 0, 2)), 1)
+        for dt in SETTLING:
+            self._march(start[None], dt, np.empty((0, 0, 0, 2)), 1)
+        self._again = again
 
 
-def _limits(model: StripModel) -> Array:
-    known = np.full(film.KNOWN, np.nan)
-    gap = model.mechanics.touch_gap
-    known[film.HEIGHT] = model.observation.contact_height
-    known[film.OPENING], known[film.TOUCH_GAP] = 2 * gap, gap
-    known[film.LENGTH], known[film.GAP] = model.mechanics.length, np.inf
-    return known
-
-
-def _touch(known: Array) -> Touch | None:
-    if np.isnan(known[film.TIME]):
-        return None
-    s = float(known[film.TOUCH_S])
-    x = float(known[film.TOUCH_X])
-    length = float(known[film.LENGTH])
-    return Touch(float(known[film.TIME]), x, to_grasped=length - s, to_fixed=x)
-
-
-def _packed(values: Array, lanes: int) -> Array:
-    """(n, rows, fields) as blocks (n / lanes, rows, fields[, lanes]), lanes innermost."""
-    if lanes == 1:
-        return _copied(values)
-    blocks = values.reshape(-1, lanes, *values.shape[1:])
-    return _copied(np.moveaxis(blocks, 1, -1))
-
-
-def _unpacked(blocks: Array, lanes: int) -> Array:
-    """Inverse of `_packed`."""
-    if lanes == 1:
-        return blocks
-    return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])
-
-
-def _copied(values: Array) -> Array:
-    copy = _aligned(values.shape)
-    copy[...] = values
-    return copy
-
-
-def _aligned(shape: tuple[int, ...]) -> Array:
-    """Zeros that begin on a cache line, so that no vector straddles two."""
-    size = int(np.prod(shape))
-    raw: NDArray[np.float64] = np.zeros(size + 8)
-    offset = (-raw.ctypes.data % 64) // 8
-    return raw[offset : offset + size].reshape(shape)
+def _touch(known: Array) -> Touch:
+    time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
+    return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x)

@@ -242,3 +242,13 @@ def like(typing: Any, array: Any, value: Any) -> Any:
         return _operands(builder, sig.return_type, args[1:])[0]
 
     return _number(array)(array, types.float64), generate
+
+
+@_inlined
+def lane_of(typing: Any, number: Any, lane: Any) -> Any:
+    """The float in one `lane` of a number."""
+
+    def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.extract_element(*args) if sig.args[0] == Lanes else args[0]
+
+    return types.float64(number, types.intp), generate

@@ -11,23 +11,29 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, friction, strain
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import choose, fma, load, store
-from drivers.strip.rod.newton import FIRST, solve
+from drivers.strip.rod.newton import solve
 
 
 @kernel
-def predict(state: Any, work: Any, h: float, omega: float, alive: Any) -> None:
+def weights(omega: float) -> Any:
+    """What value and value before count in the base of a rate."""
+    return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
+
+
+@kernel
+def predict(block: Any, h: float, omega: float, alive: Any) -> None:
     """Shift the history of the free nodes, extrapolate them, and leave the bases in `work`."""
-    rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
-    now = (1.0 + omega) ** 2 / (1.0 + 2.0 * omega)
-    old = -(omega**2) / (1.0 + 2.0 * omega)
+    state, work = block.state, block.work
+    period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
+    now, old = weights(omega)
     ahead, behind = h * (1.0 + 0.5 * omega), -0.5 * omega * h
-    for r in range(FIRST, state.shape[0] - 2):
+    for r in range(at.FIRST, block.last + 1):
         for axis in range(2):
             x, v = load(state, r, at.X + axis), load(state, r, at.VX + axis)
             x1, v1 = load(state, r, at.X1 + axis), load(state, r, at.VX1 + axis)
             base = fma(now, x, old * x1)
             store(work, r, at.BASE_X + axis, base)
-            store(work, r, at.HAT_X + axis, base + (now * v + old * v1) * (1.0 / rate))
+            store(work, r, at.HAT_X + axis, fma(fma(now, v, old * v1), period, base))
             store(state, r, at.X1 + axis, choose(alive, x, x1))
             store(state, r, at.VX1 + axis, choose(alive, v, v1))
             guess = x + fma(ahead, v, behind * v1)
@@ -35,42 +41,40 @@ def predict(state: Any, work: Any, h: float, omega: float, alive: Any) -> None:
 
 
 @kernel
-def predict_strain(state: Any, work: Any, omega: float) -> None:
+def predict_strain(block: Any, omega: float) -> None:
     """Bases of the bending strains, whose history shifts in `finish`."""
-    now = (1.0 + omega) ** 2 / (1.0 + 2.0 * omega)
-    old = -(omega**2) / (1.0 + 2.0 * omega)
-    for r in range(1, state.shape[0] - 1):
-        eps, eps1 = load(state, r, at.EPS), load(state, r, at.EPS1)
-        store(work, r, at.BASE_EPS, fma(now, eps, old * eps1))
+    now, old = weights(omega)
+    for r in range(1, block.state.shape[0] - 1):
+        eps, eps1 = load(block.state, r, at.EPS), load(block.state, r, at.EPS1)
+        store(block.work, r, at.BASE_EPS, fma(now, eps, old * eps1))
 
 
 @kernel
-def finish(nature: Any, state: Any, work: Any, rate: float, alive: Any) -> None:
-    """Velocities, strains and friction moments of the step just solved."""
-    for r in range(FIRST, state.shape[0] - 2):
+def finish(block: Any, rate: float, alive: Any) -> None:
+    """Velocities of the step just solved, strains and friction moments."""
+    state = block.state
+    for r in range(at.FIRST, block.last + 1):
         for axis in range(2):
-            v = rate * (load(state, r, at.X + axis) - load(work, r, at.BASE_X + axis))
+            v = rate * (load(state, r, at.X + axis) - load(block.work, r, at.BASE_X + axis))
             store(state, r, at.VX + axis, choose(alive, v, load(state, r, at.VX + axis)))
-    ax, az, _ = direction(state, 0)
+    before = direction(state, 0)
     for r in range(1, state.shape[0] - 1):
-        bx, bz, _ = direction(state, r)
-        new, _ = strain(ax, az, bx, bz)
-        dry, _ = friction(nature, state, r, new)
+        here = direction(state, r)
+        new, _ = strain(before, here)
+        dry, _ = friction(block, r, new)
         eps = load(state, r, at.EPS)
         store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
         store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
         store(state, r, at.EPS, choose(alive, new, eps))
-        ax, az = bx, bz
+        before = here
 
 
 @kernel
-def attempt(
-    nature: Any, state: Any, work: Any, band: Any, h: float, omega: float, alive: Any
-) -> Any:
-    """One implicit step of the living lanes; those that did not converge keep their past."""
+def attempt(block: Any, h: float, omega: float, alive: Any) -> Any:
+    """One implicit step of the living lanes; returns those that found no shape."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
-    predict(state, work, h, omega, alive)
-    predict_strain(state, work, omega)
-    unsolved = solve(nature, state, work, band, rate, alive)
-    finish(nature, state, work, rate, alive - unsolved)
+    predict(block, h, omega, alive)
+    predict_strain(block, omega)
+    unsolved = solve(block, rate, alive)
+    finish(block, rate, alive - unsolved)
     return unsolved

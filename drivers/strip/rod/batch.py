@@ -1,0 +1,102 @@
+"""A batch of strips in memory: laid flat, closed up when strips have ended, read out."""
+
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.strip.model import StripModel
+from drivers.strip.rod import follow as of
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.follow import Batch
+from drivers.strip.rod.lumping import lattice, nature
+from drivers.types import Array
+
+T = TypeVar("T", bound=np.generic)
+WORTH = 0.75  # share of the busy blocks that must suffice before a batch is closed up
+
+
+def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
+    """The strips flat and still along x, each with its grip at its end."""
+    count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
+    slots = -(-count // lanes) * lanes
+    filled = [*models, *[models[-1]] * (slots - count)]
+    natures = np.stack([nature(model, segments) for model in filled])
+    arc = np.stack([lattice(model.mechanics.length, segments) for model in models])
+    living = (np.arange(slots) < count).astype(np.float64)
+    return Batch(
+        nature=at.packed(natures, lanes),
+        state=at.packed(_flat(natures), lanes),
+        work=at.scratch(rows, at.WORK, lanes),
+        band=at.scratch(2 * rows + 2, at.COLUMNS, lanes),
+        strips=np.arange(slots).reshape(-1, lanes),
+        alive=at.packed(living[:, None, None], lanes),
+        known=np.stack([_limits(model) for model in models]),
+        arc=arc,
+        held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
+        last=rows - 3,
+    )
+
+
+def closed_up(batch: Batch) -> Batch:
+    """The same strips, the living ones together in the first blocks, where that is worth it."""
+    lanes = batch.strips.shape[1]
+    alive = at.unpacked(batch.alive, lanes)[:, 0, 0] > 0
+    busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
+    if -(-int(alive.sum()) // lanes) > WORTH * busy:
+        return batch
+    order = np.argsort(~alive, kind="stable")
+
+    def moved(blocks: Array) -> Array:
+        return at.packed(at.unpacked(blocks, lanes)[order], lanes)
+
+    return batch._replace(
+        nature=moved(batch.nature),
+        state=moved(batch.state),
+        alive=moved(batch.alive),
+        strips=batch.strips.ravel()[order].reshape(-1, lanes),
+    )
+
+
+def retired(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
+    """The batch in which the strips `gone` (n,) no longer simulate."""
+    slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
+    ended = slots[batch.strips].reshape(batch.alive.shape[0], 1, 1, -1)
+    return batch._replace(alive=np.where(ended.reshape(batch.alive.shape), 0.0, batch.alive))
+
+
+def living(batch: Batch) -> NDArray[np.bool_]:
+    """Which strips (n,) still simulate."""
+    alive = at.unpacked(batch.alive, batch.strips.shape[1])[:, 0, 0] > 0
+    return _by_strip(batch, alive)
+
+
+def midlines(batch: Batch) -> Array:
+    """Nodes (n, nodes, 2) [m] of x, z."""
+    rows = at.unpacked(batch.state, batch.strips.shape[1])
+    return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
+
+
+def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
+    ordered = np.empty_like(slots)
+    ordered[batch.strips.ravel()] = slots
+    return ordered[: len(batch.arc)]
+
+
+def _flat(natures: Array) -> Array:
+    spans = natures[:, :, at.SPAN]
+    states = np.zeros((*natures.shape[:2], at.STATE))
+    states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)
+    states[:, :, at.X] -= spans[:, :1]
+    states[:, :, at.X1] = states[:, :, at.X]
+    return states
+
+
+def _limits(model: StripModel) -> Array:
+    known = np.full(of.KNOWN, np.nan)
+    gap = model.mechanics.touch_gap
+    known[of.HEIGHT] = model.observation.contact_height
+    known[of.OPENING], known[of.TOUCH_GAP] = 2 * gap, gap
+    known[of.LENGTH], known[of.GAP] = model.mechanics.length, np.inf
+    return known

@@ -1,0 +1,160 @@
+"""Blocks of strips along their grippers' paths: steps, measures, and the end at layer_touch."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.compiled import entry, kernel
+from drivers.strip.rod.lanes import anywhere, lane_of, pick, put
+from drivers.strip.rod.layout import Block
+from drivers.strip.rod.measures import along, desk_contact, fold_tip, layer_gap, rightmost
+from drivers.strip.rod.step import Grips, Pace, step
+
+# What a step shows of a strip.
+CONTACT_X, TIP_X, TIP_Z, HOLDING = range(4)
+SHOWN = 4
+# What is known of a strip: its limits, its smallest gap one step ago, its touch, its failure.
+HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
+GAP, GAP_X, GAP_S = range(4, 7)
+TIME, TOUCH_X, TOUCH_S = range(7, 10)
+FAILED = 10
+KNOWN = 11
+
+
+class Batch(NamedTuple):
+    """Strips in blocks: `nature`, `state` (blocks, rows, fields[, WIDTH]), shared `work`, `band`;
+    `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
+    `known` (n, KNOWN), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` as in Block.
+    """
+
+    nature: Any
+    state: Any
+    work: Any
+    band: Any
+    strips: Any
+    alive: Any
+    known: Any
+    arc: Any
+    held: Any
+    last: int
+
+
+@kernel
+def gather(state: Any, lane: int, x: Any, z: Any) -> None:
+    """Midline of one lane into x, z (nodes,)."""
+    for j in range(len(x)):
+        x[j] = pick(state, j + 1, at.X, lane)
+        z[j] = pick(state, j + 1, at.Z, lane)
+
+
+@kernel
+def settle_touch(known: Any, gap: Any, time: float, h: float) -> None:
+    """layer_touch, interpolated to where the `gap` (height, x, s) fell through its limit."""
+    height, x, s = gap
+    share = 1.0
+    if math.isfinite(known[GAP]) and known[GAP] > known[TOUCH_GAP]:
+        share = (known[GAP] - known[TOUCH_GAP]) / (known[GAP] - height)
+        x = known[GAP_X] + share * (x - known[GAP_X])
+        s = known[GAP_S] + share * (s - known[GAP_S])
+    known[TIME], known[TOUCH_X], known[TOUCH_S] = time - h + share * h, x, s
+
+
+@kernel
+def measure(x: Any, z: Any, known: Any, shown: Any) -> Any:
+    """Observables of one shape into `shown`; its layer gap as height, place along the nodes."""
+    shown[CONTACT_X] = desk_contact(x, z, known[HEIGHT])
+    tip = rightmost(x)
+    shown[TIP_X], shown[TIP_Z] = fold_tip(x, z, tip)
+    return layer_gap(x, z, tip, known[OPENING])
+
+
+@kernel
+def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> None:
+    """Measure every living lane after step k; a strip whose layers touched lives no longer."""
+    nodes = batch.arc.shape[1]
+    x, z = np.empty(nodes), np.empty(nodes)
+    for lane in range(batch.strips.shape[1]):
+        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+            i = batch.strips[b, lane]
+            gather(batch.state[b], lane, x, z)
+            shown[k, i, HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
+            known = batch.known[i]
+            height, index = measure(x, z, known, shown[k, i])
+            gap = height, along(x, index), along(batch.arc[i], index)
+            if height <= known[TOUCH_GAP]:
+                settle_touch(known, gap, time, h)
+                retire(batch, b, lane, shown, k)
+            known[GAP], known[GAP_X], known[GAP_S] = gap
+
+
+@kernel
+def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
+    """End a strip after step k: it shows the same from now on."""
+    put(batch.alive[b], 0, 0, lane, 0.0)
+    i = batch.strips[b, lane]
+    for later in range(k + 1, len(shown)):
+        shown[later, i] = shown[k, i]
+
+
+@kernel
+def drop(batch: Any, b: int, unsolved: Any, shown: Any, k: int, time: float) -> None:
+    """End the strips that found no shape in step k."""
+    for lane in range(batch.strips.shape[1]):
+        if lane_of(unsolved, lane) > 0.0:
+            batch.known[batch.strips[b, lane], FAILED] = time
+            retire(batch, b, lane, shown, k)
+
+
+@kernel
+def record(batch: Any, b: int, shapes: Any) -> None:
+    """Midlines of the living lanes into shapes (n, nodes, 2)."""
+    for lane in range(batch.strips.shape[1]):
+        if pick(batch.alive[b], 0, 0, lane) > 0.0:
+            shape = shapes[batch.strips[b, lane]]
+            gather(batch.state[b], lane, shape[:, 0], shape[:, 1])
+
+
+@kernel
+def any_alive(alive: Any, lanes: int) -> bool:
+    """Whether a lane of the block still simulates."""
+    for lane in range(lanes):
+        if pick(alive, 0, 0, lane) > 0.0:
+            return True
+    return False
+
+
+@kernel
+def hold(batch: Any, b: int, poses: Any) -> None:
+    """Remember where the grips of a block's strips are now."""
+    for i in batch.strips[b]:
+        if i < len(batch.held):
+            batch.held[i] = poses[i]
+
+
+@entry
+def follow(
+    batch: Any, poses: Any, shown: Any, shapes: Any, every: int, start: float, pace: Any
+) -> None:
+    """The batch along poses (k, n, 3), one step each, from time `start` [s].
+
+    Into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty.
+    """
+    lanes = batch.strips.shape[1]
+    for b in range(len(batch.nature)):
+        block = Block(batch.nature[b], batch.state[b], batch.work, batch.band, batch.last)
+        now = pace
+        for k in range(len(poses)):
+            if not any_alive(batch.alive[b], lanes):
+                break
+            grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
+            time = start + (k + 1) * pace.h
+            unsolved = step(block, grips, now)
+            if anywhere(unsolved):
+                drop(batch, b, unsolved, shown, k, time)
+            if len(shapes) > 0 and (k + 1) % every == 0:
+                record(batch, b, shapes[(k + 1) // every - 1])
+            observe(batch, b, shown, k, time, pace.h)
+            hold(batch, b, poses[k])
+            now = Pace(pace.h, pace.again, pace.again)
