@@ -67,13 +67,17 @@ class Run:
         Events are written on the cell's clock, before anyone knows when measured time will
         begin; the event `origin` tells, and here all times are counted from there.
         """
-        lines = read_json_lines(self.folder / EVENTS)
-        begins = [float(line["t"]) for line in lines if line.get("kind") == ORIGIN]
-        origin = begins[0] if begins else 0.0
+        origin = self.origin()
         return tuple(
             Event(float(line.pop("t", None) or 0.0) - origin, str(line.pop("kind", "")), line)
-            for line in lines
+            for line in read_json_lines(self.folder / EVENTS)
         )
+
+    def origin(self) -> float:
+        """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
+        lines = read_json_lines(self.folder / EVENTS)
+        begins = [float(line["t"]) for line in lines if line.get("kind") == ORIGIN]
+        return begins[0] if begins else 0.0
 
     def sights(self) -> Sights:
         """What each image showed; empty in a laboratory's run."""

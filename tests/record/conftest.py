@@ -43,6 +43,15 @@ HEADER: dict[str, Any] = {
     "plant_sha256": "9f2c" * 16,
     "versions": {"cell": "0.1.0", "python": "3.11"},
     "calibration": {"id": "made", "error": 0.00031},
+    "strip_file": {
+        "schema": 1,
+        "name": "denim",
+        "length": LENGTH,
+        "width": 0.05,
+        "areal_density": 0.4,
+        "bending_length": 0.017,
+        "retardation_time": 0.03,
+    },
 }
 
 

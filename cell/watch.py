@@ -1,0 +1,133 @@
+"""Watches a run for the view in Rerun, from a thread of its own."""
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, Self
+
+from calibration.calibration import Calibration
+from cell.moment import Moment, Words, told
+from cell.senses import Senses
+from drivers.strip.file import StripFile
+from drivers.types import Image
+
+if TYPE_CHECKING:
+    from cell.viz import Screen
+
+Mode = Literal["save", "live"]
+WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
+IMAGE_PERIOD = 0.1  # s
+PATIENCE = 5.0  # s, for what still waits when the run is over
+
+
+class Viz:
+    """Takes over what a run shows: never blocks it, drops the oldest when it lags.
+
+    `save` writes run.rrd into the run's folder; `live` also serves it on loopback and opens a
+    viewer there. We serve and the viewer comes to us, so that one that hangs or dies cannot hold
+    anything up. `failure` tells why nothing is recorded any more, `dropped` what was passed over.
+    """
+
+    def __init__(
+        self,
+        mode: Mode,
+        folder: Path,
+        strip: StripFile,
+        calibration: Calibration,
+        viewer: Callable[[str], None] | None = None,
+    ) -> None:
+        """`viewer` opens a viewer on an address; by default Rerun's own."""
+        self.dropped = 0
+        self.failure = ""
+        self._waiting: deque[Moment | Words] = deque()
+        self._news, self._over = threading.Event(), threading.Event()
+        self._origin, self._ticks = math.nan, 0
+        self._next_image, self._sequence = -math.inf, -1
+        arguments = (mode, folder, strip, calibration, viewer)
+        self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
+        self._thread.start()
+
+    def see(self, senses: Senses) -> None:
+        """Take over one tick."""
+        sight = senses.sight
+        if sight is not None and sight.sequence == self._sequence:
+            sight = None
+        if sight is not None:
+            self._sequence = sight.sequence
+        self._ticks += 1
+        self._put(
+            Moment(
+                clock=senses.time,
+                t=senses.time - self._origin,
+                tick=self._ticks,
+                state=str(senses.state),
+                pose=senses.arm.pose.as_array(),
+                sight=sight,
+                image=self._image(senses),
+            )
+        )
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Take over one event; the lift begins measured time."""
+        if kind == "state" and str(facts.get("state")) == "LIFT":
+            self._origin = time
+        self._put(Words(time, told(kind, facts), kind == "fault", time - self._origin))
+
+    def close(self, timeout: float = PATIENCE) -> None:
+        """Let the thread finish its work, for at most `timeout` [s]; allowed twice."""
+        self._over.set()
+        self._news.set()
+        self._thread.join(timeout)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
+    def _image(self, senses: Senses) -> Image | None:
+        """The newest image, if it is time for one and the thread keeps up."""
+        if not senses.fresh or senses.frame is None or senses.time < self._next_image:
+            return None
+        self._next_image = senses.time + IMAGE_PERIOD
+        waiting = (item for item in self._waiting.copy() if isinstance(item, Moment))
+        late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
+        return None if late else senses.frame.image
+
+    def _put(self, item: Moment | Words) -> None:
+        if not self._thread.is_alive():
+            return
+        if len(self._waiting) >= WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(item)
+        self._news.set()
+
+    def _work(
+        self,
+        mode: Mode,
+        folder: Path,
+        strip: StripFile,
+        calibration: Calibration,
+        viewer: Callable[[str], None] | None,
+    ) -> None:
+        """Draw what waits until the run is over. Rerun is imported here, beside the run."""
+        from cell.viz import Screen, open_recording
+
+        try:
+            with open_recording(folder, live=mode == "live", viewer=viewer) as recording:
+                screen = Screen(recording, calibration, strip)
+                while self._waiting or not self._over.is_set():
+                    self._draw(screen)
+                screen.finish()
+        except (OSError, RuntimeError, ValueError) as error:
+            self.failure = f"the view is not recorded any more: {error}"
+            self._waiting.clear()
+
+    def _draw(self, screen: "Screen") -> None:
+        self._news.wait()
+        self._news.clear()
+        while self._waiting:
+            screen.draw(self._waiting.popleft())
