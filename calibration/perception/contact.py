@@ -10,8 +10,9 @@ from calibration.perception.appearance import Appearance, share
 from drivers.types import Array, Image
 
 SPACING = 0.0003  # m between samples along the line
+FRONT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
-START = 10  # samples that tell whether the strip lies at the line's beginning
+START = 15  # samples that tell whether the strip lies at the line's beginning
 MARGIN = 0.004  # m of desk that must follow
 
 
@@ -19,11 +20,13 @@ MARGIN = 0.004  # m of desk that must follow
 class SearchLine:
     """The line that the strip's underside crosses where its midline stands `height` over rest.
 
-    `x` (n,) [m] and raw image points `pixels` (n, 2), projected once.
+    `x` (n,) [m] and raw image points `pixels` (n, 2), projected once; `front` (k, 2) [px] lie on
+    the desk before the strip, where none can be.
     """
 
     x: Array
     pixels: Array
+    front: Array
 
     @classmethod
     def of(
@@ -37,7 +40,9 @@ class SearchLine:
         """The line over `span` [m] of x."""
         x = np.arange(span[0], span[1], SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
-        return cls(x, calibration.to_image(np.column_stack([x, z])))
+        front = np.column_stack([x[::20], np.full_like(x[::20], FRONT)])
+        pixels = calibration.to_image(np.column_stack([x, z]))
+        return cls(x, pixels, calibration.to_image(front))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +56,15 @@ class Contact:
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     """First place along the line, from the fixed end, where strip gives way to desk.
 
-    `levels` is the matte of the window whose first pixel is `origin` (2,) [px].
+    `levels` is the softened matte of the window whose first pixel is `origin` (2,) [px].
     """
-    at = (line.pixels - origin).astype(np.float32)
-    sampled = cv2.remap(levels, at[None, :, 0], at[None, :, 1], cv2.INTER_LINEAR)[0]
-    along = share(np.convolve(sampled, np.ones(AVERAGE) / AVERAGE, mode="same"))
+    if share(_sampled(levels, line.front - origin)).mean() > 0.5:  # all looks like strip
+        return Contact(float("nan"), 0.0)
+    along = share(_averaged(_sampled(levels, line.pixels - origin)))
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
-    if strip[:START].mean() < 0.5:  # the strip rises at its very beginning
+    if along[:START].mean() < 0.3:  # the strip rises at its very beginning
         return Contact(float(line.x[0]), 0.5)
     ahead = int(MARGIN / SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
@@ -75,3 +80,15 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     after = float(along[i + aside : i + 2 * aside].mean()) if i + aside < len(along) else 0.0
     confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
     return Contact(float(line.x[i] + part * SPACING), confidence)
+
+
+def _sampled(levels: Image, pixels: Array) -> Image:
+    at = pixels.astype(np.float32)[None]
+    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
+    return np.asarray(sampled[0], dtype=np.uint8)
+
+
+def _averaged(values: Image) -> Array:
+    """Moving average of AVERAGE samples (n,), the ends repeated."""
+    padded = np.pad(values.astype(np.float64), AVERAGE // 2, mode="edge")
+    return np.convolve(padded, np.ones(AVERAGE) / AVERAGE, mode="valid")

@@ -54,11 +54,10 @@ class LayerTouch:
         near = gap < self._distance + self._settings.touch_margin
         if not near[-3:].all() or len(gap) < 6:
             return None
-        closing = _closing(t, gap, self._distance + self._settings.touch_margin)
+        closing = _closing(t, gap, self._distance + self._settings.touch_margin, self._distance)
         if closing is None:
             return None
         time, speed = closing
-        time += self._settings.touch_margin / speed
         after = t >= time
         if after.sum() < 3:
             return None
@@ -97,23 +96,32 @@ def _fall(sight: Sight, gripper: Pose) -> Fall | None:
     return Fall(sight.stamp, sight.gap, sight.gap_x, float(l1))
 
 
-def _closing(t: Array, gap: Array, level: float) -> tuple[float, float] | None:
-    """When the gap last came down to `level` [m] and how fast [m/s], or None if it never did."""
+def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
+    """When the closing gap reached `end` [m] and how fast [m/s], or None if it never closed.
+
+    The line through the last three gaps above `level` is led on to `end`: what comes after may
+    be at rest already.
+    """
     down = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
     if len(down) == 0:
         return None
     j = int(down[-1])
-    share = (gap[j] - level) / (gap[j] - gap[j + 1])
     first = max(j - 2, 0)
-    speed = -float(np.polyfit(t[first : j + 2], gap[first : j + 2], 1)[0])
-    return (float(t[j] + share * (t[j + 1] - t[j])), speed) if speed > 0 else None
+    if j == first:
+        return None
+    speed = -float(np.polyfit(t[first : j + 1], gap[first : j + 1], 1)[0])
+    if speed <= 0:
+        return None
+    latest = float(t[j + 1]) + max(float(gap[j + 1]) - end, 0.0) / speed
+    return min(float(t[j]) + (float(gap[j]) - end) / speed, latest), speed
 
 
 def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
     """When the fall stopped: where its line meets the level on which the gap came to rest."""
     rest = float(np.median(gap[t >= time]))
-    crossing = _closing(t, gap, rest + 0.25 * speed * float(np.median(np.diff(t))))
-    return crossing[0] if crossing is not None else time
+    moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
+    j = int(np.flatnonzero(moving)[-1])
+    return float(t[j]) + (float(gap[j]) - rest) / speed
 
 
 def _at(time: float, t: Array, values: Array) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance, matte
+from calibration.perception.appearance import Appearance, matte, soft
 from calibration.perception.contact import Contact, SearchLine, find_contact
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
 from calibration.perception.region import START, Region, hide_hand, strip_region
@@ -13,7 +13,7 @@ from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import Sight
 from calibration.perception.silhouette import Grip, outer_side, silhouette
 from drivers.strip.file import StripFile
-from drivers.strip.shape import fold_tip, layer_gap
+from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
 NAN = float("nan")
@@ -64,31 +64,31 @@ class Perception:
         """
         region = strip_region(self._calibration, self._strip.length, gripper.z)
         levels = self._matte.of(region.of(frame.image))
-        contact = find_contact(levels, self._line, region.origin)
-        curve = self._curve(levels, region, contact, gripper)
-        whole = np.vstack([self._resting(contact.x), curve.points])
-        profile = curve.points
-        tip = fold_tip(whole) if len(profile) else (NAN, NAN)
-        gap = layer_gap(whole, _arc(whole), self._settings.gap_opening) if len(profile) else None
+        smooth = soft(levels)
+        contact = find_contact(smooth, self._line, region.origin)
+        curve = self._curve(levels, smooth, region, contact, gripper)
+        tip, gap = self._fold(contact, curve)
         return Sight(
             stamp=frame.stamp,
             sequence=frame.sequence,
             contact_x=contact.x - self._settings.contact_bias,
             contact_confidence=contact.confidence,
-            profile=profile,
+            profile=curve.points,
             profile_confidence=curve.confidence,
             tip=tip,
             gap=gap.height if gap else NAN,
             gap_x=gap.x if gap else NAN,
         )
 
-    def _curve(self, levels: Image, region: Region, contact: Contact, gripper: Pose) -> Curve:
+    def _curve(
+        self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
+    ) -> Curve:
         """The lifted strip's midline in the window `levels` of the image."""
         if not np.isfinite(contact.x):
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
             return Curve(np.empty((0, 2)), contact.confidence)
-        mask = silhouette(levels, self._faint, self._desk_row - region.top)
+        mask = silhouette(smooth, self._faint, self._desk_row - region.top)
         hide_hand(mask, region, self._calibration, gripper)
         start, grip = self._ends(contact, gripper, region)
         side = outer_side(mask, start, grip, self._settings.outline_step)
@@ -102,10 +102,20 @@ class Perception:
         lifted = points[_first_lifted(points, contact.x) :]
         if len(lifted) < 8:
             return UNSEEN
-        missing = max(side.missing * midline.scale - self._settings.gripper_clearance, 0.0)
-        whole = np.clip(1 - missing / 0.03, 0.0, 1.0)
         even = resampled(lifted, self._settings.profile_points)
+        reach = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
+        length = contact.x + _arc(even)[-1] + reach
+        error = max(abs(length - self._strip.length), reach - self._settings.reach)
+        whole = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
         return Curve(even, float(whole * midline.seen.mean()))
+
+    def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
+        """The fold's rightmost point and the gap between the layers, where a profile was seen."""
+        if len(curve.points) == 0:
+            return (NAN, NAN), None
+        x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
+        whole = np.vstack([np.column_stack([x, np.zeros_like(x)]), curve.points])
+        return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
 
     def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
         beyond = 0.01 * np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
@@ -114,11 +124,6 @@ class Perception:
         start, point, after = self._calibration.to_image(plane) - region.origin
         approach = (after - point) / np.hypot(*(after - point))
         return start, Grip(point, approach, self._settings.gripper_clearance / self._scale)
-
-    def _resting(self, contact_x: float) -> Array:
-        """The midline (n, 2) [m] on the desk, up to the contact."""
-        x = np.arange(0.0, max(contact_x, 0.0), self._settings.spacing)
-        return np.column_stack([x, np.zeros_like(x)])
 
 
 def _scale(calibration: Calibration) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance, Matte, matte, share
+from calibration.perception.appearance import Appearance, Matte, matte, share, soft
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image, frozen
@@ -126,8 +126,8 @@ def _shape(
     )
     level = PreflightCheck(
         "on the desk plane",
-        high <= settings.flatness,
-        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.flatness:.1f} mm",
+        high <= settings.level,
+        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.level:.1f} mm",
         "lay the near edge on the marked line; if it is, calibrate the camera again",
     )
     error = seen.end - strip.length
@@ -168,7 +168,7 @@ def _grid(x: Array, z: Array) -> Array:
 
 
 def _underside(image: Image, look: Matte, calibration: Calibration, strip: StripFile) -> Underside:
-    levels = cv2.GaussianBlur(look.of(image), (3, 3), 0)
+    levels = soft(look.of(image))
     x = np.arange(0.005, strip.length + 0.06, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = share(_sample(levels, calibration, _grid(x, z)))

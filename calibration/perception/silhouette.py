@@ -47,12 +47,11 @@ class Grip:
         return np.asarray((along > -self.clearance) & (aside < ASIDE) & (along < ASIDE))
 
 
-def silhouette(levels: Image, faint: float, desk_row: int) -> Image:
-    """Mask of the strip in matte `levels`: SOLID below `desk_row`, share `faint` above it.
+def silhouette(soft: Image, faint: float, desk_row: int) -> Image:
+    """Mask of the strip in softened matte levels: SOLID below `desk_row`, share `faint` above.
 
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour.
     """
-    soft = cv2.GaussianBlur(levels, (3, 3), 0)
     mask = np.empty_like(soft)
     for rows, share in ((slice(0, desk_row), faint), (slice(desk_row, None), SOLID)):
         if soft[rows].size:
