@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import cv2
+
 from calibration.board_views import BoardPose
 from cell.config.cell import CellFile
 from drivers.errors import ConfigurationError
@@ -74,6 +76,7 @@ def open_cell(
     settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
 ) -> Devices:
     """Devices as configured and chosen; on the twin without a plant the strip itself lies there."""
+    cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
     arm = choice.arm or settings.drivers.arm
     camera = choice.camera or settings.drivers.camera
     if (arm, camera) == ("twin", "twin"):

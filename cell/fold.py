@@ -162,6 +162,7 @@ def _result(
         displacement_true=truth.get("displacement"),
         layer_touch=None if touch is None else touch.time,
         edge_offset=outcome.edge_offset,
+        edge_offset_true=truth.get("edge_offset"),
         duration=outcome.duration,
         wall=time.perf_counter() - begun,
         calibration=calibration.id,

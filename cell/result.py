@@ -3,14 +3,16 @@
 from dataclasses import dataclass, fields
 from typing import Any
 
-ROUNDED = {"displacement": 6, "displacement_true": 6, "edge_offset": 6}  # m
+ROUNDED = {"displacement": 6, "displacement_true": 6}  # m
+ROUNDED |= {"edge_offset": 6, "edge_offset_true": 6}  # m
 ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `displacement_true`
-    and `edge_offset_true` from the twin alone; None where there is none.
+    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset`
+    where the grasped edge was let go, seen from the fixed one, with the sign of d; those called
+    true come from the twin alone. None where there is none.
     """
 
     run: str
@@ -23,6 +25,7 @@ class FoldResult:
     displacement_true: float | None
     layer_touch: float | None
     edge_offset: float | None
+    edge_offset_true: float | None
     duration: float
     wall: float
     calibration: str
@@ -44,5 +47,7 @@ class FoldResult:
         if self.displacement_true is not None:
             text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
         if self.edge_offset is not None:
-            text += f", edges {1e3 * self.edge_offset:+.1f} mm apart once laid down"
+            text += f", edge let go {1e3 * self.edge_offset:+.1f} mm from the fixed one"
+        if self.edge_offset_true is not None:
+            text += f", where it lies {1e3 * self.edge_offset_true:+.1f} mm from it"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"
