@@ -34,5 +34,7 @@ class Words:
 
 def told(kind: str, facts: dict[str, object]) -> str:
     """An event as a line of words."""
+    if set(facts) == {"state", "event"}:
+        return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
     return text if len(text) <= 300 else f"{text[:297]}..."

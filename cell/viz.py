@@ -5,7 +5,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -30,14 +30,9 @@ ROWS = 20  # ticks that are sent together
 EVERY = 4  # ticks between two poses of gripper and model
 VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
 SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
-SIGNALS = {
-    "along/gripper_x": HAND,
-    "along/contact_x": CONTACT,
-    "along/tip_x": TIP,
-    "above/gripper_z": HAND,
-    "above/tip_z": TIP,
-    "above/gap": SEEN,
-}
+HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
+SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
+SEEN_SIGNALS |= {"above/gap": SEEN}
 STATES = {
     "PREFLIGHT": 0xB8BEC8FF,
     "CALIBRATE": 0xB8BEC8FF,
@@ -149,8 +144,8 @@ class Screen:
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
         self._rows: list[tuple[float, int, list[float]]] = []
+        self._seen: list[tuple[float, int, list[float]]] = []
         self._track: list[tuple[float, float, float]] = []
-        self._newest = [math.nan] * 4
         self._state: tuple[str, bool] = ("", False)
         self._furnish(1.0 if strip is None else strip.length)
 
@@ -167,24 +162,26 @@ class Screen:
             self._to.log("cell/state", rr.StateChange(state=item.state))
         if item.image is not None:
             self._picture(item.image, item.sight)
-        if item.sight is not None:
-            self._sight(item.sight)
+        if started and item.sight is not None:
+            self._sight(item, item.sight)
         if started:
             self._motion(item)
 
     def finish(self) -> None:
         """Send the signals that were still held back."""
-        rows, self._rows = self._rows, []
+        rows, seen = self._rows, self._seen
+        self._rows, self._seen = [], []
+        self._send(rows, HAND_SIGNALS)
+        self._send(seen, SEEN_SIGNALS)
+
+    def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
         if not rows:
             return
-        t, tick = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
-        for name, values in zip(SIGNALS, np.array([row[2] for row in rows]).T, strict=True):
-            seen = np.isfinite(values)
-            if seen.any():
-                times = rr.TimeColumn("t", duration=t[seen])
-                ticks = rr.TimeColumn("tick", sequence=tick[seen])
-                columns = rr.Scalars.columns(scalars=values[seen])
-                self._to.send_columns(f"signals/{name}", [times, ticks], columns)
+        times = rr.TimeColumn("t", duration=[row[0] for row in rows])
+        ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
+        for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
+            columns = rr.Scalars.columns(scalars=values)
+            self._to.send_columns(f"signals/{name}", [times, ticks], columns)
 
     def _furnish(self, length: float) -> None:
         self._to.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -192,7 +189,7 @@ class Screen:
         self._to.log("desk", rr.LineStrips3D(desk, colors=0x8A9099FF, radii=0.001), static=True)
         lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
         self._to.log("cell/state", lanes, static=True)
-        for name, colour in SIGNALS.items():
+        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS).items():
             label = name.partition("/")[2].replace("_", " ")
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
@@ -205,8 +202,8 @@ class Screen:
         if isinstance(item, Moment):
             self._to.set_time("tick", sequence=item.tick)
 
-    def _sight(self, sight: Sight) -> None:
-        self._newest = [sight.contact_x, *sight.tip, sight.gap]
+    def _sight(self, moment: Moment, sight: Sight) -> None:
+        self._seen.append((moment.t, moment.tick, [sight.contact_x, *sight.tip, sight.gap]))
         self._to.log("strip/measured", _curve(sight.profile, SEEN, 0.002))
 
     def _picture(self, image: Image, sight: Sight | None) -> None:
@@ -228,8 +225,7 @@ class Screen:
 
     def _motion(self, moment: Moment) -> None:
         x, z = float(moment.pose[0]), float(moment.pose[1])
-        contact, tip_x, tip_z, gap = self._newest
-        self._rows.append((moment.t, moment.tick, [x, contact, tip_x, z, tip_z, gap]))
+        self._rows.append((moment.t, moment.tick, [x, z]))
         shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
         if moment.tick % EVERY == 0:
             self._track.append((x, 0.0, z))

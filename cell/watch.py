@@ -3,13 +3,16 @@
 import math
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Literal
 
-from calibration.calibration import Calibration
+from calibration.calibration import load_calibration
 from cell.moment import Moment, Words, told
+from cell.record.files import CALIBRATION
 from cell.senses import Senses
+from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
 
@@ -35,17 +38,18 @@ class Viz:
         mode: Mode,
         folder: Path,
         strip: StripFile,
-        calibration: Calibration,
         viewer: Callable[[str], None] | None = None,
     ) -> None:
-        """`viewer` opens a viewer on an address; by default Rerun's own."""
+        """The run's calibration is read from its folder; without one, images stay bare.
+
+        `viewer` opens a viewer on an address; by default Rerun's own."""
         self.dropped = 0
         self.failure = ""
         self._waiting: deque[Moment | Words] = deque()
         self._news, self._over = threading.Event(), threading.Event()
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
-        arguments = (mode, folder, strip, calibration, viewer)
+        arguments = (mode, folder, strip, viewer)
         self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
         self._thread.start()
 
@@ -81,12 +85,6 @@ class Viz:
         self._news.set()
         self._thread.join(timeout)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self.close()
-
     def _image(self, senses: Senses) -> Image | None:
         """The newest image, if it is time for one and the thread keeps up."""
         if not senses.fresh or senses.frame is None or senses.time < self._next_image:
@@ -110,19 +108,20 @@ class Viz:
         mode: Mode,
         folder: Path,
         strip: StripFile,
-        calibration: Calibration,
         viewer: Callable[[str], None] | None,
     ) -> None:
         """Draw what waits until the run is over. Rerun is imported here, beside the run."""
         from cell.viz import Screen, open_recording
 
+        path = folder / CALIBRATION
         try:
+            calibration = load_calibration(path) if path.exists() else None
             with open_recording(folder, live=mode == "live", viewer=viewer) as recording:
                 screen = Screen(recording, calibration, strip)
                 while self._waiting or not self._over.is_set():
                     self._draw(screen)
                 screen.finish()
-        except (OSError, RuntimeError, ValueError) as error:
+        except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
             self._waiting.clear()
 
@@ -131,3 +130,21 @@ class Viz:
         self._news.clear()
         while self._waiting:
             screen.draw(self._waiting.popleft())
+
+
+@contextmanager
+def watching(mode: Mode | Literal["off"]) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
+    """Makes the watchers of folds, none when `off`, and waits for them at the end."""
+    watchers: list[Viz] = []
+
+    def watch(folder: Path, strip: StripFile) -> tuple[Viz, ...]:
+        if mode == "off":
+            return ()
+        watchers.append(Viz(mode, folder, strip))
+        return (watchers[-1],)
+
+    try:
+        yield watch
+    finally:
+        for watcher in watchers:
+            watcher.close()

@@ -8,13 +8,19 @@ import numpy as np
 
 from cell.record.files import TICK_STREAM
 from cell.record.run import Event, Run
+from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
 
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED = 400
 PREFLIGHT = "preflight"
 HIDDEN = frozenset({"config", "preflight", "schema", "provenance", "spread"})
-UNITS = {"speed": "m/s", "camera_hz": "Hz"}
+SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
+SIGNED = frozenset({"displacement", "edge_offset"})
+LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
+LENGTHS |= {"contact_height", "contact_x", "error"}
+UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
+UNITS |= {"areal_density": "kg/m²"}
 Rows = list[tuple[str, str]]
 
 
@@ -43,11 +49,11 @@ def facts(run: Run) -> Rows:
     return [(key, text) for key, text in rows if text]
 
 
-def checks(run: Run) -> list[tuple[str, ...]]:
-    """The checks before the motion, all their facts in order."""
+def checks(run: Run) -> list[tuple[str, str, str]]:
+    """The checks before the motion: name, result, reason; the remedy too where one failed."""
     listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
     return [
-        tuple(_value(value) for value in item.values())
+        _check(item)
         for items in listed
         if isinstance(items, list)
         for item in items
@@ -57,11 +63,13 @@ def checks(run: Run) -> list[tuple[str, ...]]:
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
     """What happened: time, kind, facts. A kind that comes with every frame is only counted."""
-    events = run.events()
-    events = tuple(event for event in events if event.kind != PREFLIGHT)
+    events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
-    rows = [(f"{e.t:.3f}".replace("-", MINUS), e.kind, _sentence(e)) for e in rare[:LISTED]]
+    rows = [
+        (f"{e.t:.3f}".replace("-", MINUS), e.kind.replace("_", " "), _sentence(e))
+        for e in rare[:LISTED]
+    ]
     often = [(kind, n) for kind, n in counts.items() if n > FREQUENT]
     return [*rows, *((NO_VALUE, kind, f"{n} times") for kind, n in sorted(often))]
 
@@ -99,9 +107,14 @@ def advice(run: Run) -> list[str]:
     return steps
 
 
+def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:
+    passed, reason = bool(item.get("passed")), str(item.get("reason", ""))
+    why = reason if passed else f"{reason}; {item.get('remedy', '')}"
+    return str(item.get("name", "")), "pass" if passed else "fail", why
+
+
 def _loop(run: Run) -> Rows:
-    age = run.ticks.image_age[np.isfinite(run.ticks.image_age)]
-    costs = run.costs()
+    age, costs = image_ages(run), run.costs()
     costs = costs[np.isfinite(costs)]
     rows = Rows()
     if age.size:
@@ -126,30 +139,29 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 
 def _text(key: str, value: Any) -> str:
-    if key == "sigma.touch_time":
-        return milliseconds(value)
-    if key.startswith("sigma.") or key == "contact_height":
+    name = key.rpartition(".")[2]
+    if key.startswith("sigma.") and name != "touch_time":
         return millimetres(value)
-    if key.endswith("sha256"):
+    if name.endswith("sha256"):
         return f"{value:.12}…"
-    if isinstance(value, float):
-        return f"{value:.6g} {UNITS.get(key, '')}".strip()
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
         return joined if len(joined) <= 100 else f"{len(value)} entries"
-    return str(value)
+    return _value(name, value)
 
 
 def _sentence(event: Event) -> str:
     if set(event.facts) == {"state", "event"}:
-        return f"{event.facts['state']}, after {event.facts['event']}"
-    return ", ".join(f"{key} {_value(value)}" for key, value in event.facts.items())
+        return f"{event.facts['state']}, after {str(event.facts['event']).replace('_', ' ')}"
+    return ", ".join(
+        f"{name.replace('_', ' ')} {_value(name, value)}" for name, value in event.facts.items()
+    )
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "pass" if value else "fail"
-    if isinstance(value, float):
-        return f"{value:.5g}"
-    text = str(value)
-    return text if len(text) <= 160 else f"{text[:157]}..."
+def _value(name: str, value: Any) -> str:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        text = str(value)
+        return text if len(text) <= 160 else f"{text[:157]}..."
+    if name in LENGTHS:
+        return millimetres(value, signed=name in SIGNED)
+    return f"{value:.6g} {UNITS.get(name, '')}".strip()

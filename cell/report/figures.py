@@ -1,4 +1,4 @@
-"""The pictures of a run: the strip over time, the signals, the timing."""
+"""The pictures of a run: the strip over time, and the signals under the states."""
 
 from itertools import groupby
 from typing import Any
@@ -14,7 +14,6 @@ from cell.report.drawing import (
     MUTED,
     ORANGE,
     PAPER,
-    PURPLE,
     RULE,
     as_svg,
     canvas,
@@ -90,23 +89,13 @@ def signals_figure(run: Run) -> str:
         return as_svg(figure)
 
 
-def timing_figure(run: Run) -> str:
-    """How old the images were and how long the loop took; SVG."""
-    with canvas(8.4, 2.5) as figure:
-        age, interval, cost = figure.subplots(1, 3)
-        _histogram(age, 1e3 * run.ticks.image_age, "age of the newest image  [ms]", BLUE)
-        _histogram(interval, 1e3 * np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
-        _histogram(cost, 1e3 * run.costs(), "computing in one turn  [ms]", PURPLE)
-        return as_svg(figure)
-
-
 def _spread(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:
     chosen = np.unique(np.linspace(0, len(curves) - 1, count).round().astype(int))
     return [curves[i] for i in chosen] if curves else []
 
 
 def _span(run: Run) -> tuple[float, float]:
-    times = np.concatenate([run.ticks.t, run.profile.t])
+    times = run.profile.t if run.profile.t.size else run.ticks.t
     return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
 
 
@@ -159,7 +148,9 @@ def _lanes(axes: Any, ticks: Ticks) -> None:
 def _along(axes: Any, ticks: Ticks, sights: Sights) -> None:
     seen = np.isfinite(ticks.contact_x)
     axes.plot(ticks.t, 1e3 * ticks.x, color=INK, label="gripper x")
-    axes.plot(ticks.t[seen], 1e3 * ticks.contact_x[seen], ".", color=BLUE, ms=3, label="contact x")
+    axes.plot(
+        ticks.t[seen], 1e3 * ticks.contact_x[seen], ".", color=BLUE, ms=2.2, label="contact x"
+    )
     axes.plot(sights.stamp, 1e3 * sights.tip_x, color=GREEN, lw=1, label="fold tip x")
     axes.set_ylabel("along the strip  [mm]")
     axes.legend(**LEGEND)
@@ -171,23 +162,3 @@ def _above(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
     axes.set_ylabel("above the desk  [mm]")
     axes.legend(**LEGEND)
-
-
-def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:
-    values = values[np.isfinite(values)]
-    axes.set_xlabel(label)
-    axes.set_yticks([])
-    axes.spines["left"].set_visible(False)
-    if values.size == 0:
-        axes.set_xticks([])
-        axes.text(0.5, 0.5, "not recorded", ha="center", color=MUTED, transform=axes.transAxes)
-        return
-    middle = float(np.median(values))
-    low, top = (float(np.quantile(values, q)) for q in (0.005, 0.995))
-    margin = max(0.05 * abs(middle), 0.1 * (top - low), 1e-4)
-    shown = (low - margin, top + margin)
-    axes.hist(np.clip(values, *shown), bins=40, range=shown, color=colour, alpha=0.75, lw=0)
-    axes.ticklabel_format(useOffset=False)
-    axes.axvline(middle, color=INK, lw=0.9)
-    text = f"median {middle:.3g}, most {values.max():.3g}"
-    axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)

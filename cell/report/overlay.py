@@ -15,7 +15,7 @@ from drivers.types import Array, Image
 
 WIDTH, SHOWN = 640, 6
 MARGIN = 0.06  # m around the motion
-PROFILE_BGR, CONTACT_BGR, TIP_BGR = (50, 170, 255), (255, 130, 40), (90, 210, 110)
+PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def draw_sight(
     for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
         if np.isfinite(point).all():
             centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
-            cv2.circle(drawn, tuple(centre.tolist()), 8 * 10, colour, 3, cv2.LINE_AA, shift=3)
+            cv2.circle(drawn, tuple(centre.tolist()), 8 * 11, colour, 4, cv2.LINE_AA, shift=3)
     return drawn
 
 

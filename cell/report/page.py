@@ -8,7 +8,7 @@ from cell.record.files import REPORT, is_under_way
 from cell.record.run import Run, read_run
 from cell.record.truth import read_truth
 from cell.report.facts import advice, checks, facts, listed_events, measures, remains
-from cell.report.figures import signals_figure, strip_figure, timing_figure
+from cell.report.figures import signals_figure, strip_figure
 from cell.report.markup import (
     definitions,
     drawing,
@@ -21,6 +21,7 @@ from cell.report.markup import (
     verdict_box,
 )
 from cell.report.overlay import key_pictures
+from cell.report.timing import timing_figure
 from cell.report.verdict import verdict_of
 from drivers.errors import ConfigurationError
 
@@ -67,16 +68,16 @@ def _pictures(run: Run) -> Iterator[str]:
     yield section(
         "What the camera saw",
         photographs(pictures),
-        note="Yellow: the lifted strip as it was found. Blue: the desk contact. "
-        "Green: the fold's tip.",
+        note="Orange: the lifted strip as it was found. Blue: the desk contact. "
+        "White: the fold's tip.",
     )
     if run.ticks.t.size == 0:
         return
     yield section(
         "The strip and the path",
         drawing(strip_figure(run), "side view of the strip over time and the gripper's path"),
-        note="The lifted strip in the images, light early and dark late; black is the gripper's "
-        "measured path, dotted the commanded one; ticks under the desk mark the contacts.",
+        note="Coloured by time: the lifted strip in the images. The strong line is the gripper's "
+        "measured path, the dotted one the commanded; ticks under the desk mark the contacts.",
     )
     yield section(
         "Over time",

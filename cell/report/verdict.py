@@ -81,7 +81,7 @@ def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Ver
         )
     offset = (result.model_extra or {}).get("edge_offset")
     if isinstance(offset, int | float):
-        sentences.append(f"Laid down, the edges lie {millimetres(offset, signed=True)} apart.")
+        sentences.append(_laid(offset, truth.get("edge_offset")))
     headline = outcome_title(result.outcome)
     if result.outcome == "layer_touch":
         headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
@@ -91,6 +91,13 @@ def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Ver
         sentences.insert(0, _reason(result))
     said = tuple(filter(None, sentences))
     return Verdict(tone, headline, said, millimetres(d, signed=True), str(accuracy_of(run)))
+
+
+def _laid(offset: float, true: object) -> str:
+    text = f"Laid down, the edges lie {millimetres(offset, signed=True)} apart"
+    if isinstance(true, int | float):
+        text += f", truly {millimetres(true, signed=True)}"
+    return f"{text}."
 
 
 def _without_displacement(run: Run, result: Result) -> Verdict:

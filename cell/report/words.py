@@ -13,10 +13,11 @@ OUTCOMES = {
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """A length [m] as millimetres with one decimal."""
+    """A length [m] as millimetres with one decimal, with two where that one would say nothing."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    text = f"{1e3 * value:+.1f}" if signed else f"{1e3 * value:.1f}"
+    decimals = 2 if 0 < abs(value) < 5e-5 else 1
+    text = f"{1e3 * value:{'+' if signed else ''}.{decimals}f}"
     return f"{text.replace('-', MINUS)} mm"
 
 

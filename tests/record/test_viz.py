@@ -10,13 +10,14 @@ import pytest
 from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
+from calibration.calibration import save_calibration
 from calibration.perception.sight import Sight
 from cell.record.run import read_run
 from cell.senses import Senses
 from cell.shadow import Shadow
 from cell.states import State
 from cell.viz import Screen, viz_from_run
-from cell.watch import WAITING, Viz
+from cell.watch import WAITING, Viz, watching
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.model import describe
@@ -105,30 +106,51 @@ def test_laboratorys_run_is_shown_without_images_and_model(make_run, tmp_path):
     assert "/camera/image" not in rows
 
 
-def test_watched_fold_is_recorded(tmp_path, calibration):
-    with Viz("save", tmp_path, STRIP, calibration) as viz:
-        watch(viz, 200)
-        viz.happened(1.99, "fault", {"name": "stale_image", "reason": "too old"})
-        viz.close(60)
+def test_watched_fold_is_recorded(tmp_path):
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 200)
+    viz.happened(1.99, "fault", {"name": "stale_image", "reason": "too old"})
+    viz.close(60)
     rows = entities(tmp_path / "run.rrd")
     assert viz.failure == ""
     assert viz.dropped == 0
     assert rows["/strip/measured"] == 100
     assert rows["/cell/state"] == 2 + 1
     assert rows["/log"] == 2
-    assert rows["/signals/along/contact_x"] == 200 + 1
+    assert rows["/signals/along/contact_x"] == 100 + 1
 
 
-def test_images_are_thinned_to_ten_a_second(tmp_path, calibration):
-    with Viz("save", tmp_path, STRIP, calibration) as viz:
-        watch(viz, 100)
-        viz.close(60)
+def test_watchers_are_closed_with_the_folds_that_they_watch(tmp_path):
+    with watching("save") as watchers:
+        (viz,) = watchers(tmp_path, STRIP)
+        watch(viz, 20)
+    assert entities(tmp_path / "run.rrd")["/gripper"] == 5
+    with watching("off") as watchers:
+        assert watchers(tmp_path, STRIP) == ()
+
+
+def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
+    save_calibration(calibration, tmp_path / "calibration.yaml")
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 40)
+    viz.close(60)
+    rows = entities(tmp_path / "run.rrd")
+    assert rows["/camera/overlay/profile"] == rows["/camera/image"] == 4
+    changed = (tmp_path / "calibration.yaml").read_text().replace("camera: made", "camera: other")
+    (tmp_path / "calibration.yaml").write_text(changed)
+    viz = Viz("save", tmp_path, STRIP)
+    viz.close(60)
+    assert "changed by hand" in viz.failure
+
+
+def test_images_are_thinned_to_ten_a_second(tmp_path):
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 100)
+    viz.close(60)
     assert 9 <= entities(tmp_path / "run.rrd")["/camera/image"] <= 11
 
 
-def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(
-    tmp_path, calibration, monkeypatch
-):
+def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monkeypatch):
     drawn, gate, stuck = [], threading.Event(), threading.Event()
 
     def slow(self, item):
@@ -137,7 +159,7 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(
         drawn.append(item)
 
     monkeypatch.setattr(Screen, "draw", slow)
-    viz = Viz("save", tmp_path, STRIP, calibration)
+    viz = Viz("save", tmp_path, STRIP)
     viz.see(senses(0))
     assert stuck.wait(60)
     for k in range(1, WAITING + 301):
@@ -150,7 +172,7 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(
     assert sum(item.image is not None for item in drawn) <= 17
 
 
-def test_viewer_that_hangs_does_not_hold_up_the_fold(tmp_path, calibration):
+def test_viewer_that_hangs_does_not_hold_up_the_fold(tmp_path):
     clients, addresses = [], []
 
     def hang(address: str) -> None:
@@ -159,28 +181,28 @@ def test_viewer_that_hangs_does_not_hold_up_the_fold(tmp_path, calibration):
         clients[0].sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]))
         addresses.append(address)
 
-    with Viz("live", tmp_path, STRIP, calibration, viewer=hang) as viz:
-        watch(viz, 200)
-        viz.close(60)
+    viz = Viz("live", tmp_path, STRIP, viewer=hang)
+    watch(viz, 200)
+    viz.close(60)
     clients[0].close()
     assert addresses[0].startswith("rerun+http://127.0.0.1:")
     assert viz.failure == ""
-    assert entities(tmp_path / "run.rrd")["/signals/along/contact_x"] == 200 + 1
+    assert entities(tmp_path / "run.rrd")["/signals/along/contact_x"] == 100 + 1
 
 
-def test_machine_without_a_viewer_still_writes_the_file(tmp_path, calibration):
+def test_machine_without_a_viewer_still_writes_the_file(tmp_path):
     def missing(address: str) -> None:
         raise FileNotFoundError("rerun")
 
-    with Viz("live", tmp_path, STRIP, calibration, viewer=missing) as viz:
-        watch(viz, 20)
-        viz.close(60)
+    viz = Viz("live", tmp_path, STRIP, viewer=missing)
+    watch(viz, 20)
+    viz.close(60)
     assert viz.failure == ""
     assert entities(tmp_path / "run.rrd")["/signals/along/gripper_x"] == 20 + 1
 
 
-def test_file_that_cannot_be_written_ends_the_view_and_not_the_fold(tmp_path, calibration):
-    viz = Viz("save", tmp_path / "nowhere", STRIP, calibration)
+def test_file_that_cannot_be_written_ends_the_view_and_not_the_fold(tmp_path):
+    viz = Viz("save", tmp_path / "nowhere", STRIP)
     viz.close(60)
     watch(viz, 20)
     assert "not recorded any more" in viz.failure

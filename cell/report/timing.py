@@ -1,0 +1,61 @@
+"""How old the images were and how long the loop took."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.record.run import Run
+from cell.report.drawing import BLUE, GREEN, INK, MUTED, PURPLE, as_svg, canvas
+from drivers.types import Array
+
+READING = frozenset({"LIFT", "FOLD", "TOUCHED"})  # states in which images are read
+WIDE = 30.0  # largest over smallest, from where on a scale is logarithmic
+
+
+def image_ages(run: Run) -> Array:
+    """Age of the newest image on the turns that could use one (n,) [s]."""
+    ticks = run.ticks
+    reading = np.array([state in READING for state in ticks.state], dtype=bool)
+    used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)
+    return np.asarray(ticks.image_age[used & np.isfinite(ticks.image_age)])
+
+
+def timing_figure(run: Run) -> str:
+    """Histograms of image age, row interval and computing time; SVG."""
+    with canvas(8.4, 2.5) as figure:
+        age, interval, cost = figure.subplots(1, 3)
+        _histogram(age, 1e3 * image_ages(run), "age of the newest image  [ms]", BLUE)
+        _histogram(interval, 1e3 * np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
+        _histogram(cost, 1e3 * run.costs(), "computing in one turn  [ms]", PURPLE)
+        return as_svg(figure)
+
+
+def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:
+    values = values[np.isfinite(values)]
+    axes.set_xlabel(label)
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    if values.size == 0:
+        axes.set_xticks([])
+        axes.text(0.5, 0.5, "not recorded", ha="center", color=MUTED, transform=axes.transAxes)
+        return
+    middle = float(np.median(values))
+    edges, wide = _edges(values)
+    axes.hist(np.clip(values, edges[0], edges[-1]), edges, color=colour, alpha=0.75, lw=0)
+    if wide:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+    else:
+        axes.ticklabel_format(useOffset=False)
+    axes.axvline(middle, color=INK, lw=0.9)
+    text = f"median {middle:.3g}, most {values.max():.3g}"
+    axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)
+
+
+def _edges(values: Array) -> tuple[Array, bool]:
+    """Edges of 40 bins, and whether they are logarithmic."""
+    low, high = (float(np.quantile(values, q)) for q in (0.005, 0.995))
+    if low > 0 and high > WIDE * low:
+        return np.geomspace(0.8 * low, 1.2 * high, 41), True
+    margin = max(0.05 * abs(float(np.median(values))), 0.1 * (high - low), 1e-4)
+    return np.linspace(low - margin, high + margin, 41), False
