@@ -1,5 +1,6 @@
 """What the policies reach in the rod: the paper's signs and numbers, and the committed weights."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.checkpoint import load_checkpoint
 from policies.domain import grid
+from policies.feedback import COMMITTED
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.train.__main__ import main
@@ -93,6 +95,16 @@ def test_generations_meet_other_strips_but_a_generation_always_the_same() -> Non
 def test_validation_strips_are_the_same_for_every_generation() -> None:
     weights = candidates(1)[0]
     assert validator(SMALL)(weights) == validator(SMALL)(weights)
+
+
+def test_committed_weights_come_with_the_journal_of_their_training() -> None:
+    training = load_checkpoint(COMMITTED).training
+    header, *lines = map(json.loads, COMMITTED.with_suffix(".jsonl").read_text().splitlines())
+    settings = TrainingSettings(**header["settings"])
+    assert len(lines) == training.generations == settings.generations
+    assert training.folds == training.generations * settings.folds_per_generation
+    assert training.seed == settings.seed
+    assert lines[-1]["best"] < lines[0]["best"]
 
 
 def test_training_command_leaves_a_checkpoint_that_folds(

@@ -13,7 +13,7 @@ from drivers.types import Array
 from policies.checkpoint import Checkpoint, Training, save_checkpoint
 from policies.train.folding import evaluator, grid_folds, scored, validator
 from policies.train.journal import Journal
-from policies.train.search import Search
+from policies.train.search import Progress, Search
 from policies.train.settings import TrainingSettings
 
 EXAMINATION = 12  # strips a side of the final grid
@@ -21,19 +21,26 @@ EXAMINATION = 12  # strips a side of the final grid
 
 def train(settings: TrainingSettings, out: FilePath, threads: int) -> Array:
     """Train into `out`: journal `feedback.jsonl`, checkpoint `feedback.json`; the weights."""
-    journal = Journal(out / "feedback.jsonl", settings)
-    search = Search(settings, journal)
+    search = Search(settings, Journal(out / "feedback.jsonl", settings))
+    took: list[float] = []
     with ThreadPoolExecutor(threads) as pool:
         for step in search.run(evaluator(settings, pool), validator(settings)):
+            took.append(step.seconds)
             if step.validated is not None:
-                left = (settings.generations - 1 - step.generation) * step.seconds
-                print(
-                    f"generation {step.generation + 1:4d} of {settings.generations}: "
-                    f"best {1e3 * step.best:5.1f} mm, mean {1e3 * step.mean:5.1f} mm, "
-                    f"validated {1e3 * step.validated:5.1f} mm, about {left:4.0f} s left"
-                )
+                left = (settings.generations - 1 - step.generation) * float(np.mean(took))
+                print(told(step, settings, left), flush=True)
     save_checkpoint(out / "feedback.json", checkpoint(search.weights, settings))
     return search.weights
+
+
+def told(step: Progress, settings: TrainingSettings, left: float) -> str:
+    """One line about a generation, `left` [s] to go."""
+    validated = step.validated if step.validated is not None else float("nan")
+    return (
+        f"generation {step.generation + 1:4d} of {settings.generations}: "
+        f"best {1e3 * step.best:5.1f} mm, mean {1e3 * step.mean:5.1f} mm, "
+        f"validated {1e3 * validated:5.1f} mm, about {left:4.0f} s left"
+    )
 
 
 def checkpoint(weights: Array, settings: TrainingSettings) -> Checkpoint:

@@ -24,7 +24,7 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
     torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
-    return costs(Rod(settings.segments), candidates, strips, settings, rng)
+    return costs(Rod(settings.segments, strict=False), candidates, strips, settings, rng)
 
 
 def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array, int], Array]:
@@ -55,7 +55,7 @@ def grid_folds(weights: Array, side: int, settings: TrainingSettings, seed: int)
     """The `side` x `side` grid of the paper's range folded by `weights`, finer than training."""
     rollout = replace(rollout_settings(settings), substeps=3)
     rng = np.random.default_rng([seed, 2])
-    return fold_all(Rod(FINE), np.atleast_2d(weights), grid(side), rollout, rng)
+    return fold_all(Rod(FINE, strict=False), np.atleast_2d(weights), grid(side), rollout, rng)
 
 
 def scored(folds: Folds) -> Array:
