@@ -21,7 +21,8 @@ CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 class BendingLaw:
     """Moment of curvature beyond the linear Kelvin-Voigt law; nulls switch a term off.
 
-    `cubic` [m^2]: M = EI kappa (1 + cubic kappa^2). `yield_curvature` [1/m]: friction moment
+    `cubic` [m^2]: M = EI kappa (1 + cubic kappa^2), level past the crest where a softening law
+    (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment
     over rigidity of an elasto-plastic element beside the elastic one, whose stiffness before it
     slides is `stiffness_ratio` times EI.
     """

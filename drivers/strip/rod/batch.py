@@ -29,7 +29,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
         nature=at.packed(natures, lanes),
         state=at.packed(_flat(natures), lanes),
         work=at.scratch(rows, at.WORK, lanes),
-        band=at.scratch(2 * rows + 2, at.COLUMNS, lanes),
+        band=at.scratch(2 * rows + 4, at.COLUMNS, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
         alive=at.packed(living[:, None, None], lanes),
         known=np.stack([_limits(model) for model in models]),

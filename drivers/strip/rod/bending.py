@@ -38,7 +38,19 @@ def friction(block: Any, r: int, eps: Any) -> Any:
     moment = fma(stick, change, load(block.state, r, at.FRICTION))
     over, under = below(slip, moment), below(moment, -slip)
     moment = choose(over, slip, choose(under, -slip, moment))
-    return moment, choose(over + under, 0.0 * stick, stick)
+    return moment, choose(over + under, 0.0, stick)
+
+
+@kernel
+def elastic(block: Any, r: int, e: Any) -> Any:
+    """K e (1 + cubic e^2) at row r and its tangent; past the crest of a softening law, level."""
+    stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
+    crest = load(block.nature, r, at.CREST)
+    over, under = below(crest, e), below(e, -crest)
+    e = choose(over, crest, choose(under, -crest, e))
+    growth = cubic * e * e
+    slope = stiffness * fma(3.0, growth, 1.0)
+    return stiffness * e * (1.0 + growth), choose(over + under, 0.0, slope)
 
 
 @kernel
@@ -47,14 +59,11 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
 
     M = K e (1 + cubic e^2) + D deps/dt + friction, e = eps - rest; deps/dt = rate (eps - base).
     """
-    stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     damping = load(block.nature, r, at.DAMP) * rate
-    e = eps - load(block.nature, r, at.REST)
-    growth = cubic * e * e
-    dry, dry_tangent = friction(block, r, eps)
+    spring, slope = elastic(block, r, eps - load(block.nature, r, at.REST))
+    dry, dry_slope = friction(block, r, eps)
     viscous = damping * (eps - load(block.work, r, at.BASE_EPS))
-    total = fma(stiffness * e, 1.0 + growth, viscous)
-    return total + dry, fma(stiffness, fma(3.0, growth, 1.0), damping) + dry_tangent
+    return spring + viscous + dry, slope + damping + dry_slope
 
 
 @kernel

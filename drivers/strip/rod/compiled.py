@@ -15,7 +15,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def kernel(function: F) -> F:
     """`function` as a part of compiled code: no bounds checks, IEEE arithmetic, no GIL."""
-    compiled: F = numba.njit(error_model="numpy", nogil=True)(function)
+    compiled: F = numba.njit(
+        error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
+    )(function)
     return compiled
 
 

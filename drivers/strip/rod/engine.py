@@ -13,12 +13,10 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod.batch import closed_up, laid_flat, living, midlines, retired
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
+from drivers.strip.rod.static import settle, straight
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
-
-SETTLING = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # s, Euler steps in which a strip stills
-APPROACH = 40  # steps of 50 ms from lying flat to where a strip hangs
 
 
 class Showing(NamedTuple):
@@ -58,7 +56,7 @@ class Rod:
         self._batch = laid_flat(models, self._segments)
         self._begin()
         if start is not None:
-            self._settle(np.asarray(start, dtype=np.float64))
+            settle(self._batch, straight(self._batch, np.asarray(start, dtype=np.float64)))
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
@@ -102,7 +100,8 @@ class Rod:
     @property
     def failed(self) -> NDArray[np.bool_]:
         """Which strips (n,) found no shape."""
-        return np.isfinite(self._batch.known[:, of.FAILED])
+        failed: NDArray[np.bool_] = np.isfinite(self._batch.known[:, of.FAILED])
+        return failed
 
     def shapes(self) -> Array:
         """Midlines (n, nodes, 2) [m]; see `Stepper.shapes`."""
@@ -138,11 +137,12 @@ class Rod:
     def _note(self) -> None:
         """New touches; raises for new failures where they are not allowed."""
         known = self._batch.known
-        for i in np.flatnonzero(np.isfinite(known[:, of.TIME])):
-            if self._touch[i] is None:
-                touch = list(self._touch)
-                touch[i] = _touch(known[i])
-                self._touch = tuple(touch)
+        if np.count_nonzero(~np.isnan(known[:, of.TIME])) > len(self._touch) - self._touch.count(
+            None
+        ):
+            self._touch = tuple(
+                old or _touch(row) for old, row in zip(self._touch, known, strict=True)
+            )
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(known[i, of.FAILED])
@@ -150,17 +150,9 @@ class Rod:
                 raise SimulationNotFinite("rod", time)
             raise SimulationNotConverged("rod", i, time)
 
-    def _settle(self, start: Array) -> None:
-        """Bring the grips slowly to `start` and let the strips come to rest."""
-        again, self._again = self._again, 0.0
-        share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None, None]
-        held = self._batch.held
-        self._march(held + share * (start - held), 0.05, np.empty((0, 0, 0, 2)), 1)
-        for dt in SETTLING:
-            self._march(start[None], dt, np.empty((0, 0, 0, 2)), 1)
-        self._again = again
 
-
-def _touch(known: Array) -> Touch:
+def _touch(known: Array) -> Touch | None:
+    if np.isnan(known[of.TIME]):
+        return None
     time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
     return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x)

@@ -95,7 +95,8 @@ def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
     put(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(shown)):
-        shown[later, i] = shown[k, i]
+        for field in range(SHOWN):
+            shown[later, i, field] = shown[k, i, field]
 
 
 @kernel
@@ -130,7 +131,8 @@ def hold(batch: Any, b: int, poses: Any) -> None:
     """Remember where the grips of a block's strips are now."""
     for i in batch.strips[b]:
         if i < len(batch.held):
-            batch.held[i] = poses[i]
+            for c in range(3):
+                batch.held[i, c] = poses[i, c]
 
 
 @entry

@@ -20,9 +20,9 @@ X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
 STATE = 12
 
 # Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
-MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, DAMP, SLIP, STICK, REST = range(10)
-AXIAL, SPAN, SHARE, FLOOR = range(10, 14)
-NATURE = 14
+MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, CREST, DAMP, SLIP, STICK, REST = range(11)
+AXIAL, SPAN, SHARE, FLOOR = range(11, 15)
+NATURE = 15
 
 # Work of one Newton iteration.
 HAT_X, HAT_Z, BASE_X, BASE_Z, BASE_EPS, TANGENT = range(6)

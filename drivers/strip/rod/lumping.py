@@ -66,6 +66,7 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     inner[:, at.BEND] = stiffness
     inner[:, at.DAMP] = stiffness**2 * mechanics.total(mechanics.viscosity / rigidity**2, middles)
     inner[:, at.CUBIC] = law.cubic / reach**2
+    inner[:, at.CREST] = reach / np.sqrt(-3 * law.cubic) if law.cubic < 0 else np.inf
     inner[:, at.SLIP] = law.yield_curvature * stiffness * reach
     inner[:, at.STICK] = law.stiffness_ratio * stiffness
     inner[:, at.REST] = mechanics.total(mechanics.rest_curvature, middles)

@@ -49,7 +49,9 @@ def grip(block: Any, lane: int, pose: Any) -> None:
 
 @kernel
 def place(block: Any, grips: Any, share: float) -> None:
-    """Put each living lane's grip to `share` of the way to its pose."""
+    """Put each living lane's grip to `share` of the way to its pose, unless the end is free."""
+    if block.last == block.state.shape[0] - 2:
+        return
     pose = np.empty(3)
     for lane in range(len(grips.strips)):
         if pick(grips.alive, 0, 0, lane) > 0.0:
