@@ -42,11 +42,14 @@ def frame_file(folder: Path, sequence: int) -> Path:
 
 
 def encode(image: Image) -> bytes:
-    """`image` as PNG, lossless; Huffman coding alone is fastest, and smallest on camera noise."""
+    """`image` as PNG, lossless. On camera noise Huffman coding of differences is the fastest, and
+    within a tenth of the smallest.
+    """
     import cv2
 
-    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY]
-    done, content = cv2.imencode(".png", image, [*options, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY])
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB]
+    options += [cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY]
+    done, content = cv2.imencode(".png", image, options)
     if not done:
         raise OSError("the image could not be encoded")
     return bytes(content)
@@ -65,13 +68,14 @@ def decode(path: Path) -> Image:
 class KeyFrames:
     """Chooses about ten images of a run of unknown length: marked ones, and some evenly spread.
 
-    Every second of the spread ones is given up whenever they become too many.
+    Those spread begin as every `stride`-th image; whenever they become too many, every second one
+    is given up.
     """
 
-    def __init__(self, spread: int = 8, marked: int = 8) -> None:
+    def __init__(self, spread: int = 8, marked: int = 8, stride: int = 8) -> None:
         self._limit = spread
         self._marks_left = marked
-        self._stride = 1
+        self._stride = stride
         self._spread: list[tuple[int, int]] = []
         self._count = 0
 
