@@ -7,7 +7,7 @@ from calibration.perception.sight import SeenTouch
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """`name` is layer_touch, path_done, calibrated or a fault's name; times since the lift began [s].
+    """`name` is layer_touch, path_done, calibrated or a fault's name; times from the lift [s].
 
     `touch` is what the images showed, `edge_offset` where the grasped edge was let go [m],
     `duration` the whole run on the cell's clock [s].

@@ -97,15 +97,15 @@ class Run:
             self._take(Event.START, start)
             while not self._machine.over:
                 tick += 1
-                clock.wait_until(start + tick * period)
-                self._guarded_turn()
+                self._guarded_turn(start + tick * period)
         finally:
             self._devices.arm.stop()
         return self._outcome(clock.now() - start)
 
-    def _guarded_turn(self) -> None:
-        """One turn of the loop; whatever goes wrong in it stops the arm first."""
+    def _guarded_turn(self, due: float) -> None:
+        """One turn of the loop at `due` [s]; whatever goes wrong in it stops the arm first."""
         try:
+            self._devices.clock.wait_until(due)
             self._turn()
         except CellError as error:
             self._stop(Stopped.by(error))
