@@ -27,15 +27,15 @@ class Counter:
         return self._simulate(requests)
 
 
-def together(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
-    """Results of all tasks, advanced in lock-step with one simulation call a round."""
+def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
+    """One task of many, advanced in lock-step with one request a round; their results."""
     results: dict[int, T] = {}
     asked: dict[int, list[Request]] = {}
     for i, task in enumerate(tasks):
         _advance(i, task, None, asked, results)
     while asked:
         order = list(asked)
-        answers = list(simulate([r for i in order for r in asked[i]]))
+        answers = list((yield [r for i in order for r in asked[i]]))
         for i in order:
             count = len(asked.pop(i))
             mine, answers = answers[:count], answers[count:]
@@ -45,7 +45,19 @@ def together(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
 
 def alone(simulate: Simulate, task: Task[T]) -> T:
     """Result of one task."""
-    return together(simulate, [task])[0]
+    answer: Sequence[Residuals] | None = None
+    while True:
+        try:
+            asked = next(task) if answer is None else task.send(answer)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        answer = simulate(asked)
+
+
+def together(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
+    """Results of all tasks, with one simulation call a round."""
+    return alone(simulate, side_by_side(tasks))
 
 
 def _advance(

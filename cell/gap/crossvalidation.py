@@ -1,9 +1,8 @@
 """How well a fitted model predicts runs that it has not seen, condition by condition.
 
-Each fold leaves out whole conditions; frames of one run are never split. The estimate without a
-fold is one Newton step from the estimate with it (Giordano et al. 2019, A Swiss Army
-infinitesimal jackknife), but the runs left out are then truly simulated, with their own
-unknowns adapted to the run.
+Each fold leaves out whole conditions; frames of one run are never split. The fit without a fold
+starts one Newton step from the fit with it (Giordano et al. 2019, A Swiss Army infinitesimal
+jackknife), which is nearly always its end; the runs left out then adapt their own unknowns.
 """
 
 from collections.abc import Sequence
@@ -12,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap import quadratic, robust
-from cell.gap.batch import Task
+from cell.gap.batch import Task, side_by_side
 from cell.gap.model import Evidence, Model, Point, requests
-from cell.gap.refit import Estimate, residuals
+from cell.gap.refit import Estimate, refit, residuals
 from cell.gap.subject import Run
 from drivers.types import Array
 
@@ -50,70 +49,57 @@ def folds(runs: Sequence[Run], most: int = FOLDS) -> list[list[int]]:
 
 def validate(estimate: Estimate) -> Task[Validated]:
     """Predictive residuals of every run; yields simulations."""
-    evidence, model = estimate.evidence, estimate.model
-    points: list[Point] = [Point(estimate.shared, ())] * len(evidence.runs)
-    for fold in folds(evidence.runs):
-        shared = _without(estimate, fold)
-        for i in fold:
-            points[i] = Point(shared, (_adapted(estimate, i, shared),))
-    first = yield from _simulated(model, evidence, points)
-    if all(len(run.local) == 0 for run in evidence.runs):
-        return Validated(estimate, first)
-    again = [
-        Point(p.shared, (p.local[0] + _correction(estimate, i, first[i]),))
-        for i, p in enumerate(points)
-    ]
-    second = yield from _simulated(model, evidence, again)
-    best = tuple(
-        a if robust.loss(a).sum() <= robust.loss(b).sum() else b
-        for a, b in zip(first, second, strict=True)
-    )
-    return Validated(estimate, best)
+    dealt = folds(estimate.evidence.runs)
+    parts = yield from side_by_side([_fold(estimate, fold) for fold in dealt])
+    found = {
+        i: r
+        for fold, part in zip(dealt, parts, strict=True)
+        for i, r in zip(fold, part, strict=True)
+    }
+    return Validated(estimate, tuple(found[i] for i in range(len(estimate.evidence.runs))))
 
 
-def _simulated(
-    model: Model, evidence: Evidence, points: Sequence[Point]
-) -> Task[tuple[Array, ...]]:
-    asked = []
-    for run, point in zip(evidence.runs, points, strict=True):
-        asked += requests(model, [run], point)
-    raw = yield asked
-    return residuals(raw, evidence)
-
-
-def _without(estimate: Estimate, fold: Sequence[int]) -> Array:
-    """Shared values with the runs of `fold` taken out, by one bounded Newton step."""
+def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[Array, ...]]:
+    """Whitened residuals of the runs of `fold` under the fit to all others."""
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold]
-    names = [estimate.evidence.runs[i].name for i in keep]
-    kept = estimate.evidence.of(names)
+    if not keep:
+        keep = list(fold)
+    start, known = _newton(estimate, keep)
+    fitted = yield from refit(estimate.model, _some(estimate.evidence, keep), start, known)
+    held = estimate.model.holding(fitted.shared)
+    unseen = _some(estimate.evidence, fold)
+    if all(len(run.local) == 0 for run in unseen.runs):
+        raw = yield requests(held, unseen.runs, Point(np.zeros(0), unseen.start()))
+        return residuals(raw, unseen)
+    local = Point(np.zeros(0), tuple(_adapted(estimate, i, fitted.shared) for i in fold))
+    own = tuple(estimate.jacobians[i][:, len(estimate.shared) :] for i in fold)
+    return (yield from refit(held, unseen, local, own)).residuals
+
+
+def _some(evidence: Evidence, keep: Sequence[int]) -> Evidence:
+    return Evidence(tuple(evidence.runs[i] for i in keep), tuple(evidence.scales[i] for i in keep))
+
+
+def _newton(estimate: Estimate, keep: Sequence[int]) -> tuple[Point, tuple[Array, ...]]:
+    """One bounded Newton step from the whole fit to the fit of the runs `keep`."""
+    kept = _some(estimate.evidence, keep)
     place = quadratic.layout(estimate.model, kept)
     limits = quadratic.bounds(estimate.model, kept)
-    point = Point(estimate.shared, tuple(estimate.point.local[i] for i in keep))
-    z = place.packed(point)
-    data = quadratic.normal(
-        place,
-        [estimate.residuals[i] for i in keep],
-        [estimate.jacobians[i] for i in keep],
-        estimate.scale,
-    )
+    z = place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
+    jacobians = tuple(estimate.jacobians[i] for i in keep)
+    r = [estimate.residuals[i] for i in keep]
+    data = quadratic.normal(place, r, jacobians, estimate.scale)
     step = quadratic.bounded_step(quadratic.with_prior(data, z, limits), z, limits)
-    return estimate.shared + step[: place.shared]
+    return place.unpacked(z + step), jacobians
 
 
 def _adapted(estimate: Estimate, i: int, shared: Array) -> Array:
-    """The run's own unknowns, moved with the shared values."""
-    jacobian = estimate.jacobians[i]
+    """The run's own unknowns, moved linearly with the shared values."""
     count = len(estimate.shared)
-    moved = estimate.residuals[i] + jacobian[:, :count] @ (shared - estimate.shared)
-    return estimate.point.local[i] + _correction(estimate, i, moved)
-
-
-def _correction(estimate: Estimate, i: int, r: Array) -> Array:
-    own = estimate.jacobians[i][:, len(estimate.shared) :]
-    if own.shape[1] == 0:
-        return np.zeros(0)
-    weight = robust.weights(r / estimate.scale)[:, None]
+    jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]
+    moved = jacobian[:, :count] @ (shared - estimate.shared)
+    weight = robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
     spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
     curvature = (own * weight).T @ own / estimate.scale**2 + np.diag(spread**-2)
-    gradient = (own * weight).T @ r / estimate.scale**2
-    return np.asarray(-np.linalg.solve(curvature, gradient))
+    gradient = (own * weight).T @ moved / estimate.scale**2
+    return np.asarray(estimate.point.local[i] - np.linalg.solve(curvature, gradient))

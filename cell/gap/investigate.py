@@ -58,14 +58,23 @@ class Screened:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The accepted model and every doubt about it."""
+    """The accepted model and every doubt about it.
+
+    `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance.
+    """
 
     found: search.Found
     invariances: dict[str, dict[str, Invariance]]
+    misfit: Misfit
     leftover: Misfit
     rivals: tuple[Rival, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
+
+    @property
+    def remains(self) -> bool:
+        """Whether the accepted model leaves more than noise."""
+        return self.misfit.p < LEVEL
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,12 +211,16 @@ def _judge(
     }
     tolerance = {k: q.tolerance for k, q in subject.library.quantities.items()}
     slack = lack_of_fit.tolerated(best.evidence.runs, best.evidence.scales, tolerance)
-    leftover = lack_of_fit.lack_of_fit(best, _noise(best, rng), slack)
+    noise = _noise(best, rng)
+    misfit = lack_of_fit.lack_of_fit(best, noise)
+    leftover = lack_of_fit.lack_of_fit(best, noise, slack)
     close = rivals(found.accepted, pool, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
     terms = together(simulate, [probe(best, t) for t in subject.library.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
-    return Judged(found, invariances, leftover, tuple(close), tuple(map(tuple, groups)), law)
+    return Judged(
+        found, invariances, misfit, leftover, tuple(close), tuple(map(tuple, groups)), law
+    )
 
 
 def _show(

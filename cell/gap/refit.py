@@ -15,10 +15,11 @@ from cell.gap.model import Evidence, Model, Point, request, requests, whitened
 from cell.gap.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
-STEPS = 12
+STEPS = 20
 ENOUGH = 0.02  # nats that a further step must promise
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
-SHORTER = (0.4, 0.1, 0.02)
+PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
+DAMPING = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +53,24 @@ class Estimate:
         return quadratic.with_prior(data, place.packed(self.point), limits)
 
 
-def refit(model: Model, evidence: Evidence, start: Point) -> Task[Estimate]:
-    """Estimate of `model` from `start`; yields simulations."""
+def refit(
+    model: Model,
+    evidence: Evidence,
+    start: Point,
+    jacobians: tuple[Array, ...] | None = None,
+) -> Task[Estimate]:
+    """Estimate of `model` from `start`; yields simulations.
+
+    `jacobians` of a fit near by spare the first secants.
+    """
     place = quadratic.layout(model, evidence)
     limits = quadratic.bounds(model, evidence)
     z = np.clip(place.packed(start), limits.low, limits.high)
-    raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
-    fresh = True
+    fresh = jacobians is None
+    if jacobians is None:
+        raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+    else:
+        raw = yield requests(model, evidence.runs, place.unpacked(z))
     for _ in range(STEPS):
         r = residuals(raw, evidence)
         scale = robust.scale(np.concatenate(r))
@@ -69,7 +81,8 @@ def refit(model: Model, evidence: Evidence, start: Point) -> Task[Estimate]:
         if promised < ENOUGH:
             break
         now = quadratic.objective(r, z, limits, scale)
-        trial = yield from _tried(_Search(model, evidence, scale, now), z, step)
+        search = _Search(model, evidence, jacobians, equations.curvature, scale, now)
+        trial = yield from _tried(search, z, step, r)
         won = now - trial.objective
         if won <= 0.0 and fresh:
             break
@@ -105,6 +118,8 @@ def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]
 class _Search:
     model: Model
     evidence: Evidence
+    jacobians: tuple[Array, ...]
+    curvature: Array
     scale: float
     now: float
 
@@ -116,13 +131,37 @@ class _Trial:
     objective: float
 
 
-def _tried(search: _Search, z: Array, step: Array) -> Task[_Trial]:
-    """The full step, or the best of shorter ones where the full one does not win."""
-    full = yield from _evaluated(search, [z + step])
-    if full[0].objective < search.now:
-        return full[0]
-    shorter = yield from _evaluated(search, [z + f * step for f in SHORTER])
-    return min(shorter, key=lambda trial: trial.objective)
+def _tried(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
+    """The full step, or where it does not win the best point of a parabola bent by curvature."""
+    full = (yield from _evaluated(search, [z + step]))[0]
+    if full.objective < search.now:
+        return full
+    bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
+    points = [z + f * step + f * f * bend for f in PARABOLA]
+    trials = yield from _evaluated(search, [*points, z + PARABOLA[-1] * step])
+    return min(trials, key=lambda trial: trial.objective)
+
+
+def _bend(
+    search: _Search, z: Array, step: Array, before: Sequence[Array], after: Sequence[Array]
+) -> Array:
+    """Second-order part of the path to the minimum (geodesic acceleration, Transtrum 2012).
+
+    What the residuals did beyond the linear promise is answered by the same linear model; weak
+    directions, along which the full step was too bold, are damped.
+    """
+    place = quadratic.layout(search.model, search.evidence)
+    beyond = [
+        b - a - jacobian @ step[place.columns(i)]
+        for i, (a, b, jacobian) in enumerate(zip(before, after, search.jacobians, strict=True))
+    ]
+    gradient = np.zeros_like(z)
+    for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
+        gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
+    damped = search.curvature + DAMPING * np.diag(np.diag(search.curvature))
+    limits = quadratic.bounds(search.model, search.evidence)
+    inside = np.clip(z + step, limits.low, limits.high)
+    return quadratic.bounded_step(quadratic.Normal(gradient, damped), inside, limits)
 
 
 def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:

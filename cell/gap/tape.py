@@ -18,7 +18,10 @@ from cell.gap.subject import Request, Residuals
 
 
 class Tape:
-    """A simulation whose answers survive in `folder`; `total` counts the simulations."""
+    """A simulation whose answers survive in `folder`; `total` counts the simulations.
+
+    The folder's parent is the tape's own: it goes with the last erasure.
+    """
 
     def __init__(self, simulate: Simulate, folder: Path) -> None:
         self._simulate = simulate
@@ -41,7 +44,7 @@ class Tape:
 
     def erase(self) -> None:
         """Forget everything: the fit is complete."""
-        shutil.rmtree(self._folder, ignore_errors=True)
+        shutil.rmtree(self._folder.parent, ignore_errors=True)
 
 
 def digest(requests: Sequence[Request]) -> str:

@@ -29,8 +29,9 @@ class Place:
 def localise(estimate: Estimate, noise: Array) -> list[Place]:
     """All bins, strongest first, judged together against `noise` (N, draws).
 
-    Signed mean and energy of each bin, standardised by the noise draws; the probability is that
-    of the largest statistic over all bins (Westfall and Young 1993, single-step max-T).
+    Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
+    (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
+    statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
     r = np.concatenate(estimate.residuals)
     bins = _bins(estimate)
@@ -38,8 +39,10 @@ def localise(estimate: Estimate, noise: Array) -> list[Place]:
     rows = [bins[key] for key in labels]
     signed = _standardised(np.array([r[i].sum() for i in rows]),
                            np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
-    energy = _standardised(np.array([(r[i] ** 2).sum() for i in rows]),
-                           np.array([(noise[i] ** 2).sum(axis=0) for i in rows]))  # fmt: skip
+    energy = _standardised(
+        np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
+        np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
+    )
     largest = np.maximum(np.abs(signed[1]).max(axis=0), energy[1].max(axis=0))
     places = []
     for i, (channel, phase, zone, condition) in enumerate(labels):

@@ -31,12 +31,12 @@ def _base(pendulum: PendulumFile) -> list[Parameter]:
     for i, (link, unit) in enumerate(zip(pendulum.links, _viscous(pendulum), strict=True)):
         name = f"damping_{i + 1}"
         parameters.append(
-            Parameter(name, "N m s", link.damping, 0.0, 2.0 * unit, 1e-3 * unit, unit)
+            Parameter(name, "N m s", link.damping, 0.0, 2.0 * unit, 1e-5 * unit, unit)
         )
     for key, unit_name, spread in SPREADS:
         for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):
             v = getattr(link, key)
-            step, width = 0.3 * spread * v, spread * v
+            step, width = 1e-3 * spread * v, spread * v
             p = Parameter(f"{key}_{i + 1}", unit_name, v, 0.2 * v, 5.0 * v, step, width)
             parameters.append(p)
     return parameters
@@ -86,7 +86,7 @@ def candidates(pendulum: PendulumFile) -> tuple[Candidate, ...]:
 
 def _joints(name: str, sentence: str, key: str, unit: str, size: Array, reveal: str) -> Candidate:
     parameters = tuple(
-        Parameter(f"{key}_{i + 1}", unit, 0.0, 0.0, 0.5 * s, 2e-4 * s, 0.05 * s)
+        Parameter(f"{key}_{i + 1}", unit, 0.0, 0.0, 0.5 * s, 1e-5 * s, 0.05 * s)
         for i, s in enumerate(size)
     )
     return Candidate(name, sentence, "strip", parameters, _each(size, (2e-4, 2e-3)), reveal)
@@ -106,13 +106,13 @@ def _one(
     reveal: str, *, signed: bool = False,
 ) -> Candidate:  # fmt: skip
     small, large = min(map(abs, probes)), max(map(abs, probes))
-    p = Parameter(key, unit, 0.0, -high if signed else 0.0, high, 0.3 * small, 3.0 * large)
+    p = Parameter(key, unit, 0.0, -high if signed else 0.0, high, 1e-3 * small, 3.0 * large)
     return Candidate(name, sentence, "strip", (p,), tuple(((v,),) for v in probes), reveal)
 
 
 def _bias(n: int) -> Candidate:
     parameters = tuple(
-        Parameter(f"bias_{i + 1}", "rad", 0.0, -0.2, 0.2, 1e-3, 0.03) for i in range(1, n)
+        Parameter(f"bias_{i + 1}", "rad", 0.0, -0.2, 0.2, 1e-5, 0.03) for i in range(1, n)
     )
     probes = _each([1.0] * (n - 1), (0.002, 0.01))
     return Candidate("encoder_bias", "encoders read a constant too much or too little", "strip",
@@ -132,7 +132,7 @@ def _terms(pendulum: PendulumFile) -> tuple[Candidate, ...]:
     for name, sentence, size in shapes:
         sizes = [size(float(w)) for w in weight]
         parameters = tuple(
-            Parameter(f"torque_{i + 1}", "N m", 0.0, -0.5 * s, 0.5 * s, 2e-4 * s, 0.05 * s)
+            Parameter(f"torque_{i + 1}", "N m", 0.0, -0.5 * s, 0.5 * s, 1e-5 * s, 0.05 * s)
             for i, s in enumerate(sizes)
         )
         probes = _each(sizes, (2e-4, 2e-3))

@@ -168,11 +168,11 @@ def _local(initial: Array, fast: float) -> tuple[Parameter, ...]:
     """The initial state of a run: angles, then rates."""
     free = float("inf")
     angles = [
-        Parameter(f"angle_{i + 1}", "rad", float(v), -free, free, 1e-3)
+        Parameter(f"angle_{i + 1}", "rad", float(v), -free, free, 1e-5)
         for i, v in enumerate(initial[0])
     ]
     rates = [
-        Parameter(f"rate_{i + 1}", "rad/s", float(v), -free, free, 1e-3 * fast)
+        Parameter(f"rate_{i + 1}", "rad/s", float(v), -free, free, 1e-5 * fast)
         for i, v in enumerate(initial[1])
     ]
     return (*angles, *rates)

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import cast
 
@@ -12,7 +13,7 @@ from cell.gap.pendulum.chain import fastest, swings
 from cell.gap.pendulum.dynamics import swing
 from cell.gap.pendulum.file import PendulumFile, load_pendulum
 from cell.gap.pendulum.library import library
-from cell.gap.pendulum.runs import Swing, make_run, read_run
+from cell.gap.pendulum.runs import Swing, read_run
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
 from drivers.types import Array
 
@@ -23,7 +24,8 @@ STEP = 0.08  # rad of the fastest small swing in one step
 class Pendulum:
     """Measured swings of one pendulum, simulated by its chain of links."""
 
-    def __init__(self, pendulum: PendulumFile, runs: Sequence[Run]) -> None:
+    def __init__(self, pendulum: PendulumFile, runs: Sequence[Run], jobs: int = 1) -> None:
+        self._jobs = jobs
         self.file = pendulum
         self._runs = tuple(runs)
         self._library = library(pendulum)
@@ -49,13 +51,15 @@ class Pendulum:
         groups: dict[bool, list[int]] = defaultdict(list)
         for i, request in enumerate(requests):
             groups["pivot_compliance" in self._effects(request)].append(i)
-        found: dict[int, Residuals] = {}
+        batches: list[list[int]] = []
         for members in groups.values():
             members.sort(key=lambda i: _content(requests[i].run).t[-1])
-            for at in range(0, len(members), BATCH):
-                some = members[at : at + BATCH]
-                answers = self._together([requests[i] for i in some])
-                found.update(zip(some, answers, strict=True))
+            batches += [members[at : at + BATCH] for at in range(0, len(members), BATCH)]
+        found: dict[int, Residuals] = {}
+        with ThreadPoolExecutor(self._jobs) as pool:
+            asked = [[requests[i] for i in batch] for batch in batches]
+            for batch, answers in zip(batches, pool.map(self._together, asked), strict=True):
+                found.update(zip(batch, answers, strict=True))
         return [found[i] for i in range(len(requests))]
 
     def _effects(self, request: Request) -> dict[str, Array]:
@@ -99,13 +103,13 @@ class Pendulum:
         return patched(self.file, base, effects, source), None
 
 
-def open_pendulum(path: Path, folders: Sequence[Path]) -> Pendulum:
+def open_pendulum(path: Path, folders: Sequence[Path], jobs: int = 1) -> Pendulum:
     """The pendulum of a file with its measured runs, checked."""
     pendulum = load_pendulum(path)
     found = find_runs(folders)
     names = run_names(found)
     runs = [read_run(f, name, pendulum) for f, name in zip(found, names, strict=True)]
-    return Pendulum(pendulum, runs)
+    return Pendulum(pendulum, runs, jobs)
 
 
 def _content(run: Run) -> Swing:
@@ -134,6 +138,3 @@ def _at(states: Array, t: Array, step: float) -> Array:
     rise = b - a
     value = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
     return np.asarray(value.T)
-
-
-__all__ = ["Pendulum", "make_run", "open_pendulum"]

@@ -1,0 +1,117 @@
+"""Figures of the report, as SVG text."""
+
+import io
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.gap.refit import Estimate
+from cell.gap.subject import Quantity
+from cell.gap.verdict import Compared
+from cell.gap.where import Place
+from drivers.types import Array
+
+INK, FAINT, BEFORE, AFTER = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+
+
+def svg(figure: Figure) -> str:
+    """The figure as SVG, text as text."""
+    text = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "gap"}):
+        figure.savefig(text, format="svg", metadata={"Date": None}, bbox_inches="tight")
+    content = text.getvalue()
+    return content[content.index("<svg") :]
+
+
+def blank(
+    width: float, height: float, rows: int = 1, columns: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """A figure with quiet axes [inches]."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for axis in axes:
+        axis.tick_params(colors=INK, labelsize=8)
+        for side in ("top", "right"):
+            axis.spines[side].set_visible(False)
+    return figure, axes
+
+
+def heat_map(places: Sequence[Place]) -> str:
+    """Strength of every bin: rows channel, zone and phase, columns conditions."""
+    rows = sorted({(p.channel, p.zone, p.phase) for p in places})
+    columns = list(dict.fromkeys(sorted(p.condition for p in places)))
+    grid = np.full((len(rows), len(columns)), np.nan)
+    sure = np.zeros_like(grid, dtype=bool)
+    for p in places:
+        at = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
+        grid[at], sure[at] = abs(p.z), p.p < 0.05
+    figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), 0.9 + 0.3 * len(rows))
+    axis = axes[0]
+    level = np.log10(1.0 + grid)
+    highest = max(1.0, float(np.nanmax(level)))
+    image = axis.imshow(level, cmap="YlOrRd", aspect="auto", vmin=0.0, vmax=highest)
+    axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
+    axis.set_xticks(range(len(columns)), columns, rotation=60 if len(columns) > 8 else 0)
+    for i, j in zip(*np.nonzero(sure), strict=True):
+        axis.plot(j, i, "o", ms=2.5, color=INK)
+    bar = figure.colorbar(image, ax=axis, pad=0.01)
+    ticks = [t for t in range(6) if t <= highest]
+    bar.set_ticks(ticks, labels=[f"{10**t - 1:.0f}" if t else "0" for t in ticks])
+    bar.set_label("sigma beyond noise", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    axis.set_xlabel("condition", fontsize=8)
+    return svg(figure)
+
+
+def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
+    """Nats that each candidate gains on runs left out, with standard errors over runs."""
+    shown = list(rows)[:14][::-1]
+    figure, axes = blank(7.0, 0.6 + 0.27 * len(shown))
+    axis = axes[0]
+    least = -0.25 * max([1.0, *(row.elpd_gain for row in shown)])
+    gains = [max(row.elpd_gain, least) for row in shown]
+    colours = [AFTER if row.name == accepted else FAINT for row in shown]
+    axis.barh(range(len(shown)), gains, color=colours, height=0.7)
+    axis.errorbar(gains, range(len(shown)), xerr=[min(row.se, 1e4) for row in shown], fmt="none",
+                  ecolor=INK, elinewidth=0.8)  # fmt: skip
+    axis.axvline(0.0, color=INK, lw=0.8)
+    axis.set_yticks(range(len(shown)), [row.name for row in shown])
+    axis.set_xlabel("gain over the refitted base on runs left out [nats]", fontsize=8)
+    return svg(figure)
+
+
+def residual_traces(
+    before: Estimate, after: Estimate, run: int, quantities: dict[str, Quantity]
+) -> str:
+    """Measured minus simulated over time in one held-out run, before and after."""
+    s = before.evidence.runs[run].samples
+    series = list(np.unique(s.series))
+    figure, axes = blank(7.5, 0.6 + 1.35 * len(series), rows=len(series))
+    for axis, number in zip(axes, series, strict=True):
+        mine = s.series == number
+        quantity = quantities[str(s.quantity[mine][0])]
+        band = 2.0 * quantity.factor * s.reading[mine]
+        axis.fill_between(s.t[mine], -band, band, color="#e8ebef", lw=0)
+        for estimate, colour, word in ((before, BEFORE, "before"), (after, AFTER, "after")):
+            axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
+                      lw=1.2, label=word)  # fmt: skip
+        axis.set_ylabel(f"{s.channel[mine][0]} {s.zone[mine][0]}\n[{quantity.unit}]", fontsize=8)
+        axis.axhline(0.0, color=INK, lw=0.5)
+    axes[-1].set_xlabel("time [s]", fontsize=8)
+    axes[0].legend(fontsize=8, frameon=False, ncols=2, loc="upper right")
+    return svg(figure)
+
+
+def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
+    """Excess gap of each held-out run, before and after [units of noise]."""
+    figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
+    axis, at = axes[0], np.arange(len(names))
+    axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
+    axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
+    axis.set_xticks(at, names, rotation=30 if len(names) > 6 else 0)
+    axis.set_ylabel("excess gap [noise]", fontsize=8)
+    axis.legend(fontsize=8, frameon=False)
+    return svg(figure)

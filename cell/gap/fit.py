@@ -1,0 +1,122 @@
+"""`cell gap fit`: measured runs and a file in, a verdict, a report and perhaps a patch out."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
+from cell.gap.crossvalidation import folds
+from cell.gap.decide import verdict as decide
+from cell.gap.folders import find_runs
+from cell.gap.investigate import Findings, Progress, investigate
+from cell.gap.report import write_report
+from cell.gap.subject import Run, Subject
+from cell.gap.tape import Tape
+from cell.gap.verdict import Verdict, write_text
+from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
+
+Overlay = Callable[[Findings, Path], None]
+"""Writes a recording of measured and simulated runs; handed in by who has a viewer."""
+
+EVERY = 4  # conditions, of which one is held out
+READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
+VERSION = "1"  # of the engine: another one starts anew
+
+
+def quiet(stage: str, share: float) -> None:
+    """Progress that nobody watches."""
+
+
+def fit(
+    runs: Sequence[Path],
+    file: Path,
+    out: Path,
+    hold_out: Sequence[str] = (),
+    progress: Progress = quiet,
+    jobs: int = 1,
+    overlay: Overlay | None = None,
+) -> Verdict:
+    """The verdict on measured `runs` of the strip or pendulum in `file`, written into `out`.
+
+    Interrupted, it goes on where it stopped when called again with the same inputs. Raises
+    ConfigurationError, and leaves no verdict, for bad input.
+    """
+    began = time.monotonic()
+    for name in ("verdict.json", PATCH, CELL_PATCH, "accepted.json"):
+        _forget(out / name)
+    folders = find_runs(runs)
+    subject = open_subject(file, folders, jobs)
+    held = held_out(subject.runs, hold_out)
+    out.mkdir(parents=True, exist_ok=True)
+    tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, held))
+    found = investigate(subject, held, tape, progress)
+    verdict = decide(found, time.monotonic() - began, tape.total)
+    progress("write", 0.97)
+    _write(found, verdict, file, out)
+    if overlay is not None:
+        overlay(found, out / "overlay.rrd")
+    write_text(out / "verdict.json", verdict.to_json())
+    tape.erase()
+    progress("done", 1.0)
+    return verdict
+
+
+def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
+    """The subject that `file` describes, with its measured runs."""
+    kind = read_yaml(file).get("kind", "strip")
+    if kind == "pendulum":
+        from cell.gap.pendulum.subject import open_pendulum
+
+        return open_pendulum(file, folders, jobs)
+    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: pendulum")
+
+
+def held_out(runs: Sequence[Run], wanted: Sequence[str] = ()) -> list[str]:
+    """Names of the runs that only judge: those asked for, or one condition in EVERY."""
+    names = [run.name for run in runs]
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise ConfigurationError(
+            f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
+        )
+    chosen = list(dict.fromkeys(wanted))
+    if not chosen:
+        groups = folds(runs, most=len(runs))
+        chosen = [names[i] for group in groups[1::EVERY] for i in group]
+    if len(chosen) == len(names):
+        raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
+    return chosen
+
+
+def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
+    """Everything but the verdict itself, which comes last."""
+    record = {"file": str(file), "file_sha256": sha256(file),
+              "effects": [e.name for e in verdict.effects]}  # fmt: skip
+    write_text(out / RECORD, json.dumps(record, indent=1))
+    write_report(found, verdict, out / "report.html")
+    if verdict.verdict != "named":
+        return
+    base = {name: v.value for name, v in verdict.base.items()}
+    effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
+    patch, cell_patch = found.subject.patch(base, effects, f"cell gap fit, {out.name}")
+    write_text(out / PATCH, dumped(patch))
+    if cell_patch is not None:
+        write_text(out / CELL_PATCH, dumped(cell_patch))
+
+
+def _key(file: Path, folders: Sequence[Path], held: Sequence[str]) -> str:
+    """Hash of everything that the simulations depend on."""
+    h = hashlib.sha256(VERSION.encode())
+    h.update(file.read_bytes())
+    for folder in folders:
+        for path in (folder / name for name in READ):
+            h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
+    h.update("\0".join(held).encode())
+    return h.hexdigest()[:16]
+
+
+def _forget(path: Path) -> None:
+    path.unlink(missing_ok=True)

@@ -1,0 +1,221 @@
+"""`report.html`: one page for a technician, whole in itself."""
+
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from cell.gap import figures, shrink
+from cell.gap.investigate import Findings
+from cell.gap.sentence import change, sentence
+from cell.gap.verdict import Compared, Measured, Verdict, write_text
+
+TITLES = {
+    "named": "Named",
+    "ambiguous": "Cannot tell which",
+    "no_gap": "No gap",
+    "unexplained": "Unexplained",
+}
+STYLE = """
+:root{color-scheme:light}
+body{font:15px/1.5 system-ui,sans-serif;color:#22272e;background:#fff;max-width:60rem;
+margin:2rem auto;padding:0 1.2rem}
+h1{font-size:1.05rem;font-weight:600;margin:0;color:#5b6470}
+h2{font-size:1.05rem;margin:2.2rem 0 .4rem}
+.verdict{border-left:6px solid #2f6db3;padding:.6rem 1rem;background:#f3f6fa;margin:.8rem 0}
+.verdict.unexplained,.verdict.ambiguous{border-color:#c98a1b;background:#fdf7ea}
+.verdict.no_gap{border-color:#4c8f5b;background:#f0f7f1}
+.verdict b{display:block;font-size:.85rem;letter-spacing:.04em;text-transform:uppercase}
+.verdict p{font-size:1.15rem;margin:.2rem 0}
+table{border-collapse:collapse;font-size:.86rem;margin:.4rem 0}
+th,td{text-align:left;padding:.25rem .7rem .25rem 0;border-bottom:1px solid #e3e7ec;
+vertical-align:top}
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}
+tr.best{background:#eaf2fb}
+svg{max-width:100%;height:auto}
+.note{color:#5b6470;font-size:.88rem}
+""".replace("\n", " ")
+
+
+def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
+    """The page at `path`."""
+    write_text(path, page(found, verdict))
+
+
+def page(found: Findings, verdict: Verdict) -> str:
+    """The page as text."""
+    sections = [
+        _head(found, verdict),
+        _section("Where they disagree", _where(found)),
+        _section("Candidates", _candidates(found, verdict)),
+        _section("Before and after, on runs that were held out", _shown(found, verdict)),
+        _section("What remains", _remains(found, verdict)),
+        _section("What to do next", _next(verdict)),
+        _section("The refitted base", _base(found, verdict)),
+        _foot(verdict),
+    ]
+    return (
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        f"<title>{escape(found.subject.name)}: simulation and measurement</title>"
+        f"<meta name='viewport' content='width=device-width'><style>{STYLE}</style></head><body>"
+        + "".join(sections)
+        + "</body></html>\n"
+    )
+
+
+def _section(title: str, content: str) -> str:
+    return f"<h2>{escape(title)}</h2>{content}"
+
+
+def _head(found: Findings, verdict: Verdict) -> str:
+    runs, held = len(found.subject.runs), len(verdict.held_out)
+    return (
+        f"<h1>{escape(found.subject.name)}: simulation against {runs} measured runs, "
+        f"{held} of them held out</h1>"
+        f"<div class='verdict {verdict.verdict}'><b>{TITLES[verdict.verdict]}</b>"
+        f"<p>{escape(sentence(found, verdict))}</p></div>"
+    )
+
+
+def _where(found: Findings) -> str:
+    places = found.fitted.places
+    strong = [place for place in places if place.p < 0.05]
+    if not strong:
+        return "<p>Nowhere beyond what noise does.</p>" + figures.heat_map(places)
+    first = strong[0]
+    text = (
+        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of condition "
+        f"{first.condition}: {abs(first.z):.3g} sigma. {len(strong)} of {len(places)} places "
+        "disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
+        "parameters were refitted."
+    )
+    return f"<p>{escape(text)}</p>" + figures.heat_map(places)
+
+
+def _candidates(found: Findings, verdict: Verdict) -> str:
+    accepted = found.judged.found.accepted.model.name
+    rows = "".join(_row(row, row.name == accepted) for row in verdict.candidates)
+    note = (
+        "Nats gained in predicting runs that the fit had not seen; 4 are needed. p is "
+        "family-wise for single effects. Amplitude: whether one size serves all conditions."
+    )
+    head = (
+        "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"
+        "<th class='n'>p<th class='n'>same amplitude, p<th>parameters (95 %)</tr>"
+    )
+    bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
+    return f"<p class='note'>{note}</p>{bars}<table>{head}{rows}</table>"
+
+
+def _row(row: Compared, best: bool) -> str:
+    parameters = "<br>".join(
+        f"{escape(name)} {_interval(value)}" for name, value in row.parameters.items()
+    )
+    same = "" if row.invariance_p is None else f"{row.invariance_p:.2g}"
+    return (
+        f"<tr{' class=best' if best else ''}><td>{escape(row.name)}"
+        f"<td class='n'>{row.elpd_gain:.1f}<td class='n'>{row.se:.1f}<td class='n'>{row.p:.2g}"
+        f"<td class='n'>{same}<td>{parameters}</tr>"
+    )
+
+
+def _interval(value: Measured) -> str:
+    if value.low is None or value.high is None:
+        return f"{value.value:.3g} {escape(value.unit)}"
+    return f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}] {escape(value.unit)}"
+
+
+def _shown(found: Findings, verdict: Verdict) -> str:
+    gap, before, after = verdict.gap, found.shown.before, found.shown.after
+    rows = "".join(
+        f"<tr><td>{escape(key)}<td class='n'>{gap.before[key]:.3g}<td class='n'>"
+        f"{gap.after[key]:.3g}<td class='n'>{gap.floor[key]:.3g}</tr>"
+        for key in gap.before
+    )
+    names = [run.name for run in before.evidence.runs]
+    was, now = (np.sqrt(np.maximum(shrink.run_squares(e) - 1.0, 0.0)) for e in (before, after))
+    typical = int(np.argsort(was)[len(was) // 2])
+    quantities = dict(found.subject.library.quantities)
+    return (
+        f"<p>The gap shrank by {100 * gap.shrink:.0f} % "
+        f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]: "
+        f"{escape(change(found, verdict))}.</p>"
+        "<table><tr><th>rms<th class='n'>before<th class='n'>after<th class='n'>noise</tr>"
+        f"{rows}</table>{figures.run_bars(names, was, now)}"
+        f"<p class='note'>Measured minus simulated in held-out run {escape(names[typical])}; "
+        "the grey band is two sigma of one reading.</p>"
+        + figures.residual_traces(before, after, typical, quantities)
+    )
+
+
+def _remains(found: Findings, verdict: Verdict) -> str:
+    parts = []
+    if verdict.unexplained is not None:
+        rest = verdict.unexplained
+        stable = "stable over the runs" if rest.stable else "not stable over the runs"
+        share = f"{100 * found.judged.law.share:.0f} %" if found.judged.law else "none"
+        parts.append(
+            f"<p>{escape(rest.description)}. A description, not a cause, {stable}: "
+            f"<code>{escape(rest.law)}</code> (accounts for {share} of what remains).</p>"
+        )
+    if verdict.ambiguous:
+        groups = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+        parts.append(f"<p>Not told apart by these runs: {escape(groups)}.</p>")
+    if not parts:
+        parts.append("<p>Nothing beyond the noise.</p>")
+    rows = "".join(
+        f"<tr><td>{escape(name)}<td class='n'>{value:.2g}</tr>"
+        for name, value in sorted(verdict.detectable.items())
+    )
+    parts.append(
+        "<p class='note'>The smallest size of each effect that these runs would have shown "
+        f"(5 sigma after the base is refitted):</p><table>{rows}</table>"
+    )
+    return "".join(parts)
+
+
+def _next(verdict: Verdict) -> str:
+    if not verdict.advice:
+        return "<p>No planned experiment would add to these runs.</p>"
+    rows = "".join(
+        f"<tr><td>{escape(a.experiment)}<td>{escape(a.separates[0])} from "
+        f"{escape(a.separates[1])}<td class='n'>{a.expected_sigma:.1f}"
+        f"<td class='n'>{a.minutes:.1f}</tr>"
+        for a in verdict.advice[:5]
+    )
+    return (
+        "<table><tr><th>experiment<th>tells<th class='n'>sigma<th class='n'>minutes</tr>"
+        f"{rows}</table>"
+    )
+
+
+def _base(found: Findings, verdict: Verdict) -> str:
+    stated = {p.name: p for p in found.subject.library.base}
+    rows = "".join(
+        f"<tr><td>{escape(name)}<td class='n'>{stated[name].start:.4g}<td class='n'>"
+        f"{value.value:.4g}<td class='n'>{_ends(value.low, value.high)}"
+        f"<td>{escape(stated[name].unit)}</tr>"
+        for name, value in verdict.base.items()
+    )
+    weak = found.fitted.weak
+    note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
+    return (
+        "<table><tr><th>parameter<th class='n'>stated<th class='n'>refitted<th class='n'>95 %"
+        f"<th>unit</tr>{rows}</table><p class='note'>{note}</p>"
+    )
+
+
+def _weak(words: Sequence[str]) -> str:
+    return "The runs say less than was known before of: " + escape("; ".join(words)) + "."
+
+
+def _ends(low: float | None, high: float | None) -> str:
+    return f"{low:.4g} to {high:.4g}" if low is not None and high is not None else ""
+
+
+def _foot(verdict: Verdict) -> str:
+    return (
+        f"<p class='note'>{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "
+        f"Held out: {escape(', '.join(verdict.held_out))}.</p>"
+    )

@@ -1,0 +1,97 @@
+"""The verdict in plain words."""
+
+from cell.gap.compare import margin
+from cell.gap.investigate import Findings
+from cell.gap.verdict import Measured, Verdict
+
+
+def sentence(found: Findings, verdict: Verdict) -> str:
+    """One sentence for a technician: what is missing, how sure, what it changed."""
+    words = {
+        "named": _named,
+        "ambiguous": _ambiguous,
+        "no_gap": _no_gap,
+        "unexplained": _unexplained,
+    }
+    return words[verdict.verdict](found, verdict)
+
+
+def _named(found: Findings, verdict: Verdict) -> str:
+    sentences = {c.name: c.sentence for c in found.subject.library.candidates}
+    effects = ", and ".join(
+        f"{sentences[e.name]} ({_values(e.parameters)})" for e in verdict.effects
+    )
+    text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
+    return _capital(text)
+
+
+def _ambiguous(found: Findings, verdict: Verdict) -> str:
+    either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+    known = found.judged.found.accepted.model.names - {n for g in verdict.ambiguous for n in g}
+    sure = f" beside {', '.join(sorted(known))}, which is sure" if known else ""
+    split = verdict.advice[0].experiment if verdict.advice else "none of the planned ones"
+    return (
+        f"Something is missing that these runs cannot tell apart: {either}{sure}; "
+        f"{change(found, verdict)}. The experiment that would split them: {split}."
+    )
+
+
+def _no_gap(found: Findings, verdict: Verdict) -> str:
+    sizes = "; ".join(_smallest(found, k, v) for k, v in sorted(verdict.detectable.items()))
+    return (
+        f"The model explains these runs down to their noise ({_now(found, verdict)}). "
+        f"An effect would have shown from this size on: {sizes}."
+    )
+
+
+def _unexplained(found: Findings, verdict: Verdict) -> str:
+    rest = verdict.unexplained
+    description = rest.description if rest is not None else ""
+    accepted = found.judged.found.accepted.model
+    tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
+    return _capital(f"{description}: no effect of the library accounts for it{tried}.")
+
+
+def change(found: Findings, verdict: Verdict) -> str:
+    """Gap before, after and noise floor on held-out runs, by quantity."""
+    parts = []
+    for quantity in found.subject.library.quantities.values():
+        if quantity.key not in verdict.gap.before:
+            continue
+        name, unit = quantity.key.rsplit("_", 1)[0], quantity.unit
+        before, after = verdict.gap.before[quantity.key], verdict.gap.after[quantity.key]
+        floor = verdict.gap.floor[quantity.key]
+        parts.append(
+            f"{name} was {before:.2f} {unit} off and is now {after:.2f} {unit} (noise {floor:.2f})"
+        )
+    return "on held-out runs " + ", ".join(parts)
+
+
+def sigmas(found: Findings) -> float:
+    """Strength of the accepted model over the base, as the sigma of an equal likelihood ratio."""
+    result = found.judged.found
+    base = next(m for m in result.tried if not m.model.effects)
+    gain = margin(result.accepted, base, result.by).gain
+    return float(max(0.0, 2.0 * gain) ** 0.5)
+
+
+def _values(parameters: dict[str, Measured]) -> str:
+    return ", ".join(f"{v.value:.3g} {v.unit}" for v in parameters.values())
+
+
+def _smallest(found: Findings, name: str, value: float) -> str:
+    candidate = next(c for c in found.subject.library.candidates if c.name == name)
+    return f"{name} {value:.2g} {candidate.parameters[0].unit}"
+
+
+def _now(found: Findings, verdict: Verdict) -> str:
+    parts = [
+        f"{q.key.rsplit('_', 1)[0]} {verdict.gap.before[q.key]:.2f} {q.unit}"
+        for q in found.subject.library.quantities.values()
+        if q.key in verdict.gap.before
+    ]
+    return ", ".join(parts)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
