@@ -75,9 +75,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
         return Contact(x, 1.0 if strip[-1] else 0.0)
     i = int(ends[0])
     part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
-    aside = 3 * ahead
-    before = float(along[max(i - 2 * aside, 0) : max(i - aside, 1)].mean())
-    after = float(along[i + aside : i + 2 * aside].mean()) if i + aside < len(along) else 0.0
+    before, after = along[max(i - 4 * ahead, 0) : i + 1].max(), along[i + 1 : i + 4 * ahead].min()
     confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
     return Contact(float(line.x[i] + part * SPACING), confidence)
 

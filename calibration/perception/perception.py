@@ -45,7 +45,7 @@ class Perception:
         self._strip = strip
         self._appearance = appearance
         self._matte = matte(appearance.strip, appearance.desk, appearance.backdrop)
-        self._faint = max(settings.faint, 4.0 * self._matte.noise)
+        self._faint = max(settings.faint, 2.0 * self._matte.noise)
         self._line = SearchLine.of(
             calibration,
             appearance,

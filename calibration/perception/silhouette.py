@@ -10,6 +10,7 @@ from calibration.perception.appearance import SCALE, ZERO
 from drivers.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
+HANGING = 9  # px over which columns are averaged for an edge-on strip
 SPECK = 12  # px, smaller patches are noise
 BRIDGE = 45.0  # px, longest break of an edge-on strip that is bridged
 ASIDE = 30.0  # px about the gripper point within which the fingers end the strip
@@ -50,12 +51,20 @@ class Grip:
 def silhouette(soft: Image, faint: float, desk_row: int) -> Image:
     """Mask of the strip in softened matte levels: SOLID below `desk_row`, share `faint` above.
 
-    On the backdrop there is no shadow, and an edge-on strip is fainter than its colour.
+    On the backdrop there is no shadow, and an edge-on strip is fainter than its colour. It hangs
+    when it is edge-on for long, so that averaging down the columns brings it out of the noise.
     """
-    mask = np.empty_like(soft)
-    for rows, share in ((slice(0, desk_row), faint), (slice(desk_row, None), SOLID)):
-        if soft[rows].size:
-            cv2.threshold(soft[rows], ZERO + SCALE * share, 255, cv2.THRESH_BINARY, mask[rows])
+    solid = _over(soft, SOLID)
+    above = slice(0, max(desk_row, 0))
+    if soft[above].size:
+        hanging = _over(cv2.blur(soft[above], (1, HANGING)), faint)
+        solid[above] |= hanging & _over(soft[above], faint / 2)
+    return solid
+
+
+def _over(levels: Image, share: float) -> Image:
+    """255 where matte levels show more than `share` of strip."""
+    mask = cv2.threshold(levels, ZERO + SCALE * share, 255, cv2.THRESH_BINARY)[1]
     return np.asarray(mask, dtype=np.uint8)
 
 
