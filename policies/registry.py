@@ -45,6 +45,12 @@ def _shifted(_: FilePath | None) -> Policy:
     return Shifted()
 
 
+def _planned(_: FilePath | None) -> Policy:
+    from policies.planned import Planned
+
+    return Planned()
+
+
 def _feedback(checkpoint: FilePath | None) -> Policy:
     from policies.feedback import load_feedback
 
@@ -56,5 +62,6 @@ _MAKERS: dict[str, Callable[[FilePath | None], Policy]] = {
     "triangular": _triangular,
     "circular": _circular,
     "shifted": _shifted,
+    "planned": _planned,
     "feedback": _feedback,
 }

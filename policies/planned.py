@@ -1,0 +1,204 @@
+"""The ceiling: stiffness and damping known, the path planned in the rod before the fold."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.strip.engine import Observables
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel, describe
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.follower import Follower
+from policies.path import Path
+from policies.policy import Decision, Observation
+from policies.rollout import Rollout, roll_out
+from policies.sensing import EXACT
+
+SEGMENTS = 100
+BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
+COARSE = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
+FINE = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
+STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share paths
+
+
+def raised(length: float, rise: float) -> Path:
+    """The triangle, its apex and end moved up by `rise` [m]; its first stretch left where it is."""
+    bend = BENT * length
+    apex = (length / 2, length / 2 + rise)
+    return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
+
+
+class Planned:
+    """Follows the raised triangle on which the rod folds the strip with d = 0.
+
+    Plans once for a strip and a speed. `strips` are those of a batch in which each is known;
+    without them all are the strip given at `reset`.
+    """
+
+    name = "planned"
+
+    def __init__(self, strips: Sequence[StripFile] = ()) -> None:
+        self.rises: Array = np.zeros(0)
+        self._strips = tuple(strips)
+        self._known: tuple[tuple[StripFile, ...], float] | None = None
+        self._paths = Paths([])
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Plan, unless that was done; see `Policy.reset` and, for its errors, `plan`."""
+        asked = (self._strips or (strip,), speed)
+        if asked != self._known:
+            self.rises, self._known = plan(*asked), asked
+        rises = self.rises if self._strips else np.repeat(self.rises, count)
+        self._paths = Paths([raised(strip.length, float(rise)) for rise in rises])
+        self._paths.reset(strip, speed, count)
+
+    def lift(self) -> Path:
+        """The planned path; the first one of a batch, which all climb alike."""
+        return self._paths.lift()
+
+    def decide(self, observation: Observation) -> Decision:
+        """Along the path; images are not looked at."""
+        return self._paths.decide(observation)
+
+
+class Paths:
+    """A policy for a batch in which each gripper follows a path of its own."""
+
+    name = "paths"
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._each = tuple(paths)
+        self._followers: list[Follower] = []
+        self._speed = 0.0
+
+    def reset(self, _: StripFile, speed: float, count: int) -> None:
+        """Begin at the paths' beginnings; `count` must be their number."""
+        if count != len(self._each):
+            raise ValueError(f"{count} strips, but {len(self._each)} paths")
+        self._followers = [Follower(path, 1) for path in self._each]
+        self._speed = speed
+
+    def lift(self) -> Path:
+        """The first of the paths."""
+        return self._each[0]
+
+    def decide(self, observation: Observation) -> Decision:
+        """Each along its own path."""
+        places = zip(self._followers, observation.x, observation.z, strict=True)
+        each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
+        return Decision(
+            direction=np.concatenate([one.direction for one in each]),
+            speed=np.concatenate([one.speed for one in each]),
+            pitch_rate=np.concatenate([one.pitch_rate for one in each]),
+            done=np.concatenate([one.done for one in each]),
+        )
+
+
+def plan(strips: Sequence[StripFile], speed: float) -> Array:
+    """Rises (n,) [m] of the triangles at which the rod folds `strips` with d = 0 at `speed` [m/s].
+
+    Two rounds, all strips side by side: far apart, then close around the zero. The grippers'
+    motion is the one of a fold, with its lift and its limited acceleration. Raises
+    ConfigurationError where no path reaches d = 0.
+    """
+    motions = Motions(strips[0], speed)
+    length = strips[0].length
+    tried = np.round(COARSE / STEP).astype(int)
+    coarse = np.tile(tried, (len(strips), 1))
+    d = _displacements(strips, motions, coarse)
+    for strip, row in zip(strips, d, strict=True):
+        _check(strip, row)
+    fine = (np.round(_zeros(coarse, d))[:, None] + FINE).astype(int)
+    return _zeros(fine, _displacements(strips, motions, fine)) * STEP * length
+
+
+class Motions:
+    """How grippers really move when they follow raised triangles; each is worked out once."""
+
+    def __init__(self, strip: StripFile, speed: float) -> None:
+        self.dt = 0.0
+        self._strip = strip
+        self._settings = Rollout(speed=speed, sensing=EXACT)
+        self._known: dict[int, Array] = {}
+
+    def poses(self, steps: Array) -> Array:
+        """Poses (k, n, 3) along the paths whose rises are `steps` (n,) of STEP."""
+        new = sorted(set(steps.tolist()) - set(self._known))
+        if new:
+            self._work_out(new)
+        last = max(len(motion) for motion in self._known.values())
+        motions = [self._known[step] for step in steps.tolist()]
+        return np.stack([np.pad(m, ((0, last - len(m)), (0, 0)), "edge") for m in motions], axis=1)
+
+    def _work_out(self, steps: list[int]) -> None:
+        length = self._strip.length
+        tape = _Tape()
+        roll_out(
+            Paths([raised(length, step * STEP * length) for step in steps]),
+            tape,
+            self._strip,
+            [describe(self._strip)] * len(steps),
+            settings=self._settings,
+            rng=np.random.default_rng(0),
+        )
+        self.dt = tape.dt
+        self._known |= {step: tape.poses[:, i] for i, step in enumerate(steps)}
+
+
+class _Tape:
+    """An engine without strips, which keeps where the grippers went."""
+
+    def __init__(self) -> None:
+        self.dt = 0.0
+        self._count = 0
+        self._kept: list[Array] = []
+
+    @property
+    def poses(self) -> Array:
+        """Poses (k, n, 3) so far."""
+        return np.array(self._kept)
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        self._count, self._kept = len(models), []
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        self.dt = dt
+        self._kept.append(poses.copy())
+        nothing = np.zeros(self._count)
+        return Observables(0.0, nothing, np.zeros((self._count, 2)), nothing, (None,) * self._count)
+
+    def shapes(self) -> Array:
+        return np.zeros((self._count, 0, 2))
+
+    def arc(self) -> Array:
+        return np.zeros((self._count, 0))
+
+
+def _displacements(strips: Sequence[StripFile], motions: Motions, steps: Array) -> Array:
+    """d (n, m) [m] of n strips on the raised triangles `steps` (n, m); NaN without a touch."""
+    rod = Rod(SEGMENTS, strict=False)
+    rod.reset([model for strip in strips for model in [describe(strip)] * steps.shape[1]])
+    touches = rod.advance(motions.poses(steps.ravel()), motions.dt).touch
+    d = [np.nan if touch is None else touch.displacement for touch in touches]
+    return np.array(d).reshape(steps.shape)
+
+
+def _check(strip: StripFile, d: Array) -> None:
+    if not (np.any(d < 0) and np.any(d > 0)):
+        raise ConfigurationError(
+            f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
+            f"least |d| {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another policy"
+        )
+
+
+def _zeros(steps: Array, d: Array) -> Array:
+    """Where the displacements `d` (n, m) of the rises `steps` (n, m) vanish (n,)."""
+    return np.array([_zero(*row) for row in zip(steps, d, strict=True)])
+
+
+def _zero(steps: Array, d: Array) -> float:
+    order = np.argsort(d)  # NaN last
+    count = int(np.isfinite(d).sum())
+    return float(np.interp(0.0, d[order][:count], steps[order][:count]))
