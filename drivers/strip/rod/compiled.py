@@ -28,7 +28,7 @@ def entry(function: F) -> F:
     file of the entry itself.
     """
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(before))
+    numba.config.CACHE_DIR = str(cache_folder(before))
     try:
         compiled: F = numba.njit(error_model="numpy", nogil=True, cache=True)(function)
     finally:
@@ -36,7 +36,7 @@ def entry(function: F) -> F:
     return compiled
 
 
-def _cache_folder(chosen: str) -> Path:
+def cache_folder(chosen: str) -> Path:
     """A writable folder: `chosen` (NUMBA_CACHE_DIR), the user's cache, or the temporary folder."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]

@@ -1,0 +1,153 @@
+"""The parts of the rod's solver: band factors, tangents, lumping, where code is kept."""
+
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from drivers.strip.rod import compiled
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.band import eliminate, eliminate_fifth, substitute
+from drivers.strip.rod.batch import laid_flat
+from drivers.strip.rod.bending import internal
+from drivers.strip.rod.layout import Block
+from drivers.strip.rod.lumping import lattice, nature
+from drivers.strip.rod.newton import assemble, desk, residual
+from drivers.types import Array
+from tests.rod_cases import paper_model
+
+LAWS = {
+    "nonlinear_bending": {"cubic": 1e-5},
+    "bending_hysteresis": {"yield_curvature": 3.0, "stiffness_ratio": 8.0},
+}
+RATE = 300.0  # 1/s
+
+
+@numba.njit(error_model="numpy")
+def _solve_band(matrix: Array, side: Array, band: Array) -> None:
+    for r in range(len(side)):
+        row = r + 6
+        a = matrix[r]
+        before = (a[r - 4], a[r - 3], a[r - 2], a[r - 1])
+        if r % 2 == 0:
+            eliminate(band, row, before, a[r], side[r])
+        else:
+            eliminate_fifth(band, row, (a[r - 5], *before), a[r], side[r])
+    substitute(band, 6, 6 + len(side) - 1)
+
+
+def test_band_solver_solves() -> None:
+    rng = np.random.default_rng(0)
+    n = 24
+    matrix = rng.normal(size=(n, n))
+    matrix = matrix + matrix.T + 20 * np.eye(n)
+    apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    reach = np.where(np.maximum.outer(np.arange(n), np.arange(n)) % 2 == 0, 4, 5)
+    matrix[apart > reach] = 0.0
+    side, band = rng.normal(size=n), np.zeros((n + 12, at.COLUMNS))
+    _solve_band(matrix, side, band)
+    np.testing.assert_allclose(band[6 : 6 + n, 6], np.linalg.solve(matrix, side), rtol=1e-12)
+
+
+@numba.njit(error_model="numpy")
+def _forces(block: Block, out: Array) -> None:
+    internal(block, RATE)
+    for r in range(at.FIRST, block.last + 1):
+        reaction, _ = desk(block, r)
+        inertia = block.nature[r, at.MASS] * RATE * RATE
+        out[r, 0], out[r, 1] = residual(block, r, inertia, reaction)
+
+
+@numba.njit(error_model="numpy")
+def _newton_step(block: Block) -> None:
+    internal(block, RATE)
+    for r in range(at.FIRST, block.last + 1):
+        assemble(block, r, RATE)
+    substitute(block.band, 2 * at.FIRST, 2 * block.last + 1)
+
+
+def _disturbed_block(segments: int, rng: np.random.Generator) -> Block:
+    """A crumpled strip, partly pressed into the desk, tensions as its stretch says."""
+    batch = laid_flat([paper_model(0.05, 3.0, LAWS)], segments)
+    state = batch.state[0]
+    state[:, [at.X, at.Z]] += rng.normal(size=(segments + 3, 2)) * 1e-3
+    state[::4, at.Z] = 1e-5
+    state[:, at.EPS] = rng.normal(size=segments + 3) * 0.1
+    state[:, at.X1] = state[:, at.X]
+    stretch = np.linalg.norm(np.diff(state[:, [at.X, at.Z]], axis=0), axis=1)
+    rows = batch.nature[0]
+    state[:-1, at.TENSION] = rows[:-1, at.AXIAL] * (stretch / rows[:-1, at.SPAN] - 1.0)
+    rows[:, at.FLOOR] = -np.inf
+    return Block(rows, state, batch.work, batch.band, batch.last)
+
+
+def test_newton_step_is_that_of_finite_differences() -> None:
+    segments = 24
+    block = _disturbed_block(segments, np.random.default_rng(1))
+    free = slice(at.FIRST, block.last + 1)
+
+    def forces() -> Array:
+        out = np.zeros((segments + 3, 2))
+        _forces(block, out)
+        return out[free].ravel()
+
+    columns = []
+    for r in range(at.FIRST, block.last + 1):
+        for axis in (at.X, at.Z):
+            here, h = block.state[r, axis], 1e-8
+            block.state[r, axis] = here + h
+            above = forces()
+            block.state[r, axis] = here - h
+            columns.append((above - forces()) / (2 * h))
+            block.state[r, axis] = here
+    tangent = np.stack(columns, axis=1)
+    expected = np.linalg.solve(tangent, forces())
+    _newton_step(block)
+    step = block.band[2 * at.FIRST : 2 * block.last + 2, 6]
+    np.testing.assert_allclose(step, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_lattice_grows_finer_towards_the_grip_alone() -> None:
+    spans = np.diff(lattice(0.6, 100))
+    np.testing.assert_allclose(spans[:89], spans[0])
+    assert (np.diff(spans[89:]) < 0).all()
+    assert spans[-1] < spans[0] / 6
+    assert spans.sum() == pytest.approx(0.6)
+
+
+def test_lumps_add_up_to_the_strip() -> None:
+    model = paper_model(0.1)
+    rows = nature(model, 60)[1:-1]
+    mechanics = model.mechanics
+    weight = 9.81 * mechanics.linear_density[0] * mechanics.length
+    assert rows[:, at.MASS].sum() == pytest.approx(weight / 9.81)
+    assert rows[:, at.DESK].sum() == pytest.approx(weight)
+    assert (1 / rows[:, at.BEND]).sum() == pytest.approx(mechanics.length / mechanics.rigidity[0])
+    retardation = mechanics.viscosity[0] / mechanics.rigidity[0]
+    np.testing.assert_allclose(rows[:, at.DAMP] / rows[:, at.BEND], retardation)
+
+
+def test_nulls_of_effects_leave_the_lumps_as_they_are() -> None:
+    null = {"nonlinear_bending": {"cubic": 0.0}, "bending_hysteresis": {"yield_curvature": 0.0}}
+    bare, nulled = paper_model(0.1), paper_model(0.1, effects=null)
+    np.testing.assert_array_equal(nature(bare, 60), nature(nulled, 60))
+
+
+def test_code_is_kept_where_the_user_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert compiled.cache_folder(str(tmp_path / "chosen")).is_relative_to(tmp_path / "chosen")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(compiled.sys, "platform", "linux")
+    assert compiled.cache_folder("").is_relative_to(tmp_path / "home")
+
+
+def test_code_is_kept_even_where_nothing_may_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder", encoding="utf-8")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(blocked))
+    monkeypatch.setattr(compiled.sys, "platform", "linux")
+    monkeypatch.setattr(compiled.tempfile, "tempdir", str(tmp_path / "spare"))
+    (tmp_path / "spare").mkdir()
+    assert compiled.cache_folder("").is_relative_to(tmp_path / "spare")
