@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Mapping
 from enum import Enum
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,13 @@ def replace_file(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
     scratch.replace(path)
     sync_folder(path.parent)
+
+
+def write_all(file: FileIO, content: bytes | memoryview) -> None:
+    """All of `content` to the operating system; a full disk may take a part and then refuse."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) or 0 :]
 
 
 def sync_folder(folder: Path) -> None:

@@ -4,7 +4,7 @@ import queue
 import threading
 from pathlib import Path
 
-from cell.record.documents import json_line
+from cell.record.documents import json_line, write_all
 from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
 from drivers.types import Frame
 
@@ -89,4 +89,4 @@ class FrameWriter:
     def _note(self, frame: Frame, sha256: str | None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
         line = json_line({**note, "source": frame.source, "sha256": sha256})
-        self._index.write(line)
+        write_all(self._index, line)

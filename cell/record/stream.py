@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pyarrow as pa
+
+from cell.record.documents import write_all
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 NUMBER = pa.float64()
@@ -38,6 +40,12 @@ class StreamFile:
         columns = [pa.array([row[field.name]], field.type) for field in self._schema]
         self._write(pa.record_batch(columns, schema=self._schema).serialize())
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
+
     def close(self) -> None:
         """End the stream; allowed twice."""
         if not self._file.closed:
@@ -47,9 +55,7 @@ class StreamFile:
                 self._file.close()
 
     def _write(self, content: Any) -> None:
-        rest = memoryview(content)
-        while rest:
-            rest = rest[self._file.write(rest) or 0 :]
+        write_all(self._file, memoryview(content))
 
 
 def read_stream(path: Path, schema: pa.Schema) -> pa.Table:

@@ -3,13 +3,13 @@
 import fcntl
 import secrets
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
 from calibration.perception.sight import Sight
-from cell.record.documents import json_line, write_document
+from cell.record.documents import json_line, write_all, write_document
 from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
@@ -39,11 +39,13 @@ class RunWriter:
         self._mark = False
         self._finished = False
         write_document(folder / RUN, header)
-        self._events = (folder / EVENTS).open("xb", buffering=0)
-        fcntl.flock(self._events, fcntl.LOCK_EX)
-        self._ticks = StreamFile(folder / TICK_STREAM, TICK_ROWS)
-        self._sights = StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS)
-        self._frames = FrameWriter(folder, frames, patient)
+        with ExitStack() as opened:
+            self._events = opened.enter_context((folder / EVENTS).open("xb", buffering=0))
+            fcntl.flock(self._events, fcntl.LOCK_EX)
+            self._ticks = opened.enter_context(StreamFile(folder / TICK_STREAM, TICK_ROWS))
+            self._sights = opened.enter_context(StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS))
+            self._frames = FrameWriter(folder, frames, patient)
+            opened.pop_all()
 
     @classmethod
     def create(
@@ -62,10 +64,8 @@ class RunWriter:
         """
         content = {"schema": SCHEMA, **header}
         strip = parse(content, Header, RUN).strip
-        moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-        folder = root / f"{moment}-{strip}-fold-{secrets.token_hex(2)}"
         try:
-            folder.mkdir(parents=True)
+            folder = _new_folder(root, strip)
             return cls(folder, content, frames, patient)
         except OSError as error:
             raise ConfigurationError(
@@ -100,7 +100,7 @@ class RunWriter:
         """Add something that happened at `t` [s]; the next image is kept to show it."""
         self._mark = self._mark or kind == "state"
         with self._recording():
-            self._events.write(json_line({"t": t, "kind": kind, **facts}))
+            write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Close the streams, write the tables, and last of all result.yaml; allowed twice.
@@ -142,3 +142,16 @@ class RunWriter:
         if failure is not None:
             reason = failure.strerror or str(failure)
             raise Fault("record", f"{self.folder}: {reason}; the run cannot be recorded any more")
+
+
+def _new_folder(root: Path, strip: str) -> Path:
+    """A folder under `root` that nobody else has; OSError where none can be made."""
+    root.mkdir(parents=True, exist_ok=True)
+    moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    while True:
+        folder = root / f"{moment}-{strip}-fold-{secrets.token_hex(2)}"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder

@@ -89,14 +89,8 @@ def remains(run: Run) -> Rows:
 
 def advice(run: Run) -> list[str]:
     """What to do after a run that died."""
-    height = float(run.ticks.z[-1]) if run.ticks.t.size else 0.0
-    held = height > 0.01
     steps = [
-        "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
-        "Look at the strip, then open the fingers with `cell open` and lift the hand with "
-        "`cell home`."
-        if held
-        else "Lay the strip flat again.",
+        *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",
         "What was measured can be used: the gap workflow reads this folder as far as it goes.",
     ]
@@ -105,6 +99,19 @@ def advice(run: Run) -> list[str]:
         said = f"t = {errors[-1].t:.2f} s: {_sentence(errors[-1])}"
         steps.insert(0, f"The last complaint before the end came at {said}.")
     return steps
+
+
+def _steps_at_the_arm(run: Run) -> list[str]:
+    drivers = (run.header.model_extra or {}).get("drivers")
+    if isinstance(drivers, Mapping) and drivers.get("arm") == "twin":
+        return ["Nothing needs to be put right: the twin's arm ended with its process."]
+    lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > 0.01
+    hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
+    return [
+        "Make sure that the arm stands still; it brakes by itself when commands stop coming.",
+        *([hand] if lifted else []),
+        "Lay the strip flat again.",
+    ]
 
 
 def _check(item: Mapping[str, Any]) -> tuple[str, str, str]:

@@ -218,6 +218,40 @@ def test_full_disk_is_a_fault_of_the_record(tmp_path, monkeypatch):
     assert read_run(writer.folder).result.outcome == "record"
 
 
+def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
+    script = f"""
+import resource, signal
+from pathlib import Path
+from cell.record.tick import Tick
+from cell.record.writer import RunWriter
+from drivers.errors import Fault
+writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+try:
+    for k in range(1000):
+        writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+except Fault as fault:
+    print(fault.name, k)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    name, written = done.stdout.split()
+    assert name == b"record"
+    (folder,) = tmp_path.iterdir()
+    run = read_run(folder)
+    assert run.died
+    assert run.ticks.t.size == int(written) > 10
+
+
+def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(tmp_path, monkeypatch):
+    drawn = iter(["aaaa", "aaaa", "aaaa", "bbbb"])
+    monkeypatch.setattr("secrets.token_hex", lambda count: next(drawn))
+    writers = [RunWriter.create(tmp_path, HEADER, "none") for _ in range(2)]
+    assert writers[0].folder != writers[1].folder
+    for writer in writers:
+        writer.close()
+
+
 def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path, monkeypatch):
     writer = RunWriter.create(tmp_path, HEADER, "all", patient=True)
 

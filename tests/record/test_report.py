@@ -1,5 +1,6 @@
 import re
 import shutil
+from html import unescape
 from html.parser import HTMLParser
 
 import pytest
@@ -8,6 +9,7 @@ import yaml
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from cell.report.drawing import page_svg
+from cell.report.facts import advice
 from cell.report.figures import strip_figure
 from cell.report.markup import definitions, table
 from cell.report.overlay import key_pictures, window_on
@@ -62,7 +64,7 @@ def outline(text: str) -> Outline:
 
 
 def words(text: str) -> str:
-    return " ".join(re.sub(r"<[^>]*>", " ", text).split())
+    return " ".join(unescape(re.sub(r"<[^>]*>", " ", text)).split())
 
 
 def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
@@ -96,7 +98,7 @@ def test_dead_run_is_explained(dead_page):
     text = words(dead_page)
     assert "The process died at t = 4.28 s in state FOLD" in text
     assert "There is no result." in text
-    assert "cell open" in text
+    assert "the twin's arm ended with its process" in text
     assert "43 images seen" in text
     assert "429 rows" in text
     assert dead_page.count("<svg") == 3
@@ -107,7 +109,15 @@ def test_run_that_died_at_once_is_explained(tmp_path):
     writer.close()
     text = words(write_report(writer.folder).read_text())
     assert "The process died at the start" in text
-    assert "Lay the strip flat again" in text
+
+
+def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
+    folder = shutil.copytree(killed, tmp_path / killed.name)
+    header = yaml.safe_load((folder / "run.yaml").read_text())
+    (folder / "run.yaml").write_text(yaml.safe_dump({**header, "drivers": {"arm": "fci"}}))
+    steps = advice(read_run(folder))
+    assert "cell open" in steps[1]
+    assert "Lay the strip flat again." in steps
 
 
 def test_run_under_way_is_not_called_dead(tmp_path):
