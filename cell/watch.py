@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Mode = Literal["save", "live"]
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
 IMAGE_PERIOD = 0.1  # s
-PATIENCE = 5.0  # s, for what still waits when the run is over
+PATIENCE = 30.0  # s, for what still waits when the run is over
 
 
 class Viz:
