@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile, load_strip
 from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
+from drivers.twin.chain import Chain
 from drivers.types import Array
 from policies.checkpoint import load_checkpoint
 from policies.domain import grid
@@ -26,10 +28,11 @@ STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]
 SMALL = TrainingSettings(population=14, strips=2, segments=40, generations=2, validate_every=1)
 
 
-def fold(name: str, strips: list[StripFile], seed: int = 0) -> Folds:
+def fold(name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | None = None) -> Folds:
     models = [describe(strip) for strip in strips]
     rng = np.random.default_rng(seed)
-    return roll_out(make_policy(name), Rod(100), strips[0], models, settings=Rollout(), rng=rng)
+    policy, judge = make_policy(name), engine or Rod()
+    return roll_out(policy, judge, strips[0], models, settings=Rollout(), rng=rng)
 
 
 def candidates(count: int) -> Array:
@@ -66,6 +69,11 @@ def test_committed_feedback_beats_every_open_loop_over_the_papers_range() -> Non
     assert feedback.max() < 0.016
     assert feedback.mean() < baseline.mean() < 0.008
     assert feedback.max() < baseline.max() < 0.018
+
+
+def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
+    folds = fold("feedback", STRIPS, engine=Chain())
+    assert np.abs(folds.displacement).max() < 0.014
 
 
 def test_feedback_is_gentler_than_the_circle() -> None:
