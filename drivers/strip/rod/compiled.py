@@ -3,7 +3,6 @@
 import hashlib
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,37 +21,37 @@ def kernel(function: F) -> F:
 
 
 def entry(function: F) -> F:
-    """`function` as compiled code that Python calls; kept between processes.
+    """`function` as compiled code that Python calls; kept between processes where possible.
 
     The folder carries a digest of this package, because numba looks for changes only in the
     file of the entry itself.
     """
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder(before))
+    folder = cache_folder(before)
+    numba.config.CACHE_DIR = str(folder or before)
     try:
-        compiled: F = numba.njit(error_model="numpy", nogil=True, cache=True)(function)
+        compiled: F = numba.njit(error_model="numpy", nogil=True, cache=folder is not None)(
+            function
+        )
     finally:
         numba.config.CACHE_DIR = before
     return compiled
 
 
-def cache_folder(chosen: str) -> Path:
-    """A writable folder: `chosen` (NUMBA_CACHE_DIR), the user's cache, or the temporary folder."""
+def cache_folder(chosen: str) -> Path | None:
+    """A writable folder under `chosen` (NUMBA_CACHE_DIR) or the user's cache, if there is one."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    homes = [Path(chosen)] if chosen else [_user_cache() / "folding-cell"]
-    for home in (*homes, Path(tempfile.gettempdir()) / "folding-cell"):
-        folder = home / f"rod-{digest}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="folding-cell-"))
+    home = Path(chosen) if chosen else _user_cache() / "folding-cell"
+    folder = home / f"rod-{digest}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return None
+    return folder if os.access(folder, os.W_OK) else None
 
 
 def _user_cache() -> Path:
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        return Path(os.path.expanduser("~/Library/Caches"))  # noqa: PTH111  Path.home() may raise
+    return Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
