@@ -1,6 +1,6 @@
 """The rod keeps the seam of every engine, and strips side by side do not know of each other."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,9 @@ import pytest
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
 from drivers.strip.engine import Stepper, simulate
 from drivers.strip.file import load_strip
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import Boundary, StripModel, describe
 from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import KNOWN
 from policies.path import circular, triangular
 from tests.rod_cases import for_all, paper_grid, paper_model, steady
 
@@ -193,6 +194,21 @@ def test_descriptions_beyond_the_rod_are_refused() -> None:
     for wrong in (floating, longer):
         with pytest.raises(Unsupported, match="the rod cannot simulate"):
             Rod(40).reset([wrong])
+
+
+def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    @dataclass(frozen=True)
+    class Magnetic(Boundary):
+        field: float = 0.0
+
+    model = paper_model(0.1)
+    rod = Rod(40)
+    monkeypatch.setitem(KNOWN, Magnetic, KNOWN[Boundary])
+    rod.reset([replace(model, boundary=Magnetic())])
+    with pytest.raises(Unsupported, match="the rod cannot simulate field"):
+        rod.reset([replace(model, boundary=Magnetic(field=1.0))])
 
 
 def test_circular_path_folds_too_far_and_triangular_too_short() -> None:

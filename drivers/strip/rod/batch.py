@@ -44,7 +44,7 @@ def closed_up(batch: Batch) -> Batch:
     lanes = batch.strips.shape[1]
     alive = at.unpacked(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
-    if -(-int(alive.sum()) // lanes) > WORTH * busy:
+    if busy == 0 or -(-int(alive.sum()) // lanes) > WORTH * busy:
         return batch
     order = np.argsort(~alive, kind="stable")
 
@@ -62,8 +62,8 @@ def closed_up(batch: Batch) -> Batch:
 def retired(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
     """The batch in which the strips `gone` (n,) no longer simulate."""
     slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
-    ended = slots[batch.strips].reshape(batch.alive.shape[0], 1, 1, -1)
-    return batch._replace(alive=np.where(ended.reshape(batch.alive.shape), 0.0, batch.alive))
+    ended = slots[batch.strips].reshape(batch.alive.shape)
+    return batch._replace(alive=np.where(ended, 0.0, batch.alive))
 
 
 def living(batch: Batch) -> NDArray[np.bool_]:

@@ -85,7 +85,7 @@ class Rod:
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and cost nothing from now on."""
-        self._batch = retired(self._batch, gone)
+        self._batch = closed_up(retired(self._batch, gone))
 
     @property
     def touch(self) -> tuple[Touch | None, ...]:
@@ -122,27 +122,23 @@ class Rod:
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
-        self._batch = closed_up(self._batch)
         shown = np.empty((len(poses), *self._shown.shape))
         shown[:] = self._shown
         pace = Pace(dt, self._again * min(dt / self._last, 2.0), self._again)
-        follow(self._batch, poses, shown, shapes, every, self._time, pace)
+        ended = follow(self._batch, poses, shown, shapes, every, self._time, pace)
         self._time += len(poses) * dt
         self._last = dt
         if len(shown):
             self._shown = shown[-1]
-        self._note()
+        if ended:
+            self._note()
+            self._batch = closed_up(self._batch)
         return shown
 
     def _note(self) -> None:
         """New touches; raises for new failures where they are not allowed."""
         known = self._batch.known
-        if np.count_nonzero(~np.isnan(known[:, of.TIME])) > len(self._touch) - self._touch.count(
-            None
-        ):
-            self._touch = tuple(
-                old or _touch(row) for old, row in zip(self._touch, known, strict=True)
-            )
+        self._touch = tuple(old or _touch(row) for old, row in zip(self._touch, known, strict=True))
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(known[i, of.FAILED])

@@ -118,12 +118,21 @@ def record(batch: Any, b: int, shapes: Any) -> None:
 
 
 @kernel
-def any_alive(alive: Any, lanes: int) -> bool:
-    """Whether a lane of the block still simulates."""
-    for lane in range(lanes):
-        if pick(alive, 0, 0, lane) > 0.0:
-            return True
-    return False
+def alive_in(batch: Any, b: int) -> int:
+    """How many lanes of a block still simulate."""
+    count = 0
+    for lane in range(batch.strips.shape[1]):
+        count += pick(batch.alive[b], 0, 0, lane) > 0.0
+    return count
+
+
+@kernel
+def alive_lanes(batch: Any) -> int:
+    """How many lanes of all blocks still simulate."""
+    count = 0
+    for b in range(len(batch.nature)):
+        count += alive_in(batch, b)
+    return count
 
 
 @kernel
@@ -138,17 +147,18 @@ def hold(batch: Any, b: int, poses: Any) -> None:
 @entry
 def follow(
     batch: Any, poses: Any, shown: Any, shapes: Any, every: int, start: float, pace: Any
-) -> None:
+) -> int:
     """The batch along poses (k, n, 3), one step each, from time `start` [s].
 
-    Into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty.
+    Into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty; returns
+    how many strips ended.
     """
-    lanes = batch.strips.shape[1]
+    before = alive_lanes(batch)
     for b in range(len(batch.nature)):
         block = Block(batch.nature[b], batch.state[b], batch.work, batch.band, batch.last)
         now = pace
         for k in range(len(poses)):
-            if not any_alive(batch.alive[b], lanes):
+            if alive_in(batch, b) == 0:
                 break
             grips = Grips(batch.strips[b], batch.alive[b], batch.held, poses[k])
             time = start + (k + 1) * pace.h
@@ -160,3 +170,4 @@ def follow(
             observe(batch, b, shown, k, time, pace.h)
             hold(batch, b, poses[k])
             now = Pace(pace.h, pace.again, pace.again)
+    return before - alive_lanes(batch)

@@ -74,13 +74,20 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 def check(models: Sequence[StripModel]) -> None:
     """Raise Unsupported for what a rod cannot represent."""
-    for kind, known in KNOWN.items():
-        unknown = sorted({field.name for field in fields(kind)} - set(known.split()))
-        if unknown:
-            raise Unsupported("rod", f"{kind.__name__} with {', '.join(unknown)}")
     for model in models:
+        for part in (model.mechanics, model.mechanics.law, model.boundary):
+            _check_known(part)
         gx, gz = model.boundary.gravity
         if gz >= 0:
             raise Unsupported("rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk")
         if abs(model.mechanics.length - model.stated_length) > 1e-9:
             raise Unsupported("rod", "a strip that is not as long as stated")
+
+
+def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:
+    """Refuse fields that the rod does not know, unless they are at their null."""
+    for field in fields(part):
+        if field.name in KNOWN[type(part)].split():
+            continue
+        if getattr(part, field.name) != field.default:
+            raise Unsupported("rod", field.name)
