@@ -34,6 +34,24 @@ def _agreement(name: str, kind: str) -> Agreement:
     return agreement(fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6)
 
 
+@pytest.mark.parametrize(
+    "camera",
+    [
+        CameraSettings(yaw=0.02, tilt=0.015, roll=0.03, view_width=0.85),
+        CameraSettings(distance=1.2),
+        CameraSettings(noise=5.0, light_gradient=0.35),
+    ],
+    ids=["crooked", "near", "dim"],
+)
+def test_another_camera_place_or_light_keeps_the_agreement(camera: CameraSettings) -> None:
+    fold = _fold("denim", "triangular")
+    found = agreement(fold, FoldCamera(fold.strip, camera), twin_calibration(camera), every=24)
+    assert rms(found.contact) < 0.0015
+    assert found.profile.max() < 0.001
+    assert abs(found.lateness) < 0.05
+    assert abs(found.displacement) < 0.003
+
+
 @lru_cache
 def _ready() -> tuple[Perception, FoldCamera, TwinFold]:
     fold = _fold("denim", "triangular")

@@ -8,7 +8,7 @@ from calibration.calibration import Calibration
 from calibration.perception.appearance import Appearance, matte, soft
 from calibration.perception.contact import Contact, SearchLine, find_contact
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
-from calibration.perception.region import START, Region, hide_hand, strip_region
+from calibration.perception.region import START, Region, hide_hand, strip_region, zones
 from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import Sight
 from calibration.perception.silhouette import Grip, outer_side, silhouette
@@ -53,8 +53,7 @@ class Perception:
             strip.thickness,
             (START + 0.0005, strip.length + 0.01),
         )
-        shadow = calibration.to_image(np.array([[strip.length / 2, settings.shadow_height]]))
-        self._desk_row = round(float(shadow[0, 1]))
+        self._zones = zones(calibration, strip.length, settings.shadow_height)
         self._scale = _scale(calibration)
 
     def look(self, frame: Frame, gripper: Pose) -> Sight:
@@ -88,7 +87,8 @@ class Perception:
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
             return Curve(np.empty((0, 2)), contact.confidence)
-        mask = silhouette(smooth, self._faint, self._desk_row - region.top)
+        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
+        mask = silhouette(smooth, self._faint, zone, high)
         hide_hand(mask, region, self._calibration, gripper)
         start, grip = self._ends(contact, gripper, region)
         side = outer_side(mask, start, grip, self._settings.outline_step)
@@ -118,9 +118,12 @@ class Perception:
         return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
 
     def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
-        beyond = 0.01 * np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+        along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
         held = np.array([gripper.x, gripper.z])
-        plane = np.array([(contact.x, 0.0), held, held + beyond])
+        view = self._calibration.viewpoint
+        if (held - view.foot()) @ (along[1], -along[0]) < 0:  # its outer side is the far edge
+            held += view.sweep(self._strip.width) * (view.foot() - held)
+        plane = np.array([(contact.x, 0.0), held, held + 0.01 * along])
         start, point, after = self._calibration.to_image(plane) - region.origin
         approach = (after - point) / np.hypot(*(after - point))
         return start, Grip(point, approach, self._settings.gripper_clearance / self._scale)

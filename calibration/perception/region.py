@@ -41,14 +41,37 @@ def strip_region(calibration: Calibration, length: float, height: float) -> Regi
     top = max(height + OVER, FOLD)
     corners = [(x, z) for x in (START, length + BEYOND) for z in (-BELOW, top)]
     (left, first), (right, last) = _bounds(calibration.to_image(np.array(corners)))
-    low = calibration.to_image(np.array([(START, -BELOW), (length, -BELOW)]))[:, 1].min()
     lens = calibration.lens
     return Region(
         int(np.clip(left, 0, lens.width - 2)),
         int(np.clip(first, 0, lens.height - 2)),
         int(np.clip(right, 2, lens.width)),
-        int(np.clip(min(last, low), 2, lens.height)),
+        int(np.clip(last, 2, lens.height)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Zones:
+    """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
+    `lifted`, the part of it high enough to be free of its shadow.
+    """
+
+    strip: Image
+    lifted: Image
+
+
+def zones(calibration: Calibration, length: float, shadow_height: float) -> Zones:
+    """The zones of a strip of `length` [m] whose shadow reaches up to `shadow_height` [m]."""
+    return Zones(*(_zone(calibration, length, low) for low in (-BELOW, shadow_height)))
+
+
+def _zone(calibration: Calibration, length: float, low: float) -> Image:
+    right, ceiling = length + BEYOND, length
+    corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
+    pixels = np.rint(calibration.homography.to_image(np.array(corners)))
+    mask = np.zeros((calibration.lens.height, calibration.lens.width), dtype=np.uint8)
+    cv2.fillPoly(mask, [pixels.astype(np.int32)], 255)
+    return mask
 
 
 def hide_hand(mask: Image, region: Region, calibration: Calibration, gripper: Pose) -> None:

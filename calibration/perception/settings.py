@@ -24,7 +24,7 @@ class PerceptionSettings(Settings):
     profile_points: int = Field(150, ge=20, le=500)
     little: float = Field(0.03, ge=0, le=0.1)  # m of lifted strip from which its profile counts
     length_error: float = Field(0.015, gt=0, le=0.1)  # m; twice that from the stated: unbelievable
-    reach: float = Field(0.012, gt=0, le=0.1)  # m from the gripper where its profile may end
+    reach: float = Field(0.02, gt=0, le=0.1)  # m from the gripper where its profile may end
     gripper_clearance: float = Field(0.004, ge=0, le=0.05)  # m that the fingers hide
     gap_opening: float = Field(0.004, gt=0, le=0.1)  # m from which layers count as apart
     touch_margin: float = Field(0.0006, ge=0, le=0.01)  # m over the touching distance: noise

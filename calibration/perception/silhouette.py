@@ -48,18 +48,16 @@ class Grip:
         return np.asarray((along > -self.clearance) & (aside < ASIDE) & (along < ASIDE))
 
 
-def silhouette(soft: Image, faint: float, desk_row: int) -> Image:
-    """Mask of the strip in softened matte levels: SOLID below `desk_row`, share `faint` above.
+def silhouette(soft: Image, faint: float, strip: Image, lifted: Image) -> Image:
+    """Mask of the strip in softened matte levels, all (h, w): share SOLID in the zone `strip`,
+    `faint` where it is `lifted`.
 
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour. It hangs
     when it is edge-on for long, so that averaging down the columns brings it out of the noise.
     """
-    solid = _over(soft, SOLID)
-    above = slice(0, max(desk_row, 0))
-    if soft[above].size:
-        hanging = _over(cv2.blur(soft[above], (1, HANGING)), faint)
-        solid[above] |= hanging & _over(soft[above], faint / 2)
-    return solid
+    hanging = _over(cv2.blur(soft, (1, HANGING)), faint)
+    thin = hanging & _over(soft, faint / 2) & lifted
+    return np.asarray((_over(soft, SOLID) | thin) & strip)
 
 
 def _over(levels: Image, share: float) -> Image:
