@@ -119,9 +119,9 @@ def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
 
 
 def test_unknown_policy_names_the_known_ones() -> None:
-    with pytest.raises(ConfigurationError, match="triangular, circular, shifted, feedback"):
+    assert policy_names()[:4] == ("triangular", "circular", "shifted", "feedback")
+    with pytest.raises(ConfigurationError, match=", ".join(policy_names())):
         make_policy("square")
-    assert policy_names() == ("triangular", "circular", "shifted", "feedback")
 
 
 def test_checkpoint_for_a_path_policy_is_refused() -> None:
