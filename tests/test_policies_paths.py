@@ -119,7 +119,7 @@ def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
 
 
 def test_unknown_policy_names_the_known_ones() -> None:
-    assert policy_names()[:4] == ("triangular", "circular", "shifted", "feedback")
+    assert {"triangular", "circular", "shifted", "feedback"} <= set(policy_names())
     with pytest.raises(ConfigurationError, match=", ".join(policy_names())):
         make_policy("square")
 
