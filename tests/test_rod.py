@@ -12,6 +12,7 @@ from drivers.strip.file import load_strip
 from drivers.strip.model import Boundary, StripModel, describe
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import KNOWN
+from drivers.strip.rod.motions import Way, simulate_all
 from policies.path import circular, triangular
 from tests.rod_cases import for_all, paper_grid, paper_model, steady
 
@@ -235,3 +236,24 @@ def _two(pose: np.ndarray) -> np.ndarray:
 
 def _with_gravity(model: StripModel, gravity: tuple[float, float]) -> StripModel:
     return replace(model, boundary=replace(model.boundary, gravity=gravity))
+
+
+def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
+    models = [paper_model(0.05), paper_model(0.2), paper_model(0.1)]
+    t = np.linspace(2.0, 10.0, 1601)
+    full = Way(t, PATH.poses(0.1 * (t - 2.0)))
+    short = Way(t[:500], full.poses[:500])
+    hung = np.array([0.55, 0.10, np.pi / 2])
+    lifted = Way(t, hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0], hanging=True)
+    ways = [full, short, lifted]
+    motions = simulate_all(Rod(40), models, ways, dt=DT, every=10)
+    for motion, model, way in zip(motions[:2], models, ways, strict=False):
+        alone = simulate(Rod(40), model, way.t, way.poses, dt=DT, shapes=True)
+        np.testing.assert_allclose(motion.t, alone.t)
+        np.testing.assert_allclose(motion.contact_x, alone.contact_x, atol=1e-9)
+        np.testing.assert_allclose(motion.shapes, alone.shapes[9::10], atol=1e-9)
+        assert (motion.touch is None) == (alone.touch is None)
+    assert motions[0].touch is not None
+    assert motions[0].touch.time > 7.0
+    assert len(motions[2].t) == 1600
+    assert np.ptp(motions[2].shapes[:2, :, 1], axis=0).max() < 0.003

@@ -1,0 +1,93 @@
+"""Many whole motions at once, each strip along its own gripper path."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers.strip.engine import StripMotion
+from drivers.strip.model import StripModel
+from drivers.strip.rod.engine import Rod, Showing
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+PIECE = 0.5  # s of motion in one compiled call: a batch closes up between calls
+
+
+class Way(NamedTuple):
+    """A gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging`: its strip starts at rest
+    from the first pose instead of flat.
+    """
+
+    t: Array
+    poses: Array
+    hanging: bool = False
+
+
+def simulate_all(
+    rod: Rod,
+    models: Sequence[StripModel],
+    ways: Sequence[Way],
+    *,
+    dt: float = 0.005,
+    every: int = 0,
+) -> list[StripMotion]:
+    """Each of `models` along its own way, as `simulate` does one; all in one batch.
+
+    Every `every`th step keeps its shape, 0 for none; `shapes` then has (k // every, nodes, 2).
+    A motion ends at its layer_touch or where its way ends.
+    """
+    counts = [max(1, round((way.t[-1] - way.t[0]) / dt)) for way in ways]
+    poses = np.stack([_sampled(way, dt, max(counts)) for way in ways], axis=1)
+    rod.reset(models, _starts(models, ways) if any(way.hanging for way in ways) else None)
+    piece = max(1, round(PIECE / dt) // max(every, 1)) * max(every, 1)
+    shown = []
+    for begin in range(0, len(poses), piece):
+        shown.append(rod.follow(poses[begin : begin + piece], dt, every))
+        rod.retire(np.array(counts) <= begin + piece)
+        if not rod.living.any():
+            break
+    seen = Showing(*(np.concatenate(channel) for channel in zip(*shown, strict=True)))
+    return [
+        _motion(seen, poses, i, way, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
+        for i, (way, count) in enumerate(zip(ways, counts, strict=True))
+    ]
+
+
+def _sampled(way: Way, dt: float, count: int) -> Array:
+    """Poses (count, 3) at the ends of the steps, the last one held."""
+    times = way.t[0] + dt * np.arange(1, count + 1)
+    return np.stack([np.interp(times, way.t, way.poses[:, c]) for c in range(3)], axis=-1)
+
+
+def _starts(models: Sequence[StripModel], ways: Sequence[Way]) -> Array:
+    flat = [(model.stated_length, 0.0, 0.0) for model in models]
+    return np.array([w.poses[0] if w.hanging else f for w, f in zip(ways, flat, strict=True)])
+
+
+def _motion(
+    seen: Showing,
+    poses: Array,
+    i: int,
+    way: Way,
+    count: int,
+    touch: Touch | None,
+    dt: float,
+    every: int,
+) -> StripMotion:
+    """The motion of strip i: its first `count` steps, fewer where its layers touched."""
+    if touch is not None and touch.time > count * dt:
+        touch = None
+    if touch is not None:
+        count = min(count, int(np.ceil(touch.time / dt - 1e-9)))
+        touch = Touch(way.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
+    shapes = seen.shapes[: count // every, i] if every else np.empty((0, *seen.shapes.shape[2:]))
+    return StripMotion(
+        t=way.t[0] + dt * np.arange(1, count + 1),
+        poses=poses[:count, i],
+        contact_x=seen.contact_x[:count, i],
+        tip=seen.tip[:count, i],
+        holding_force=seen.holding_force[:count, i],
+        shapes=shapes,
+        touch=touch,
+    )
