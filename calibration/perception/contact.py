@@ -40,7 +40,8 @@ class SearchLine:
         """The line over `span` [m] of x."""
         x = np.arange(span[0], span[1], SPACING)
         z = appearance.rest_height(x) + height - thickness / 2
-        front = np.column_stack([x[::20], np.full_like(x[::20], FRONT)])
+        near = x[: len(x) // 2 : 20]
+        front = np.column_stack([near, np.full_like(near, FRONT)])
         pixels = calibration.to_image(np.column_stack([x, z]))
         return cls(x, pixels, calibration.to_image(front))
 
@@ -58,7 +59,7 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
 
     `levels` is the softened matte of the window whose first pixel is `origin` (2,) [px].
     """
-    if share(_sampled(levels, line.front - origin)).mean() > 0.5:  # all looks like strip
+    if np.median(share(_sampled(levels, line.front - origin))) > 0.5:  # all looks like strip
         return Contact(float("nan"), 0.0)
     along = share(_averaged(_sampled(levels, line.pixels - origin)))
     strip = along > 0.5

@@ -61,7 +61,7 @@ class Perception:
 
         Never raises for what an image shows: what is not seen is NaN with confidence 0.
         """
-        region = strip_region(self._calibration, self._strip.length, gripper.z)
+        region = strip_region(self._calibration, self._strip.length, gripper)
         levels = self._matte.of(region.of(frame.image))
         smooth = soft(levels)
         contact = find_contact(smooth, self._line, region.origin)

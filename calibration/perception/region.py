@@ -10,7 +10,7 @@ from drivers.types import Array, Image, Pose
 
 START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
-BEYOND = 0.06  # m past the grasped edge at rest
+BEYOND = 0.03  # m past the furthest that the strip can reach
 OVER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always looked at
 FINGER = (0.045, 0.020)  # m: length along the approach, half width
@@ -36,10 +36,14 @@ class Region:
         return image[self.top : self.bottom, self.left : self.right]
 
 
-def strip_region(calibration: Calibration, length: float, height: float) -> Region:
-    """Where a strip of `length` [m], lifted to `height` [m], can appear."""
-    top = max(height + OVER, FOLD)
-    corners = [(x, z) for x in (START, length + BEYOND) for z in (-BELOW, top)]
+def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
+    """Where a strip of `length` [m], fixed at x = 0 and held by the gripper, can appear.
+
+    It reaches no further right than half way between its length and the gripper.
+    """
+    top = max(gripper.z + OVER, FOLD)
+    right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
+    corners = [(x, z) for x in (START, right) for z in (-BELOW, top)]
     (left, first), (right, last) = _bounds(calibration.to_image(np.array(corners)))
     lens = calibration.lens
     return Region(
