@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 from pydantic import Field
 
+from calibration.board_view import BoardView, find_board
 from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings
-from drivers.types import Array, Frame, Image
+from drivers.types import Frame
 
 Squares = Annotated[int, Field(ge=5, le=25)]
 DICTIONARY = cv2.aruco.DICT_5X5_100
@@ -70,15 +71,6 @@ class BoardPose:
     tilt: float
     turn: float
     roll: float
-
-
-@dataclass(frozen=True, slots=True)
-class BoardView:
-    """Corners of one view: `ids` (n,), `board` (n, 3) [m] on it, `image` (n, 2) [px]."""
-
-    ids: Array
-    board: Array
-    image: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,14 +142,14 @@ class BoardViews:
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
             return f"the image is {size[0]} x {size[1]} pixels, the others {self._size}"
-        view = _view(frame.image, self._detector, self._board)
+        view = find_board(frame.image, self._detector, self._board)
         if view is None or len(view.ids) < self._settings.corners:
             seen = 0 if view is None else len(view.ids)
             return (
                 f"{seen} corners of the board are seen, {self._settings.corners} are needed; "
                 "bring it into the image, light it"
             )
-        moved = min((_difference(view, other) for other in self._views), default=np.inf)
+        moved = min((view.distance(other) for other in self._views), default=np.inf)
         if moved < self._settings.distinct:
             return f"a view that differs by only {moved:.0f} px was taken before; move the board"
         self._size = size
@@ -166,7 +158,7 @@ class BoardViews:
 
     def _uncovered(self, lens: Lens) -> list[str]:
         """What the views lack of tilt and of the image."""
-        tilts = np.array([_tilt(view, lens) for view in self._views])
+        tilts = np.array([view.tilt(lens) for view in self._views])
         limit = self._settings.tilted
         sides = {
             "its top away": tilts[:, 0] > limit,
@@ -218,35 +210,5 @@ def _plan(settings: BoardSettings) -> tuple[BoardPose, ...]:
     )
 
 
-def _view(
-    image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
-) -> BoardView | None:
-    corners, ids, _, _ = detector.detectBoard(image)
-    if ids is None or len(ids) == 0:
-        return None
-    on_board, in_image = board.matchImagePoints(corners, ids)
-    return BoardView(
-        np.ravel(ids).astype(np.float64),
-        np.asarray(on_board, dtype=np.float64).reshape(-1, 3),
-        np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
-    )
-
-
 def _fit(views: list[BoardView], size: tuple[int, int]) -> LensFit:
     return fit_lens([view.board for view in views], [view.image for view in views], size)
-
-
-def _difference(one: BoardView, other: BoardView) -> float:
-    """Median distance [px] of corners that both views show; inf where they share none."""
-    _, i, j = np.intersect1d(one.ids, other.ids, return_indices=True)
-    if len(i) == 0:
-        return float("inf")
-    return float(np.median(np.hypot(*(one.image[i] - other.image[j]).T)))
-
-
-def _tilt(view: BoardView, lens: Lens) -> tuple[float, float]:
-    """Angles [rad] by which the board's top and right edge lean away from the camera."""
-    ideal = lens.undistort(view.image)
-    _, rotation, _ = cv2.solvePnP(view.board, ideal, lens.matrix, None)
-    turned = cv2.Rodrigues(rotation)[0]
-    return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
