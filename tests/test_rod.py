@@ -125,6 +125,12 @@ def test_strip_hung_from_a_gripper_is_at_rest() -> None:
     assert (hung[:, :, 1].max(axis=1) < 0.11).all()
 
 
+def test_start_in_which_the_layers_touch_is_refused() -> None:
+    rod = Rod(40)
+    with pytest.raises(ValueError, match="layers of strip 0 touch"):
+        rod.reset([paper_model(0.02)], np.array([[0.3, 0.10, np.pi / 2]]))
+
+
 def test_gripper_that_jerks_wildly_finds_shapes_or_says_so() -> None:
     rng = np.random.default_rng(3)
     count, steps = 24, 800

@@ -16,7 +16,8 @@ class Observables:
     """What n strips show at one instant `time` [s].
 
     `contact_x` (n,) [m], `tip` (n, 2) [m] (the fold's rightmost point), `holding_force` (n,) [N]
-    (horizontal, that the fixed edge exerts on the strip), `touch` per strip, set once for all.
+    (along x, that the fixed edge exerts on the strip: negative when taut), `touch` per strip, set
+    once for all.
     """
 
     time: float

@@ -22,9 +22,9 @@ class BendingLaw:
     """Moment of curvature beyond the linear Kelvin-Voigt law; nulls switch a term off.
 
     `cubic` [m^2]: M = EI kappa (1 + cubic kappa^2), level past the crest where a softening law
-    (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment
-    over rigidity of an elasto-plastic element beside the elastic one, whose stiffness before it
-    slides is `stiffness_ratio` times EI.
+    (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity of an
+    elasto-plastic element beside the elastic one, whose stiffness before it slides is
+    `stiffness_ratio` times EI.
     """
 
     cubic: float = 0.0

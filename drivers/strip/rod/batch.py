@@ -22,7 +22,8 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]
-    natures = np.stack([nature(model, segments) for model in filled])
+    lumped = {id(model): nature(model, segments) for model in filled}
+    natures = np.stack([lumped[id(model)] for model in filled])
     arc = np.stack([lattice(model.mechanics.length, segments) for model in models])
     living = (np.arange(slots) < count).astype(np.float64)
     return Batch(

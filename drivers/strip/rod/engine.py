@@ -13,7 +13,7 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod.batch import closed_up, laid_flat, living, midlines, retired
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
-from drivers.strip.rod.static import settle, straight
+from drivers.strip.rod.static import lifted, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -56,7 +56,7 @@ class Rod:
         self._batch = laid_flat(models, self._segments)
         self._begin()
         if start is not None:
-            settle(self._batch, straight(self._batch, np.asarray(start, dtype=np.float64)))
+            settle(self._batch, lifted(self._batch, np.asarray(start, dtype=np.float64)))
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:

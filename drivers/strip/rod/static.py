@@ -19,10 +19,15 @@ PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
 
-def straight(batch: Batch, start: Array) -> Array:
-    """The way (k, n, 3) of grips from where they are to `start` (n, 3)."""
-    share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None, None]
-    return np.asarray(batch.held + share * (start - batch.held))
+def lifted(batch: Batch, start: Array) -> Array:
+    """A way (k, n, 3) of grips from where strips lie flat to `start` (n, 3): first up, then in.
+
+    The height grows with the root of the way in, so that the edge stays within the strip's reach.
+    """
+    share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
+    way = batch.held + share[:, :, None] * (start - batch.held)
+    way[:, :, 1] = np.sqrt(share) * start[:, 1]
+    return np.asarray(way)
 
 
 def settle(batch: Batch, way: Array) -> None:
@@ -51,6 +56,8 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
     shown = np.zeros((len(poses), len(batch.held), of.SHOWN))
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, Pace(dt, 0.0, 0.0))
-    failed = np.isfinite(batch.known[:, of.FAILED])
+    failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))
     if failed.any():
         raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)
+    if touched.any():
+        raise ValueError(f"the layers of strip {int(np.argmax(touched))} touch before it rests")
