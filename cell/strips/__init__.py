@@ -1,0 +1,1 @@
+"""What is measured on strips, and the files that say so."""

@@ -1,0 +1,94 @@
+"""Bending length from several photographs of one strip, whatever way it was born."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+
+from cell.strips.birth import STRAIGHT, Birth, Born
+from cell.strips.cantilever_fit import Fit, fit
+from cell.strips.photograph import Photograph
+from cell.strips.pooling import Pooled, pool
+
+SPREADS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
+DECISIVE = 5.0  # of log evidence, for a birth with one more unknown
+
+Fits = tuple[Fit, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Bending:
+    """What the photographs say together.
+
+    `fits` of the strip as it was born, `straight` as if it were born straight; bending lengths [m]
+    pooled over all photographs and for each overhang. `gain` is the log evidence of the birth
+    over a straight one.
+    """
+
+    fits: Fits
+    straight: Fits
+    bending_length: Pooled
+    by_overhang: tuple[tuple[float, Pooled], ...]
+    gain: float
+
+    @property
+    def birth(self) -> Birth:
+        """How the strip was born."""
+        return self.fits[0].birth
+
+    @property
+    def curl(self) -> Pooled:
+        """The even part of the rest curvature, pooled [1/m]."""
+        return pool(*zip(*(each.curl for each in self.fits), strict=True))
+
+
+def measure_bending(photographs: Sequence[Photograph]) -> Bending:
+    """The bending length that fits all photographs, which share how far from straight they are."""
+    straight = tuple(fit(each, STRAIGHT) for each in photographs)
+    curled = _best(photographs, straight, Born.CURLED)
+    varied = _best(photographs, straight, Born.SET)
+    fits = straight
+    for other in (curled, varied):
+        if evidence(other) > evidence(fits) + DECISIVE:
+            fits = other
+    by_overhang = sorted(fits, key=lambda each: each.photograph.overhang)
+    groups = groupby(by_overhang, key=lambda each: each.photograph.overhang)
+    return Bending(
+        fits=fits,
+        straight=straight,
+        bending_length=pool_lengths(fits),
+        by_overhang=tuple((overhang, pool_lengths(list(group))) for overhang, group in groups),
+        gain=evidence(fits) - evidence(straight),
+    )
+
+
+def evidence(fits: Sequence[Fit]) -> float:
+    """Log probability of all midlines under their common birth."""
+    return sum(each.evidence for each in fits)
+
+
+def pool_lengths(fits: Sequence[Fit]) -> Pooled:
+    """Bending lengths pooled by their logarithms [m]."""
+    logs = pool([float(np.log(each.bending_length)) for each in fits], [f.sigma for f in fits])
+    value, low, high = np.exp([logs.value, logs.low, logs.high])
+    return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
+
+
+def _best(photographs: Sequence[Photograph], start: Fits, born: Born) -> Fits:
+    """Fits at the spread of rest curvature that makes the midlines most probable."""
+    tried: list[Fits] = []
+    for spread in SPREADS:
+        birth = Birth(born, spread)
+        start = tuple(fit(each, birth, s) for each, s in zip(photographs, start, strict=True))
+        tried.append(start)
+    scores = np.array([evidence(each) for each in tried])
+    j = int(np.argmax(scores))
+    if j in (0, len(SPREADS) - 1):
+        return tried[j]
+    bend = scores[j - 1] - 2 * scores[j] + scores[j + 1]
+    spread = SPREADS[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
+    refined = tuple(
+        fit(each, Birth(born, spread), s) for each, s in zip(photographs, tried[j], strict=True)
+    )
+    return max(refined, tried[j], key=evidence)

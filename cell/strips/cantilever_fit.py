@@ -1,0 +1,136 @@
+"""Bending length from one photograph: the heavy elastica that lies best along the midline."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.strips.birth import STRAIGHT, Birth
+from cell.strips.photograph import Photograph
+from cell.strips.problem import BIRTH, LEDGE, LN_LENGTH, ROLL, TIP, Problem, Trial, X, Z, rotation
+from drivers.strip.cantilever import Hanging, NoRest
+from drivers.types import Array
+
+RULER = 0.001  # m, one sigma of a measured overhang
+COARSE = 12.0  # times sigma for the first fit, which has to find its way
+STARTS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
+STEPS = 80
+LONGEST_STEP = 0.3  # of ln(bending length)
+ENOUGH = 1e-5  # of the cost
+DAMPING, FACTOR, STUCK = 1e-3, 8.0, 1e10
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """The hanging strip as found: unknowns `values` (p,) and their `covariance` (p, p).
+
+    `misses` (n,) [m] of the midline across the curve, `evidence` the log of the probability of
+    the midline under `birth` (but for a constant that all births share).
+    """
+
+    photograph: Photograph
+    birth: Birth
+    values: Array
+    covariance: Array
+    hanging: Hanging
+    misses: Array
+    evidence: float
+
+    @property
+    def bending_length(self) -> float:
+        """Bending length c [m]."""
+        return self.hanging.bending_length
+
+    @property
+    def sigma(self) -> float:
+        """Standard deviation of ln(bending length), ruler and tip included."""
+        photograph = self.photograph
+        end = np.hypot(RULER, TIP * photograph.width) / photograph.overhang
+        return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the misses [m]."""
+        return float(np.sqrt(np.mean(self.misses**2)))
+
+    @property
+    def rest_curvature(self) -> Array:
+        """Rest curvature at the hinges [1/m], positive turns the free end up."""
+        width, overhang = self.photograph.width, self.photograph.overhang
+        return np.asarray(self.birth.fields(overhang, width) @ self.values[BIRTH:])
+
+    @property
+    def curl(self) -> tuple[float, float]:
+        """Mean rest curvature along the strip and its standard deviation [1/m]."""
+        fields = self.birth.fields(self.photograph.overhang, self.photograph.width)
+        mean = np.diff(self.hanging.arc) / self.photograph.overhang @ fields
+        variance = mean @ self.covariance[BIRTH:, BIRTH:] @ mean
+        return float(mean @ self.values[BIRTH:]), float(np.sqrt(variance))
+
+    def curve(self) -> Array:
+        """The strip (n, 2) u, v [px] in the picture, from the ledge to the tip."""
+        scale = 1 - self.values[LEDGE] / self.photograph.overhang
+        points = scale * self.hanging.points @ rotation(self.values[ROLL]).T
+        return np.asarray((self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1))
+
+
+def fit(photograph: Photograph, birth: Birth, start: Fit | None = None) -> Fit:
+    """The most probable strip of this `birth` in the photograph, sought from `start`."""
+    if start is None:
+        start = _find(photograph)
+    problem = Problem(photograph, birth)
+    values = np.zeros(problem.size)
+    values[:BIRTH] = start.values[:BIRTH]
+    if len(start.values) == len(values) > BIRTH:
+        values[BIRTH:] = start.values[BIRTH:] * start.birth.spread / birth.spread
+    return _settle(problem, values)
+
+
+def _find(photograph: Photograph) -> Fit:
+    """A straight-born strip, fitted coarsely from several bending lengths: the best of them."""
+    problem = Problem(replace(photograph, sigma=COARSE * photograph.sigma), STRAIGHT)
+    found = []
+    for start in STARTS:
+        values = np.zeros(problem.size)
+        values[LN_LENGTH] = np.log(start)
+        values[[X, Z]] = photograph.points[0]
+        found.append(_settle(problem, values))
+    return max(found, key=lambda each: each.evidence)
+
+
+def _settle(problem: Problem, values: Array) -> Fit:
+    """Descent from `values` after Levenberg and Marquardt."""
+    here = problem.trial(values)
+    damping = DAMPING
+    for _ in range(STEPS):
+        there, damping = _descend(problem, here, damping)
+        if there is None:
+            break
+        gain, here = here.cost - there.cost, there
+        if gain < ENOUGH * (1 + here.cost):
+            break
+    matrix, _ = problem.normal_equations(here)
+    return Fit(
+        photograph=problem.photograph,
+        birth=problem.birth,
+        values=here.values,
+        covariance=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
+        hanging=here.hanging,
+        misses=here.misses[: len(problem.photograph.arc)] * problem.photograph.sigma,
+        evidence=-0.5 * float(here.cost + np.linalg.slogdet(matrix)[1]),
+    )
+
+
+def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
+    """A better trial and the damping to go on with, or None where there is none."""
+    matrix, downhill = problem.normal_equations(here)
+    while damping < STUCK:
+        step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)
+        step[LN_LENGTH] = np.clip(step[LN_LENGTH], -LONGEST_STEP, LONGEST_STEP)
+        try:
+            there = problem.trial(here.values + step)
+        except NoRest:
+            there = here
+        if there.cost < here.cost:
+            return there, damping / FACTOR
+        damping *= FACTOR
+    return None, damping

@@ -1,0 +1,122 @@
+"""A photograph of a strip that hangs over a ledge, reduced to its midline."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calibration.perception.midline import Midline, extract_midline
+from drivers.errors import ConfigurationError
+from drivers.types import Array, Image
+
+SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
+ROUGHLY = 200  # points of a first midline, which tells width and length
+TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
+SPACING = 0.5  # widths between the points that are fitted
+FEWEST, MOST, MOST_TRACED = 60, 400, 4000
+SMOOTHED = 5  # points on either side of the parabola against which roughness is measured
+PRECISION = 0.02  # widths; no midline is better, however smooth
+CORRELATION = 1.5  # sqrt of the number of neighbours whose errors go together
+END = 1.0  # widths at either end where a midline is less sure
+END_SIGMA = 4.0  # times less
+
+
+@dataclass(frozen=True, slots=True)
+class Photograph:
+    """Midline `points` (n, 2) x, z at arc lengths `arc` (n,), from the picture's border to the tip.
+
+    Their unit is the metre that they would have if the picture's border were the ledge:
+    `pixel` [m]. `sigma` (n,) [m] across the midline, `width` of the strip [m], `overhang` [m].
+    """
+
+    path: Path
+    overhang: float
+    image: Image
+    points: Array
+    arc: Array
+    sigma: Array
+    width: float
+    pixel: float
+
+    @property
+    def name(self) -> str:
+        """Name of the file, without its ending."""
+        return self.path.stem
+
+
+def read_photograph(path: Path, overhang: float) -> Photograph:
+    """The picture at `path` of a strip whose free part is `overhang` [m] long.
+
+    ConfigurationError when it cannot be read, shows no strip, or the overhang is out of range.
+    """
+    if not SHORTEST <= overhang <= LONGEST:
+        raise ConfigurationError(
+            f"--overhang: {overhang:g} m is out of range; "
+            f"allowed: {SHORTEST:g} to {LONGEST:g} m, from the ledge to the tip along the strip"
+        )
+    image = _read(path)
+    try:
+        rough = extract_midline(image, ROUGHLY)
+        count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
+        midline = extract_midline(image, count)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
+    return _photograph(path, overhang, image, midline)
+
+
+def _read(path: Path) -> Image:
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
+    if image is None:
+        raise ConfigurationError(f"{path}: is not a picture that can be read; give a JPEG or PNG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> Photograph:
+    traced = midline.points * (1, -1)
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(traced, axis=0).T))])
+    pixel = overhang / travel[-1]
+    count = int(np.clip(travel[-1] / (SPACING * midline.width), FEWEST, MOST))
+    arc = np.linspace(0.0, travel[-1], count)
+    points = _averaged(traced, travel, arc)
+    sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
+    ends = np.minimum(arc, travel[-1] - arc) < END * midline.width
+    return Photograph(
+        path=path,
+        overhang=overhang,
+        image=image,
+        points=points * pixel,
+        arc=arc * pixel,
+        sigma=sigma * np.where(ends, END_SIGMA, 1.0) * pixel,
+        width=midline.width * pixel,
+        pixel=pixel,
+    )
+
+
+def _averaged(traced: Array, travel: Array, arc: Array) -> Array:
+    """Means (n, 2) of the traced points between the middles of the arc lengths `arc` (n,)."""
+    reach = 0.5 * (arc[1] - arc[0])
+    edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])
+    steps = np.diff(travel)[:, None] * 0.5 * (traced[1:] + traced[:-1])
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    before, after = (
+        np.stack([np.interp(edge, travel, sums[:, c]) for c in range(2)], axis=1) for edge in edges
+    )
+    return np.asarray((after - before) / np.diff(edges, axis=0).T)
+
+
+def roughness(points: Array) -> float:
+    """Robust standard deviation of points (n, 2) across a parabola through their neighbours."""
+    places = np.arange(-SMOOTHED, SMOOTHED + 1.0)
+    powers = np.stack([places**0, places, places**2], axis=1)
+    weights = (powers @ np.linalg.pinv(powers))[SMOOTHED]
+    smooth = np.stack([np.convolve(points[:, c], weights[::-1], "valid") for c in range(2)], axis=1)
+    inner = slice(SMOOTHED, len(points) - SMOOTHED)
+    along = np.gradient(points, axis=0)[inner]
+    miss = points[inner] - smooth
+    across = (along[:, 0] * miss[:, 1] - along[:, 1] * miss[:, 0]) / np.hypot(*along.T)
+    return float(1.4826 * np.median(np.abs(across)) / np.sqrt(1 - weights[SMOOTHED]))

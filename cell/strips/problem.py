@@ -1,0 +1,138 @@
+"""What a hanging strip must explain in one photograph: misses, slopes and cost of its unknowns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.strips.birth import Birth
+from cell.strips.photograph import Photograph
+from drivers.strip.cantilever import Hanging, hang
+from drivers.types import Array
+
+LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, BIRTH = range(7)  # place of each unknown
+TYPICAL = 0.02  # m, bending length
+LN_SPREAD = 1.5  # of ln(bending length) around the typical one
+LEDGE_SPREAD = 0.7  # widths between the picture's border and the ledge
+ROLL_SPREAD = 0.02  # rad
+CLAMP_SPREAD = 0.02  # rad
+TIP = 0.3  # widths, one sigma of where the midline ends
+ROBUST = 2.5  # sigmas from which a miss counts less
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One set of `values` (p,) with what they make of the midline.
+
+    `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) how they shrink
+    with the values, `cost` twice the negative log posterior.
+    """
+
+    values: Array
+    hanging: Hanging
+    misses: Array
+    slopes: Array
+    cost: float
+
+
+class Problem:
+    """One photograph under one birth.
+
+    The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
+    border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place,
+    and the deviates of the rest curvature. All but the place have a normal prior.
+    """
+
+    def __init__(self, photograph: Photograph, birth: Birth) -> None:
+        self.photograph = photograph
+        self.birth = birth
+        self._fields = birth.fields(photograph.overhang, photograph.width)
+        self.size = BIRTH + self._fields.shape[1]
+        spreads = np.ones(self.size)
+        spreads[[LN_LENGTH, LEDGE]] = LN_SPREAD, LEDGE_SPREAD * photograph.width
+        spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
+        spreads[[X, Z]] = np.inf
+        self._prior = 1 / spreads
+        self._frame = _frame(photograph)
+
+    def trial(self, values: Array) -> Trial:
+        """The strip of these values, and how far the midline is from it. Raises NoRest."""
+        seen = self.photograph
+        hanging = hang(
+            seen.overhang,
+            TYPICAL * float(np.exp(values[LN_LENGTH])),
+            rest_curvature=self._fields @ values[BIRTH:],
+            clamp_angle=float(values[CLAMP]),
+        )
+        scale = 1 - values[LEDGE] / seen.overhang
+        along = _Along(hanging, (seen.arc - values[LEDGE]) / scale, float(values[CLAMP]))
+        turn = rotation(values[ROLL])
+        curve = scale * along.points @ turn.T
+        motions = np.empty((len(curve), 2, self.size))
+        motions[..., LN_LENGTH] = scale * along.at(hanging.moved_by_bending_length())
+        slid = (seen.arc / seen.overhang - 1) / scale
+        motions[..., LEDGE] = slid[:, None] * along.tangents - along.points / seen.overhang
+        motions[..., CLAMP] = scale * along.moved_by_clamp_angle()
+        motions[..., BIRTH:] = scale * along.at(hanging.moved_by_rest_curvature(self._fields))
+        motions = np.einsum("ab,nbp->nap", turn, motions)
+        motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
+        motions[..., [X, Z]] = np.eye(2)
+        misses = self._seen(seen.points - values[[X, Z]] - curve)
+        return Trial(values, hanging, misses, self._seen(motions), self._cost(values, misses))
+
+    def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
+        """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
+        weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(trial.misses), 1e-12))
+        matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._prior**2)
+        return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
+
+    def _seen(self, motion: Array) -> Array:
+        """Parts (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
+        parts = np.einsum("knc,nc...->kn...", self._frame, motion)
+        return np.asarray(parts.reshape(-1, *motion.shape[2:]))
+
+    def _cost(self, values: Array, misses: Array) -> float:
+        z = np.abs(misses)
+        data = np.where(z < ROBUST, z**2, 2 * ROBUST * z - ROBUST**2).sum()
+        return float(data + ((values * self._prior) ** 2).sum())
+
+
+class _Along:
+    """A hanging strip at arc lengths `arc` (n,); before the ledge it lies straight."""
+
+    def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
+        spans = np.diff(hanging.arc)
+        self._hanging = hanging
+        self._index = np.clip(np.searchsorted(hanging.arc, arc) - 1, 0, len(spans) - 1)
+        self._share = np.clip((arc - hanging.arc[self._index]) / spans[self._index], 0.0, 1.0)
+        self._before = np.minimum(arc, 0.0)[:, None]
+        angles = np.where(arc < 0, clamp_angle, hanging.angles[self._index])
+        straight = (np.cos(clamp_angle), np.sin(clamp_angle))
+        self.tangents = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self.points = self.at(hanging.points) + self._before * straight
+        self._swing = self._before * (-straight[1], straight[0])
+
+    def at(self, nodes: Array) -> Array:
+        """Values at the nodes (nodes, ...) taken to the arc lengths: (n, ...)."""
+        share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
+        return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
+
+    def moved_by_clamp_angle(self) -> Array:
+        """Motion (n, 2) [m] per radian of the clamp angle, before the ledge too."""
+        return np.asarray(self.at(self._hanging.moved_by_clamp_angle()) + self._swing)
+
+
+def _frame(photograph: Photograph) -> Array:
+    """Normals and tangents (2, n, 2) of the midline, each over its sigma.
+
+    Along the midline all points slip together, by as much as its tip is unsure.
+    """
+    tangents = np.gradient(photograph.points, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    slip = TIP * photograph.width * np.sqrt(len(tangents))
+    return np.stack([normals / photograph.sigma[:, None], tangents / slip])
+
+
+def rotation(angle: float) -> Array:
+    """Rotation (2, 2) by `angle` [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

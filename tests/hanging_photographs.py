@@ -1,0 +1,92 @@
+"""Photographs of hanging strips with known truth: fuzzy bright yarn on a dark background."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from drivers.strip.cantilever import SEGMENTS, Hanging, hang, hinges
+from drivers.types import Array, Image
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A strip at a ledge and how it is photographed; lengths in m, `height` of the picture in px.
+
+    `cropped` is the arc that lies outside of the picture, negative: so much lies on the ledge.
+    """
+
+    overhang: float
+    bending_length: float
+    thickness: float = 0.003
+    height: int = 1600
+    roll: float = 0.0
+    cropped: float = 0.0
+    curl: float = 0.0
+    set_amplitude: float = 0.0
+    set_waves: float = 1.0
+    noise: float = 4.0
+    fuzz: int = 60
+
+
+def shape(scene: Scene) -> Hanging:
+    """The strip's true shape."""
+    s = hinges(scene.overhang) / scene.overhang
+    born = scene.curl + scene.set_amplitude * np.sin(2 * np.pi * scene.set_waves * s)
+    return hang(scene.overhang, scene.bending_length, rest_curvature=born * np.ones(SEGMENTS))
+
+
+def photograph(scene: Scene, seed: int) -> Image:
+    """The picture (height, width, 3), its left border at the crop."""
+    rng = np.random.default_rng(seed)
+    hanging = shape(scene)
+    turn = np.array(
+        [[np.cos(scene.roll), -np.sin(scene.roll)], [np.sin(scene.roll), np.cos(scene.roll)]]
+    )
+    ledge = np.array([[-0.2 * scene.overhang, 0.0]])
+    drawn = hanging.arc < scene.overhang - 0.5 * scene.thickness  # the rounded end adds the rest
+    curve = np.concatenate([ledge, hanging.points[drawn]]) @ turn.T
+    margin = 4 * scene.thickness
+    scale = scene.height / (np.ptp(hanging.points[:, 1]) + 2 * margin)
+    arc = np.concatenate([[-0.2 * scene.overhang], hanging.arc[drawn]])
+    left = float(np.interp(scene.cropped, arc, curve[:, 0]))
+    pixels = np.stack([(curve[:, 0] - left) * scale - 0.5, (margin - curve[:, 1]) * scale], axis=1)
+    width = int((curve[:, 0].max() - left + 2 * margin) * scale)
+    return _sensor(_yarn(pixels, scene.thickness * scale, (scene.height, width), scene, rng), rng)
+
+
+def _yarn(
+    pixels: Array, thickness: float, size: tuple[int, int], scene: Scene, rng: np.random.Generator
+) -> Array:
+    """Brightness of the yarn with its strands and its fuzz."""
+    image = np.full(size, 22.0, dtype=np.float32)
+    image += np.linspace(0, 12, size[0], dtype=np.float32)[:, None]
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))])
+    for _ in range(scene.fuzz):
+        at = rng.uniform(0.1, 1.0) * travel[-1]
+        root = np.array([np.interp(at, travel, pixels[:, c]) for c in range(2)])
+        walk = np.cumsum(rng.normal(0.0, 0.12 * thickness, (12, 2)), axis=0)
+        drift = np.outer(np.arange(12), rng.normal(0.0, 0.1 * thickness, 2))
+        _line(image, root + walk + drift, 150.0, 1)
+    _line(image, pixels, 215.0, max(1, round(thickness)))
+    strands = np.arange(0.5 * thickness, travel[-1], 0.6 * thickness)
+    centres = np.stack([np.interp(strands, travel, pixels[:, c]) for c in range(2)], axis=1)
+    for centre in centres:
+        shade = centre + rng.normal(0.0, 0.05 * thickness, 2)
+        _line(image, np.stack([shade, shade + 0.25 * thickness]), 185.0, 2)
+    return image + rng.normal(0.0, scene.noise, size).astype(np.float32)
+
+
+def _line(image: Array, points: Array, level: float, thickness: int) -> None:
+    """A polyline drawn with sub-pixel corners."""
+    fixed = np.rint(points * 16).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(image, [fixed], False, level, thickness, cv2.LINE_AA, 4)
+
+
+def _sensor(brightness: Array, rng: np.random.Generator) -> Image:
+    """Blur, a bright speck, and three channels of whole numbers."""
+    blurred = cv2.GaussianBlur(brightness, (0, 0), 1.2)
+    place = (int(0.9 * blurred.shape[1]), int(rng.uniform(0.3, 0.6) * blurred.shape[0]))
+    cv2.circle(blurred, place, 5, 190.0, -1)
+    tint = np.array([0.96, 0.98, 1.0])
+    return np.clip(blurred[..., None] * tint, 0, 255).astype(np.uint8)
