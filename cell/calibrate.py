@@ -10,7 +10,8 @@ from calibration.lens import Lens
 from calibration.touched_points import TouchVerdict
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
-from cell.devices import Aids, Choice, Devices, open_cell
+from cell.devices import Aids, Devices
+from cell.opening import Choice, open_cell
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.run import Run
 from cell.orchestrator.unrecorded import Unrecorded

@@ -1,17 +1,11 @@
-"""The devices of a cell, and the one place that picks them."""
+"""The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Protocol
 
-import cv2
-
 from calibration.board_views import BoardPose
-from cell.config.cell import CellFile
-from drivers.errors import ConfigurationError
 from drivers.protocols import Arm, Camera, Clock, Hand
-from drivers.strip.file import StripFile
 from drivers.types import Frame
 
 
@@ -56,34 +50,3 @@ class Plant(Protocol):
     def truth(self, origin: float) -> Mapping[str, Any]:
         """Plain facts of what really happened, times since `origin` [s]."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """What the command line says of devices; None where silent.
-
-    `index` counts the runs that the strip on the desk has been through before.
-    """
-
-    arm: str | None = None
-    camera: str | None = None
-    plant: Path | None = None
-    seed: int = 0
-    index: int = 0
-
-
-def open_cell(
-    settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
-) -> Devices:
-    """Devices as configured and chosen; on the twin without a plant the strip itself lies there."""
-    cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
-    arm = choice.arm or settings.drivers.arm
-    camera = choice.camera or settings.drivers.camera
-    if (arm, camera) == ("twin", "twin"):
-        from cell.twin import twin_devices
-
-        return twin_devices(settings, strip, choice, calibrating=calibrating)
-    raise ConfigurationError(
-        f"drivers: arm {arm!r} with camera {camera!r} is not available in this version; "
-        "allowed: arm twin with camera twin"
-    )

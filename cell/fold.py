@@ -7,14 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
 from cell.calibrate import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.plant import load_plant
-from cell.devices import Choice, Devices, open_cell
+from cell.devices import Devices
+from cell.opening import Choice, open_cell
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
@@ -22,7 +23,9 @@ from cell.orchestrator.run import Observer, Run
 from cell.record.frames import Keep
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
+from cell.report.page import write_report
 from cell.result import FoldResult
+from cell.viz.watch import Mode, watching
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
@@ -41,7 +44,7 @@ class Request:
     configs: Path | None
     frames: Keep | None
     truth: bool
-    viz: str
+    viz: Mode | Literal["off"]
 
 
 def fold(
@@ -63,9 +66,12 @@ def fold(
     save_calibration(calibration, writer.folder / "calibration.yaml")
     recorder = Recorder(writer)
     knowledge = Knowledge(settings, strip, policy, calibration)
-    run = Run(devices, knowledge, recorder, observers(writer.folder, strip), interrupted)
-    outcome = conduct(run, devices, recorder)
+    with watching(request.viz) as watch:
+        watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
+        run = Run(devices, knowledge, recorder, watchers, interrupted)
+        outcome = conduct(run, devices, recorder)
     truth = score(devices, recorder.origin, writer.folder if request.truth else None)
+    write_report(writer.folder)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
 
 

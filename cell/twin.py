@@ -9,7 +9,8 @@ import numpy as np
 from calibration.board_views import BoardPose
 from cell.config.cell import CellFile
 from cell.config.plant import load_plant
-from cell.devices import Choice, Devices
+from cell.devices import Devices
+from cell.opening import Choice
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, facing

@@ -11,8 +11,8 @@ import numpy as np
 
 from cell.batch import side_by_side
 from cell.config.places import find_configs
-from cell.devices import Choice
 from cell.fold import Request
+from cell.opening import Choice
 from cell.resimulate import resimulate
 from cell.result import FoldResult
 

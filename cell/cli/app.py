@@ -2,6 +2,7 @@
 
 import typer
 
+from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
 from cell.cli.fold import fold
 from cell.cli.record import report, viz
@@ -24,3 +25,4 @@ app.command()(report)
 app.command()(viz)
 app.command()(replay)
 app.command()(calibrate)
+app.command()(benchmark)

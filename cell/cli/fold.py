@@ -75,8 +75,8 @@ def fold(
 ) -> None:
     """Fold a strip in half and say how well it went."""
     from cell.batch import requests
-    from cell.devices import Choice
     from cell.fold import Request
+    from cell.opening import Choice
 
     choice = Choice(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
@@ -108,8 +108,7 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
     from cell.progress import progress
 
     if jobs > 1 and len(wanted) > 1:
-        fold_once_prepared = side_by_side(wanted, jobs)
-        yield from fold_once_prepared
+        yield from side_by_side(wanted, jobs)
         return
     for request in wanted:
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:

@@ -110,7 +110,8 @@ def fold(cell: Knowledge, record: Record) -> Phase:
         record.decision(senses, decision)
         if decision.done[0]:
             return Event.PATH_DONE
-        command = Drive(_velocity(decision, float(decision.pitch_rate[0])))
+        upright = PITCH_GAIN * (HANGING - senses.arm.pose.pitch)
+        command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
 def touched(cell: Knowledge, record: Record) -> Phase:

@@ -10,7 +10,7 @@ import yaml
 
 from cell.batch import side_by_side
 from cell.cli.app import app
-from cell.devices import Choice
+from cell.opening import Choice
 from cell.record.files import CALIBRATION, TRUTH
 from cell.replay import replay
 from cell.resimulate import resimulate

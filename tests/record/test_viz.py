@@ -14,10 +14,10 @@ from calibration.calibration import save_calibration
 from calibration.perception.sight import Sight
 from cell.record.run import read_run
 from cell.senses import Senses
-from cell.shadow import Shadow
 from cell.states import State
-from cell.viz import Screen, viz_from_run
-from cell.watch import WAITING, Viz, watching
+from cell.viz.screen import Screen, viz_from_run
+from cell.viz.shadow import Shadow
+from cell.viz.watch import WAITING, Viz, watching
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.model import describe
@@ -213,7 +213,7 @@ def test_process_that_is_killed_leaves_a_recording(tmp_path):
 import os, signal, time
 from pathlib import Path
 import rerun as rr
-from cell.viz import open_recording
+from cell.viz.screen import open_recording
 with open_recording(Path({str(tmp_path)!r})) as recording:
     for k in range(200):
         recording.set_time("t", duration=0.01 * k)
@@ -228,7 +228,7 @@ with open_recording(Path({str(tmp_path)!r})) as recording:
 
 
 def test_watching_imports_rerun_only_in_its_thread():
-    code = "import sys, cell.watch; sys.exit('rerun' in sys.modules)"
+    code = "import sys, cell.viz.watch; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.perception.sight import Sight
-from cell.moment import Moment, Words, told
 from cell.record.run import Run
+from cell.viz.moment import Moment, Words, told
 from drivers.types import Array, Frame
 
 

@@ -16,11 +16,11 @@ import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
 from calibration.perception.sight import Sight
-from cell.moment import Moment, Words
 from cell.record.files import RECORDING, RUN
 from cell.record.run import read_run
-from cell.rewatch import moments_of
-from cell.shadow import LOST, Shadow
+from cell.viz.moment import Moment, Words
+from cell.viz.rewatch import moments_of
+from cell.viz.shadow import LOST, Shadow
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile

@@ -1,0 +1,1 @@
+"""The view in Rerun: what a run shows, live, saved, or rebuilt from its record."""
