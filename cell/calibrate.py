@@ -8,10 +8,11 @@ from calibration.board_views import BoardViews
 from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
 from calibration.lens import Lens
 from calibration.touched_points import TouchVerdict
+from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
 from cell.devices import Aids, Devices
-from cell.opening import Choice, open_cell
+from cell.opening import open_cell
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.run import Run
 from cell.orchestrator.unrecorded import Unrecorded

@@ -11,11 +11,12 @@ from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
 from cell.calibrate import calibration_of
+from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.plant import load_plant
 from cell.devices import Devices
-from cell.opening import Choice, open_cell
+from cell.opening import open_cell
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder

@@ -1,28 +1,12 @@
 """The one place that picks drivers."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import cv2
 
+from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.devices import Devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """What the command line says of devices; None where silent.
-
-    `index` counts the runs that the strip on the desk has been through before.
-    """
-
-    arm: str | None = None
-    camera: str | None = None
-    plant: Path | None = None
-    seed: int = 0
-    index: int = 0
 
 
 def open_cell(

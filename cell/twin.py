@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from calibration.board_views import BoardPose
+from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.config.plant import load_plant
 from cell.devices import Devices
-from cell.opening import Choice
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, facing

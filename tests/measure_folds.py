@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from cell.batch import side_by_side
+from cell.choice import Choice
 from cell.config.places import find_configs
 from cell.fold import Request
-from cell.opening import Choice
 from cell.resimulate import resimulate
 from cell.result import FoldResult
 

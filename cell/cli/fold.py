@@ -75,8 +75,8 @@ def fold(
 ) -> None:
     """Fold a strip in half and say how well it went."""
     from cell.batch import requests
+    from cell.choice import Choice
     from cell.fold import Request
-    from cell.opening import Choice
 
     choice = Choice(arm and arm.value, camera and camera.value, None, seed)
     base = Request(

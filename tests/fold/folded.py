@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import cell.fold
+from cell.choice import Choice
 from cell.devices import Devices
 from cell.fold import Request, fold
-from cell.opening import Choice
 from cell.record.run import Run, read_run
 from cell.result import FoldResult
 from drivers.twin.truth import Truth

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from cell.batch import side_by_side
+from cell.choice import Choice
 from cell.cli.app import app
-from cell.opening import Choice
 from cell.record.files import CALIBRATION, TRUTH
 from cell.replay import replay
 from cell.resimulate import resimulate
