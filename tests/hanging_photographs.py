@@ -8,6 +8,8 @@ import numpy as np
 from drivers.strip.cantilever import SEGMENTS, Hanging, hang, hinges
 from drivers.types import Array, Image
 
+FINER = 4
+
 
 @dataclass(frozen=True, slots=True)
 class Scene:
@@ -68,13 +70,23 @@ def _yarn(
         walk = np.cumsum(rng.normal(0.0, 0.12 * thickness, (12, 2)), axis=0)
         drift = np.outer(np.arange(12), rng.normal(0.0, 0.1 * thickness, 2))
         _line(image, root + walk + drift, 150.0, 1)
-    _line(image, pixels, 215.0, max(1, round(thickness)))
+    cover = _cover(pixels, thickness, size)
+    image += cover * (215.0 - image)
     strands = np.arange(0.5 * thickness, travel[-1], 0.6 * thickness)
     centres = np.stack([np.interp(strands, travel, pixels[:, c]) for c in range(2)], axis=1)
     for centre in centres:
         shade = centre + rng.normal(0.0, 0.05 * thickness, 2)
         _line(image, np.stack([shade, shade + 0.25 * thickness]), 185.0, 2)
     return image + rng.normal(0.0, scene.noise, size).astype(np.float32)
+
+
+def _cover(pixels: Array, thickness: float, size: tuple[int, int]) -> Array:
+    """Share (height, width) of each pixel that a line of `thickness` [px] covers."""
+    big = np.zeros((FINER * size[0], FINER * size[1]), dtype=np.uint8)
+    fixed = np.rint(((pixels + 0.5) * FINER - 0.5) * 16).astype(np.int32).reshape(-1, 1, 2)
+    odd = 2 * round((thickness * FINER - 1) / 2) + 1  # an even line is half a pixel off
+    cv2.polylines(big, [fixed], False, 255, odd, cv2.LINE_8, 4)
+    return cv2.resize(big, size[::-1], interpolation=cv2.INTER_AREA).astype(np.float32) / 255
 
 
 def _line(image: Array, points: Array, level: float, thickness: int) -> None:

@@ -9,6 +9,7 @@ from cell.cli.record import report, viz
 from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
+from cell.cli.train import train
 
 app = typer.Typer(
     name="cell",
@@ -19,10 +20,11 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command()(fold)
-app.command()(strips)
 app.command()(runs)
 app.command()(report)
 app.command()(viz)
 app.command()(replay)
 app.command()(calibrate)
+app.add_typer(strips, name="strips")
 app.command()(benchmark)
+app.command()(train)

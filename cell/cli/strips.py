@@ -1,29 +1,149 @@
-"""`cell strips`."""
+"""`cell strips`: list, measure and make strips."""
 
 import json
+import re
 import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from cell.cli.options import Configs, Json
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-def strips(configs: Configs = None, as_json: Json = False) -> None:
-    """List the strips that this cell knows, with what matters for a fold."""
-    from rich.console import Console
-    from rich.table import Table
+    from drivers.strip.file import StripFile
 
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+
+strips = typer.Typer(
+    help="List the strips that this cell knows; measure one, make a new one.",
+    invoke_without_command=True,
+    rich_markup_mode=None,
+)
+
+
+@strips.callback()
+def known(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
+    """List the strips that this cell knows; measure one, make a new one."""
+    if context.invoked_subcommand is not None:
+        return
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    known = [found.strip(name) for name in found.strip_names()]
+    all_strips = [found.strip(name) for name in found.strip_names()]
     if as_json:
-        for strip in known:
+        for strip in all_strips:
             sys.stdout.write(json.dumps(strip.model_dump(mode="json", by_alias=True)) + "\n")
         return
-    table = Table(title=f"Strips in {found.folder / 'strips'}")
+    _print_table(f"Strips in {found.folder / 'strips'}", all_strips)
+
+
+def _print_table(title: str, known_strips: "Sequence[StripFile]") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title)
     for name in ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms"):
         table.add_column(name, justify="left" if name == "strip" else "right")
-    for strip in known:
+    for strip in known_strips:
         numbers = [strip.length, strip.width, strip.areal_density]
         numbers += [strip.bending_length, strip.retardation_time]
         table.add_row(strip.name, *(f"{1e3 * number:.4g}" for number in numbers))
     Console().print(table)
+
+
+@strips.command()
+def measure(
+    strip: Annotated[str, typer.Argument(metavar="NAME", help="Strip, by name.")],
+    photo: Annotated[
+        list[Path] | None,
+        typer.Option(help="Photograph of the strip hanging over a ledge; repeatable."),
+    ] = None,
+    overhang: Annotated[
+        list[float] | None,
+        typer.Option(help="Its length from ledge to tip [m]; one for each --photo."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for pictures and numbers [default: measured/NAME].")
+    ] = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Put the bending length into the strip's file.")
+    ] = False,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Measure the bending length on photographs of the strip hanging over a ledge."""
+    from datetime import UTC, datetime
+
+    from cell.config.places import find_configs
+    from cell.strips.folder import put_into, save
+    from cell.strips.measurement import measure as measure_strip
+    from cell.strips.photograph import read_photographs
+    from drivers.strip.file import load_strip
+
+    _check_name(strip)
+    path = find_configs(configs).strip_path(strip) if write else None
+    if path is not None:
+        load_strip(path)
+    measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
+    folder = out or Path("measured") / strip
+    save(measurement, folder)
+    if path is not None:
+        put_into(path, measurement, datetime.now(UTC).date())
+    written = None if path is None else str(path)
+    if as_json:
+        line = {**measurement.line(), "out": str(folder), "written": written}
+        sys.stdout.write(json.dumps(line) + "\n")
+        return
+    kept = f"written to {written}" if written else "add --write to put it into the strip's file"
+    sys.stdout.write(f"{measurement.text()}\n  pictures: {folder}\n  {kept}\n")
+
+
+@strips.command()
+def new(
+    strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")],
+    length: Annotated[float, typer.Option(help="Fixed edge to grasped edge [m].")],
+    width: Annotated[float, typer.Option(help="Width [m].")],
+    areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None,
+    bending_length: Annotated[float | None, typer.Option(help="Bending length [m].")] = None,
+    retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None,
+    thickness: Annotated[float | None, typer.Option(help="Thickness [m].")] = None,
+    colour: Annotated[
+        tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
+    ] = None,
+    source: Annotated[
+        list[str] | None,
+        typer.Option(help="KEY=TEXT, where a value comes from; repeatable [default: measured]."),
+    ] = None,
+    configs: Configs = None,
+) -> None:
+    """Write the file of a new strip; what is not given is assumed, and the file says so."""
+    from cell.config.places import find_configs
+    from cell.strips.new import new_strip
+
+    _check_name(strip)
+    path = find_configs(configs).folder / "strips" / f"{strip}.yaml"
+    stated = {
+        "length": length,
+        "width": width,
+        "areal_density": areal_density,
+        "bending_length": bending_length,
+        "retardation_time": retardation_time,
+        "thickness": thickness,
+    }
+    new_strip(path, stated, colour, source or [])
+    assumed = [key for key, value in stated.items() if value is None]
+    sys.stdout.write(f"{path}\n")
+    if assumed:
+        sys.stdout.write(f"  assumed, not measured: {', '.join(assumed)}\n")
+
+
+def _check_name(strip: str) -> None:
+    from drivers.errors import ConfigurationError
+
+    if NAME.fullmatch(strip) is None:
+        raise ConfigurationError(
+            f"{strip!r}: is not a name of a strip; use letters, digits, - and _"
+        )

@@ -40,6 +40,8 @@ class Bending:
     @property
     def curl(self) -> Pooled:
         """The even part of the rest curvature, pooled [1/m]."""
+        if self.birth.born is Born.STRAIGHT:
+            return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
 
 

@@ -48,6 +48,11 @@ class Fit:
         return float(np.hypot(np.sqrt(self.covariance[LN_LENGTH, LN_LENGTH]), end))
 
     @property
+    def ledge(self) -> float:
+        """How far behind the picture's border the ledge is, along the strip [m]."""
+        return float(self.values[LEDGE])
+
+    @property
     def rms(self) -> float:
         """Root mean square of the misses [m]."""
         return float(np.sqrt(np.mean(self.misses**2)))

@@ -1,5 +1,6 @@
 """A photograph of a strip that hangs over a ledge, reduced to its midline."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from drivers.types import Array, Image
 SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
 ROUGHLY = 200  # points of a first midline, which tells width and length
 TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
+THICKEST = 0.15  # of its length
 SPACING = 0.5  # widths between the points that are fitted
 FEWEST, MOST, MOST_TRACED = 60, 400, 4000
 SMOOTHED = 5  # points on either side of the parabola against which roughness is measured
@@ -45,24 +47,48 @@ class Photograph:
         return self.path.stem
 
 
+def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
+    """The pictures at `paths`, each with its overhang [m]; see `read_photograph`."""
+    if not paths:
+        raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
+    if len(paths) != len(overhangs):
+        raise ConfigurationError(
+            f"--overhang: {len(overhangs)} given for {len(paths)} of --photo; give one for each, "
+            "in the same order"
+        )
+    for overhang in overhangs:
+        if not SHORTEST <= overhang <= LONGEST:
+            raise ConfigurationError(
+                f"--overhang: {overhang:g} m is out of range; "
+                f"allowed: {SHORTEST:g} to {LONGEST:g} m, from the ledge to the tip along the strip"
+            )
+    return [read_photograph(*pair) for pair in zip(paths, overhangs, strict=True)]
+
+
 def read_photograph(path: Path, overhang: float) -> Photograph:
     """The picture at `path` of a strip whose free part is `overhang` [m] long.
 
-    ConfigurationError when it cannot be read, shows no strip, or the overhang is out of range.
+    ConfigurationError when it cannot be read or shows no strip.
     """
-    if not SHORTEST <= overhang <= LONGEST:
-        raise ConfigurationError(
-            f"--overhang: {overhang:g} m is out of range; "
-            f"allowed: {SHORTEST:g} to {LONGEST:g} m, from the ledge to the tip along the strip"
-        )
     image = _read(path)
-    try:
-        rough = extract_midline(image, ROUGHLY)
-        count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
-        midline = extract_midline(image, count)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{path}: {error}") from None
-    return _photograph(path, overhang, image, midline)
+    return _photograph(path, overhang, image, _trace(path, image))
+
+
+def _trace(path: Path, image: Image) -> Midline:
+    """Midline of a bright strip before something dark, or of a dark one before something bright."""
+    reasons = []
+    for seen in (image, cv2.bitwise_not(image)):
+        try:
+            rough = extract_midline(seen, ROUGHLY)
+            if rough.width < THICKEST * rough.length:
+                count = int(np.clip(rough.length / (TRACED * rough.width), ROUGHLY, MOST_TRACED))
+                return extract_midline(seen, count)
+            reasons.append("picture: what enters at its left border is too thick for a strip")
+        except ConfigurationError as error:
+            reasons.append(str(error))
+        except ValueError:  # an object that is hardly longer than wide has no line to trace
+            reasons.append("picture: what enters at its left border is no strip")
+    raise ConfigurationError(f"{path}: {reasons[0]}")
 
 
 def _read(path: Path) -> Image:

@@ -12,7 +12,7 @@ from drivers.types import Array
 LN_LENGTH, LEDGE, ROLL, CLAMP, X, Z, BIRTH = range(7)  # place of each unknown
 TYPICAL = 0.02  # m, bending length
 LN_SPREAD = 1.5  # of ln(bending length) around the typical one
-LEDGE_SPREAD = 0.7  # widths between the picture's border and the ledge
+LEDGE_WIDTHS, LEDGE_SPREAD = 0.7, 0.002  # widths, or m, between picture's border and ledge
 ROLL_SPREAD = 0.02  # rad
 CLAMP_SPREAD = 0.02  # rad
 TIP = 0.3  # widths, one sigma of where the midline ends
@@ -48,7 +48,8 @@ class Problem:
         self._fields = birth.fields(photograph.overhang, photograph.width)
         self.size = BIRTH + self._fields.shape[1]
         spreads = np.ones(self.size)
-        spreads[[LN_LENGTH, LEDGE]] = LN_SPREAD, LEDGE_SPREAD * photograph.width
+        spreads[LN_LENGTH] = LN_SPREAD
+        spreads[LEDGE] = max(LEDGE_WIDTHS * photograph.width, LEDGE_SPREAD)
         spreads[[ROLL, CLAMP]] = ROLL_SPREAD, CLAMP_SPREAD
         spreads[[X, Z]] = np.inf
         self._prior = 1 / spreads

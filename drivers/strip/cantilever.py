@@ -9,7 +9,7 @@ so Newton's method finds the one shape. Second order in the length of the segmen
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solveh_banded
+from scipy.linalg import LinAlgError, cholesky_banded, solveh_banded
 
 from drivers.errors import CellError
 from drivers.types import Array
@@ -98,11 +98,11 @@ def hang(
     angles = _start(middle, overhang, bending_length) + clamp_angle
     for _ in range(ITERATIONS):
         gradient, stiffness = _slopes(angles, born, spans, pull, clamp_angle)
-        step = -solveh_banded(stiffness, gradient)
+        step = _step(gradient, stiffness, pull * np.sin(angles))
         angles = angles + step * min(1.0, 0.8 / max(float(np.abs(step).max()), 1e-300))
-        if np.abs(step).max() < CONVERGED:
+        if not np.abs(step).max() > CONVERGED:
             break
-    else:
+    if not (np.abs(step).max() <= CONVERGED and _stable(stiffness)):
         raise NoRest(
             f"a strip of bending length {bending_length:.4g} m over {overhang:.4g} m: "
             "no shape at rest was found"
@@ -110,6 +110,22 @@ def hang(
     across = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.diff(arc)[:, None]
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(across, axis=0)])
     return Hanging(bending_length, arc, angles, points, stiffness, pull)
+
+
+def _step(gradient: Array, stiffness: Array, lifting: Array) -> Array:
+    """Newton's step, without what the weight takes from the stiffness where that is too much."""
+    if not _stable(stiffness):
+        stiffness = stiffness + np.stack([np.zeros(len(lifting)), np.maximum(lifting, 0.0)])
+    return np.asarray(-solveh_banded(stiffness, gradient))
+
+
+def _stable(stiffness: Array) -> bool:
+    """Whether the energy rises in all directions."""
+    try:
+        cholesky_banded(stiffness, check_finite=False)
+    except LinAlgError:
+        return False
+    return True
 
 
 def _spans(arc: Array) -> Array:

@@ -1,0 +1,80 @@
+"""Changes in strip files, which are written by people: what is not changed stays as it stands."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cell.record.documents import replace_file
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+
+
+def with_measured(
+    content: Mapping[str, Any], key: str, value: float, source: str, note: str
+) -> dict[str, Any]:
+    """`content` of a strip file with `key` measured; what it was stays in its provenance."""
+    kept = [dict(each) for each in content.get("provenance") or ()]
+    for entry in kept:
+        if entry.get("key") == key:
+            entry["note"] = f"until then {content[key]:g}; {entry.get('note', '')}".strip("; ")
+    measured = {"key": key, "source": source, "note": note}
+    return {**content, key: value, "provenance": [measured, *kept]}
+
+
+def edited(text: str, content: Mapping[str, Any]) -> str:
+    """`text` of a YAML file made to say `content`: changed keys only, if that can be done."""
+    old = yaml.safe_load(text)
+    new = text
+    for key, value in content.items():
+        if old.get(key) != value:
+            new = _with_key(new, key, value)
+    return new if _says(new, content) else _dumped(content)
+
+
+def rewrite(path: Path, content: Mapping[str, Any]) -> None:
+    """Put `content` into the strip file at `path`, checked, in one step."""
+    parse(content, StripFile, str(path))
+    try:
+        replace_file(path, edited(path.read_text(encoding="utf-8"), content).encode())
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def create(path: Path, content: Mapping[str, Any]) -> None:
+    """A new strip file at `path`, checked; one that is there already is refused."""
+    parse(content, StripFile, str(path))
+    if path.exists():
+        raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, _dumped(content).encode())
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _with_key(text: str, key: str, value: object) -> str:
+    """`text` with the block of a top-level `key` replaced, or added at the end."""
+    if isinstance(value, float | int):
+        scalar = re.compile(rf"^({re.escape(key)}\s*:\s*)[^\s#]+", re.MULTILINE)
+        return scalar.sub(lambda found: f"{found[1]}{value!r}", text, count=1)
+    block = re.compile(rf"^{re.escape(key)}\s*:.*\n(?:[ \-].*\n|\s*\n)*", re.MULTILINE)
+    whole = text if text.endswith("\n") else text + "\n"
+    dumped = _dumped({key: value})
+    if block.search(whole) is None:
+        return whole + dumped
+    return block.sub(lambda _: dumped, whole, count=1)
+
+
+def _says(text: str, content: Mapping[str, Any]) -> bool:
+    try:
+        return bool(yaml.safe_load(text) == dict(content))
+    except yaml.YAMLError:
+        return False
+
+
+def _dumped(content: Mapping[str, Any]) -> str:
+    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)

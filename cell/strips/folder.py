@@ -1,0 +1,49 @@
+"""Where a measurement goes: a folder with its pictures and numbers, and the strip's file."""
+
+import json
+from datetime import date
+from pathlib import Path
+
+from cell.record.documents import plain, replace_file
+from cell.strips.edit import rewrite, with_measured
+from cell.strips.measurement import Measurement
+from cell.strips.picture import picture
+from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
+
+NUMBERS = "measurement.json"
+
+
+def save(measurement: Measurement, folder: Path) -> None:
+    """A picture for each photograph and the numbers, in `folder`; the numbers come last."""
+    bending = measurement.bending
+    pairs = zip(bending.fits, bending.straight, strict=True)
+    pictures = {
+        f"{index:02d}-{fit.photograph.name}.png": picture(fit, straight)
+        for index, (fit, straight) in enumerate(pairs, start=1)
+    }
+    numbers = json.dumps(plain(measurement.line()), indent=1, ensure_ascii=False) + "\n"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, content in pictures.items():
+            replace_file(folder / name, content)
+        replace_file(folder / NUMBERS, numbers.encode())
+    except OSError as error:
+        raise ConfigurationError(f"--out: {folder}: cannot be written: {error.strerror}") from None
+
+
+def put_into(path: Path, measurement: Measurement, today: date) -> None:
+    """The measured bending length into the strip file at `path`, with where it comes from."""
+    pooled = measurement.bending_length
+    overhangs = sorted({each.photograph.overhang for each in measurement.bending.fits})
+    count = len(measurement.bending.fits)
+    source = (
+        f"cantilever test, {count} photograph{'s' * (count > 1)} at overhangs of "
+        f"{', '.join(f'{each:g}' for each in overhangs)} m, measured {today.isoformat()}"
+    )
+    note = (
+        f"95 % between {pooled.low:.4g} and {pooled.high:.4g} m; "
+        f"born {measurement.bending.birth.born.value}; some yarn friction is in it"
+    )
+    content = read_yaml(path)
+    rewrite(path, with_measured(content, "bending_length", measurement.value, source, note))

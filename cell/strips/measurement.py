@@ -1,0 +1,199 @@
+"""What a measurement came to: a line for programs, a text for people, and what spoils it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cell.strips.bending import Bending, measure_bending
+from cell.strips.birth import Born
+from cell.strips.cantilever_fit import Fit
+from cell.strips.photograph import Photograph
+from cell.strips.pooling import Pooled
+from drivers.errors import ConfigurationError
+
+VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
+DISAGREE = 0.05  # probability below which photographs disagree
+UNSURE = 0.10  # half width of the interval over the value
+SHARP = 1.0  # widths; a bend at the ledge of a smaller radius is not seen
+ALIKE = 1.5  # ratio of the strip's widths in two photographs
+OVERHANGS = (2, 5)  # bending lengths, between which a photograph tells most
+KEPT = 4  # digits
+ASTRAY = 0.02  # of the overhang; what misses by more is no hanging strip
+OFF = 0.25  # of the overhang; nor is what leaves the ledge so far from the picture's border
+HOPELESS = 0.5  # sigma of ln(bending length)
+LEAST, MOST = 0.002, 0.2  # m, bending lengths of strips
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Bending length of the strip called `strip`, and `warnings` about what spoils it."""
+
+    strip: str
+    bending: Bending
+    warnings: tuple[str, ...]
+
+    @property
+    def bending_length(self) -> Pooled:
+        """Bending length [m] with its 95 % interval."""
+        return self.bending.bending_length
+
+    @property
+    def value(self) -> float:
+        """Bending length [m], rounded to what a strip file keeps."""
+        return float(f"{self.bending_length.value:.{KEPT}g}")
+
+    def line(self) -> dict[str, Any]:
+        """The measurement as one JSON object; lengths in m."""
+        bending = self.bending
+        return {
+            "strip": self.strip,
+            "bending_length": _interval(self.bending_length),
+            "born": bending.birth.born.value,
+            "rest_curvature": {"mean": _interval(bending.curl), "spread": bending.birth.spread},
+            "scatter": self.bending_length.scatter,
+            "agreement": self.bending_length.agreement,
+            "by_overhang": [{"overhang": o, **_interval(each)} for o, each in bending.by_overhang],
+            "photographs": [
+                {
+                    "photo": str(each.photograph.path),
+                    "overhang": each.photograph.overhang,
+                    "bending_length": each.bending_length,
+                    "sigma": each.sigma * each.bending_length,
+                    "miss": each.rms,
+                    "straight": {"bending_length": plain.bending_length, "miss": plain.rms},
+                }
+                for each, plain in zip(bending.fits, bending.straight, strict=True)
+            ],
+            "warnings": list(self.warnings),
+        }
+
+    def text(self) -> str:
+        """The measurement for a person, in mm."""
+        bending = self.bending
+        count = len(bending.fits)
+        lines = [
+            f"{self.strip}: bending length {_mm(self.bending_length)}"
+            f" from {count} photograph{'s' * (count > 1)}"
+        ]
+        for overhang, each in bending.by_overhang:
+            lines.append(f"  overhang {1e3 * overhang:.4g} mm: {_mm(each)}")
+        if count > 1 and self.bending_length.agreement > DISAGREE:
+            lines.append("  the photographs agree within their own errors")
+        return "\n".join(lines + [f"warning: {each}" for each in self.warnings])
+
+
+def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
+    """The bending length of `strip` from photographs that show it hanging over a ledge."""
+    bending = measure_bending(photographs)
+    for each in bending.fits:
+        _refuse(each)
+    doubts = (_not_straight, _disagreement, _overhang, _widths, _width_of_interval)
+    warnings = (doubt(bending) for doubt in doubts)
+    return Measurement(strip, bending, tuple(each for each in warnings if each))
+
+
+def _refuse(fitted: Fit) -> None:
+    """ConfigurationError when what a photograph shows is not a strip over a ledge."""
+    photograph = fitted.photograph
+    if (
+        fitted.rms > ASTRAY * photograph.overhang
+        or abs(fitted.ledge) > OFF * photograph.overhang
+        or fitted.sigma > HOPELESS
+    ):
+        raise ConfigurationError(
+            f"{photograph.path}: picture: this does not hang like a strip; crop it at the ledge, "
+            "upright, with the strip leaving the ledge at the left border"
+        )
+    if not LEAST <= fitted.bending_length <= MOST:
+        raise ConfigurationError(
+            f"{photograph.path}: a bending length of {1e3 * fitted.bending_length:.3g} mm is out "
+            f"of range, allowed: {1e3 * LEAST:g} to {1e3 * MOST:g} mm; let the strip hang over "
+            "by 2 to 5 bending lengths, and give that --overhang"
+        )
+
+
+def _not_straight(bending: Bending) -> str:
+    """Whether the shape is that of a strip with a set of its own."""
+    missed = max(each.rms / each.photograph.width for each in bending.straight)
+    if bending.birth.born is Born.STRAIGHT or missed < VISIBLE:
+        return ""
+    lengths = 1e3 * np.array([each.bending_length for each in bending.straight])
+    taken = f"{lengths.min():.1f}"
+    if len(lengths) > 1:
+        taken += f" to {lengths.max():.1f}"
+    furthest = 1e3 * max(float(np.abs(each.misses).max()) for each in bending.straight)
+    if bending.birth.born is Born.CURLED:
+        curl = bending.curl
+        own = f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to {curl.high:+.1f})"
+    else:
+        own = f"it has a set of its own, of about {bending.birth.spread:.0f} 1/m, along it"
+    return (
+        f"pre_curl: this is not the shape of a strip that was born straight: {own}. "
+        f"The bending length allows for it; a straight-born strip would miss the photographs "
+        f"by up to {furthest:.1f} mm and seem to have {taken} mm"
+    )
+
+
+def _disagreement(bending: Bending) -> str:
+    pooled = bending.bending_length
+    if pooled.agreement > DISAGREE:
+        return ""
+    return (
+        f"the photographs disagree by {100 * pooled.scatter:.0f} % beyond their own errors; "
+        "the interval allows for it. Check the overhangs, that the ledge is level, and that all "
+        "pieces are of one fabric, cut the same way, with the same side up"
+    )
+
+
+def _overhang(bending: Bending) -> str:
+    """Whether the strip bends too sharply or too little to be seen."""
+    c = bending.bending_length.value
+    radius = [np.sqrt(c**3 / (2 * each.photograph.overhang)) for each in bending.fits]
+    sharp = [
+        each.photograph.name
+        for each, r in zip(bending.fits, radius, strict=True)
+        if r < SHARP * each.photograph.width
+    ]
+    stiff = [
+        each.photograph.name
+        for each in bending.fits
+        if each.photograph.overhang < c and each.sigma > UNSURE / 2
+    ]
+    low, high = (1e3 * c * each for each in OVERHANGS)
+    best = f"an overhang of {low:.0f} to {high:.0f} mm tells most"
+    if sharp:
+        return f"{', '.join(sharp)}: bends more sharply than it is thick; {best}"
+    if stiff:
+        return f"{', '.join(stiff)}: hardly bends; {best}"
+    return ""
+
+
+def _widths(bending: Bending) -> str:
+    """Whether one overhang makes the strip much thicker than another."""
+    photographs = [each.photograph for each in bending.fits]
+    thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
+    if thick.width < ALIKE * thin.width:
+        return ""
+    return (
+        f"by its overhang the strip is {1e3 * thick.width:.1f} mm thick in {thick.name} and "
+        f"{1e3 * thin.width:.1f} mm in {thin.name}: is each --overhang that of its --photo?"
+    )
+
+
+def _width_of_interval(bending: Bending) -> str:
+    pooled = bending.bending_length
+    half = 0.5 * np.log(pooled.high / pooled.low)
+    if half < UNSURE:
+        return ""
+    return f"the bending length is only known to {100 * half:.0f} %; photograph more pieces"
+
+
+def _interval(pooled: Pooled) -> dict[str, float]:
+    return {"value": pooled.value, "low": pooled.low, "high": pooled.high}
+
+
+def _mm(pooled: Pooled) -> str:
+    value, low, high = (1e3 * each for each in (pooled.value, pooled.low, pooled.high))
+    return f"{value:.1f} mm (95 %: {low:.1f} to {high:.1f})"

@@ -1,0 +1,90 @@
+"""A photograph of a hanging strip with its midline and the strip that was fitted to it."""
+
+import io
+from typing import Any
+
+import cv2
+
+from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
+from cell.strips.birth import Born
+from cell.strips.cantilever_fit import Fit
+from drivers.strip.cantilever import hinges
+
+HEIGHT = 1600  # px of the photograph in the picture
+DPI = 150
+BEND = 1.5  # bending lengths beside and below the ledge, shown larger
+SEEN, FITTED, AS_STRAIGHT = "#19c8c8", ORANGE, BLUE
+
+
+def picture(fitted: Fit, straight: Fit) -> bytes:
+    """PNG: the photograph with midline and fits, and how far they miss along the strip."""
+    with canvas(10.5, 8.0) as figure:
+        figure.set_facecolor("white")
+        left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))
+        whole, bend = left.subplots(1, 2)
+        _photograph(whole, fitted, straight)
+        _photograph(bend, fitted, straight)
+        _near_the_ledge(bend, fitted)
+        if fitted.birth.born is Born.STRAIGHT:
+            _misses(right.subplots(), fitted, straight)
+        else:
+            upper, lower = right.subplots(2, 1, sharex=True)
+            _misses(upper, fitted, straight)
+            _set(lower, fitted)
+        figure.suptitle(_title(fitted, straight), fontsize=9.5)
+        content = io.BytesIO()
+        figure.savefig(content, format="png", dpi=DPI)
+        return content.getvalue()
+
+
+def _title(fitted: Fit, straight: Fit) -> str:
+    photograph = fitted.photograph
+    text = (
+        f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending length "
+        f"{1e3 * fitted.bending_length:.1f} mm, sigma {100 * fitted.sigma:.1f} %"
+    )
+    if fitted.birth.born is Born.STRAIGHT:
+        return text
+    return f"{text} (taken as born straight: {1e3 * straight.bending_length:.1f} mm)"
+
+
+def _photograph(axes: Any, fitted: Fit, straight: Fit) -> None:
+    photograph = fitted.photograph
+    image = photograph.image
+    scale = min(1.0, HEIGHT / image.shape[0])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    axes.imshow(small[..., ::-1], extent=(-0.5, image.shape[1] - 0.5, image.shape[0] - 0.5, -0.5))
+    midline = photograph.points / photograph.pixel * (1, -1)
+    axes.plot(*midline.T, color=SEEN, lw=1.6, label="midline")
+    if straight is not fitted:
+        axes.plot(*straight.curve().T, color=AS_STRAIGHT, lw=0.9, ls="--", label="born straight")
+    axes.plot(*fitted.curve().T, color=FITTED, lw=0.9, label="fit")
+    axes.grid(visible=False)
+    axes.set(xticks=(), yticks=(), xlim=(-0.06 * image.shape[0], image.shape[1]))
+    axes.spines[:].set_visible(False)
+
+
+def _near_the_ledge(axes: Any, fitted: Fit) -> None:
+    """Only the bend: the first stretch of the strip, `BEND` bending lengths long."""
+    photograph = fitted.photograph
+    reach = min(BEND * fitted.bending_length, photograph.overhang) / photograph.pixel
+    u, v = photograph.points[0] / photograph.pixel * (1, -1)
+    axes.set(xlim=(u - 0.2 * reach, u + 0.8 * reach), ylim=(v + reach, v - 0.3 * reach))
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.02))
+
+
+def _misses(axes: Any, fitted: Fit, straight: Fit) -> None:
+    arc = 1e3 * fitted.photograph.arc
+    if straight is not fitted:
+        axes.plot(arc, 1e3 * straight.misses, color=AS_STRAIGHT, ls="--", label="born straight")
+    axes.plot(arc, 1e3 * fitted.misses, color=FITTED, label="fit")
+    axes.axhline(0, color=MUTED, lw=0.6)
+    axes.set(xlabel="along the strip  [mm]", ylabel="midline beside the fit  [mm]")
+    axes.legend(loc="best")
+
+
+def _set(axes: Any, fitted: Fit) -> None:
+    arc = 1e3 * hinges(fitted.photograph.overhang)
+    axes.plot(arc, fitted.rest_curvature, color=FITTED)
+    axes.axhline(0, color=MUTED, lw=0.6)
+    axes.set(xlabel="along the strip  [mm]", ylabel="curvature of the strip unloaded  [1/m]")
