@@ -14,7 +14,8 @@ from policies.path import circular, triangular
 from tests.rod_cases import for_all, paper_model, steady
 
 DT = 0.005
-MECHANICAL = [e for e in registry().values() if e.of == "strip"]
+LAWS = ("bending_hysteresis", "nonlinear_bending")
+MECHANICAL = [registry()[name] for name in LAWS]
 by_name = pytest.mark.parametrize("effect", MECHANICAL, ids=[e.name for e in MECHANICAL])
 
 

@@ -5,11 +5,14 @@ of any discretisation: fields along the strip are constant over `CELLS` equal ce
 engine lumps them onto its own nodes with `Mechanics.mean` and `Mechanics.total`.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
+from drivers.errors import ConfigurationError
 from drivers.strip.file import GRAVITY, StripFile
 from drivers.types import Array, frozen
 
@@ -24,12 +27,17 @@ class BendingLaw:
     `cubic` [m^2]: M = EI kappa (1 + cubic kappa^2), level past the crest where a softening law
     (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity of an
     elasto-plastic element beside the elastic one, whose stiffness before it slides is
-    `stiffness_ratio` times EI.
+    `stiffness_ratio` times EI. `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to
+    the moment. Of the rigidity the share `relaxing` carries its moment only for about
+    `relaxation_time` [s] (a Maxwell element, at rest when the motion begins).
     """
 
     cubic: float = 0.0
     yield_curvature: float = 0.0
     stiffness_ratio: float = 8.0
+    quadratic_damping: float = 0.0
+    relaxing: float = 0.0
+    relaxation_time: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +45,10 @@ class Mechanics:
     """The strip itself. Arrays have shape (CELLS,), cell j spans [j, j + 1] length / CELLS.
 
     `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per rate of curvature),
-    `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width.
+    `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width. `length` [m] is the
+    true one, at rest. `stretch_stiffness` [N] is force per strain, `drag_coefficient` C_d of the
+    force 1/2 rho C_d width |v_n| v_n per length, `adhesion` [N/m] the force per length along the
+    strip between layers that touch.
     """
 
     length: float
@@ -48,6 +59,19 @@ class Mechanics:
     rest_curvature: Array
     linear_density: Array
     law: BendingLaw = BendingLaw()
+    stretch_stiffness: float = math.inf
+    drag_coefficient: float = 0.0
+    adhesion: float = 0.0
+
+    @property
+    def cells(self) -> Array:
+        """Arc lengths (CELLS,) [m] of the middles of the cells."""
+        return np.asarray((np.arange(CELLS) + 0.5) * (self.length / CELLS))
+
+    @property
+    def ends(self) -> Array:
+        """Arc lengths (2,) [m] of both edges."""
+        return np.array([0.0, self.length])
 
     @property
     def touch_gap(self) -> float:
@@ -68,29 +92,86 @@ class Mechanics:
         """Harmonic mean over the spans between `edges`: stiffnesses in a row -> (n,)."""
         return 1.0 / self.mean(1.0 / values, edges)
 
+    def inside(self, position: float, width: float) -> Array:
+        """Share (CELLS,) of each cell that lies within `width` [m] about `position` [m].
+
+        Raises ConfigurationError for a position beside the strip.
+        """
+        if not 0 <= position <= self.length:
+            raise ConfigurationError(
+                f"position: {position:g} is not on the strip; allowed: 0 to {self.length:g} m"
+            )
+        cells = np.linspace(0.0, self.length, CELLS + 1)
+        ahead = np.minimum(cells[1:], position + width / 2)
+        shared = ahead - np.maximum(cells[:-1], position - width / 2)
+        return np.clip(shared * (CELLS / self.length), 0.0, 1.0)
+
+    def stiffened(self, factor: Array) -> Self:
+        """The same strip with `factor` (CELLS,) times its rigidity, the retardation time kept."""
+        rigidity, viscosity = frozen(self.rigidity * factor), frozen(self.viscosity * factor)
+        return replace(self, rigidity=rigidity, viscosity=viscosity)
+
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """What holds and loads the strip: `gravity` (g_x, g_z) [m/s^2] in the cell frame."""
+    """What holds and loads the strip: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
+
+    `edge_friction`: coefficient with which the loose fixed edge and what lies behind it cling to
+    the desk. `grip_force` [N]: pull along the strip at which it slides out of the grip.
+    `grip_compliance` [rad/(N m)]: turn of the grip under the strip's moment.
+    """
 
     gravity: tuple[float, float] = (0.0, -GRAVITY)
+    edge_friction: float = math.inf
+    grip_force: float = math.inf
+    grip_compliance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """How the rig stands and moves against what it reports, true minus reported.
+
+    `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
+    desk, `delay` [s] of the gripper's stamps: see `grip_path` and `observation`, which apply
+    them. Engines are driven by true poses over the true desk and know nothing of them.
+    """
+
+    grip_x: float = 0.0
+    grip_z: float = 0.0
+    grip_tilt: float = 0.0
+    desk_height: float = 0.0
+    delay: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """How the rig measures: `contact_height` [m], and what its stamps and scales get wrong."""
+    """How the rig measures the strip, see `observation`: what is measured minus what is true.
+
+    `contact_height` [m] is where desk_contact is. Images show the world `camera_latency` [s]
+    before their stamps. Places in them are 1 + `scale` times true, and `shift_x`, `shift_z` [m]
+    off; contact_x besides by `contact_bias` [m].
+    """
 
     contact_height: float = CONTACT_HEIGHT
     camera_latency: float = 0.0
+    scale: float = 0.0
+    shift_x: float = 0.0
+    shift_z: float = 0.0
+    contact_bias: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class StripModel:
-    """A strip in a cell. `stated_length` [m] is where the gripper takes the edge, x = L."""
+    """A strip in a cell. `stated_length` [m] is where the gripper takes the edge, x = L.
+
+    A strip that is not as long starts with its slack, or taut. `index` counts the runs that the
+    specimen has been through.
+    """
 
     mechanics: Mechanics
     stated_length: float
     boundary: Boundary = field(default_factory=Boundary)
+    rig: Rig = field(default_factory=Rig)
     observation: Observation = field(default_factory=Observation)
     index: int = 0
 

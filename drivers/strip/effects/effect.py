@@ -12,17 +12,18 @@ from drivers.strip.model import StripModel
 class Stage(IntEnum):
     """Where in the description an effect acts; effects apply in this order."""
 
-    LAW = 0
-    BOUNDARY = 1
-    OBSERVATION = 2
+    SIZE = 0
+    LAW = 1
+    BOUNDARY = 2
+    OBSERVATION = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A number of an effect: unit, the value that switches it off, and its physical range.
 
-    `null` None means that absence switches it off. Only the first parameter of an effect is its
-    switch; the others carry a `default` instead.
+    The first parameter of an effect is its switch, and those after it that have a null; one
+    whose `null` is None is switched off by absence. Without a `default` it must be given.
     """
 
     name: str
@@ -57,11 +58,14 @@ class Effect:
 
     def applied(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
         """`model` with this effect; at its null the very same object."""
-        switch = self.parameters[0]
         complete = self.complete(values)
-        if switch.name not in complete or complete[switch.name] == switch.null:
+        if self.parameters[0].name not in complete or self._vanishes(complete):
             return model
         return self.apply(model, complete)
+
+    def _vanishes(self, values: Mapping[str, float]) -> bool:
+        nulls = {p.name: p.null for p in self.parameters if p.null is not None}
+        return bool(nulls) and all(values.get(name, null) == null for name, null in nulls.items())
 
     def check(self, values: Mapping[str, float], origin: str) -> None:
         """Raise ConfigurationError for unknown, missing or out-of-range parameters."""

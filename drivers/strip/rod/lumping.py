@@ -14,7 +14,8 @@ GRADED = 0.1  # share of the segments that grow finer towards the grip
 FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
 KNOWN = {
-    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law",
+    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
+    " adhesion",  # acts once layers touch, where a rod ends
     BendingLaw: "cubic yield_curvature stiffness_ratio",
     Boundary: "gravity",
 }

@@ -1,0 +1,28 @@
+"""Rigidity that a specimen loses with every run."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import CELLS, StripModel
+
+SOFTEST = 0.05  # of the rigidity that is always left
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    factor = max(SOFTEST, 1.0 - values["rate"] * model.index)
+    return replace(model, mechanics=model.mechanics.stiffened(np.full(CELLS, factor)))
+
+
+EFFECT = Effect(
+    name="ageing",
+    sentence="the strip grows softer from run to run",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="the first run of a series repeated as the last, and runs in shuffled order",
+)

@@ -1,0 +1,24 @@
+"""A gripper that was at the reported place before the report says so."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    rig = replace(model.rig, delay=values["time"])
+    return replace(model, rig=rig)
+
+
+EFFECT = Effect(
+    name="control_delay",
+    sentence="the arm reports its places later than it was there",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="an empty-hand run under a second clock; a still image",
+)

@@ -1,0 +1,24 @@
+"""A desk that stands higher or lower than assumed."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    rig = replace(model.rig, desk_height=values["height"])
+    return replace(model, rig=rig)
+
+
+EFFECT = Effect(
+    name="desk_height",
+    sentence="the desk is not at the height that the arm assumes",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("height", "m", low=-0.02, high=0.02),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="the desk touched again with the gripper; folds of other heights",
+)

@@ -1,0 +1,26 @@
+"""A desk that leans along the strip."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    weight = math.hypot(*model.boundary.gravity)
+    pull = (weight * math.sin(values["angle"]), -weight * math.cos(values["angle"]))
+    return replace(model, boundary=replace(model.boundary, gravity=pull))
+
+
+EFFECT = Effect(
+    name="desk_tilt",
+    sentence="the desk leans, so that weight pulls along the strip",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("angle", "rad", low=-0.3, high=0.3),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a spirit level; the strip turned by 180 degrees",
+)

@@ -1,0 +1,24 @@
+"""A fixed edge that lies loose and slides on the desk."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    boundary = replace(model.boundary, edge_friction=values["friction"])
+    return replace(model, boundary=boundary)
+
+
+EFFECT = Effect(
+    name="end_slip",
+    sentence="the fixed edge slides on the desk",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("friction", "1", low=0.01, high=10.0, null=None),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
+    revealed_by="a taut lift, and a picture of the fixed edge before and after",
+)

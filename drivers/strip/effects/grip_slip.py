@@ -1,0 +1,24 @@
+"""A strip that slides out of the grip when pulled."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    boundary = replace(model.boundary, grip_force=values["force"])
+    return replace(model, boundary=boundary)
+
+
+EFFECT = Effect(
+    name="grip_slip",
+    sentence="the strip slides in the grip",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("force", "N", low=0.005, high=100.0, null=None),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
+    revealed_by="a taut lift, there and back: afterwards the strip is longer than before",
+)

@@ -1,0 +1,24 @@
+"""A grip that yields to the moment of the strip."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    boundary = replace(model.boundary, grip_compliance=values["compliance"])
+    return replace(model, boundary=boundary)
+
+
+EFFECT = Effect(
+    name="gripper_compliance",
+    sentence="the grip turns under the moment of the strip",
+    of="cell",
+    stage=Stage.BOUNDARY,
+    parameters=(Parameter("compliance", "rad/(N m)", low=0.0, high=1e4),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a stiff strip folded beside a soft one",
+)

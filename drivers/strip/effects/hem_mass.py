@@ -1,0 +1,32 @@
+"""Mass added to one piece of the strip."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+from drivers.types import frozen
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    mechanics = model.mechanics
+    covered = mechanics.inside(values["position"], values["width"])
+    added = values["mass"] * covered / mechanics.total(covered, mechanics.ends)
+    density = frozen(mechanics.linear_density + added)
+    return replace(model, mechanics=replace(mechanics, linear_density=density))
+
+
+EFFECT = Effect(
+    name="hem_mass",
+    sentence="a piece of the strip, such as a hem, is heavier than the rest",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("mass", "kg", low=0.0, high=0.1),
+        Parameter("position", "m", low=0.0, high=2.0, null=None),
+        Parameter("width", "m", low=0.001, high=0.5, null=None),
+    ),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="the strip on scales; slow folds of other heights",
+)

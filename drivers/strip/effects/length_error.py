@@ -1,0 +1,24 @@
+"""A strip that is longer or shorter than stated."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    length = model.stated_length + values["error"]
+    return replace(model, mechanics=replace(model.mechanics, length=length))
+
+
+EFFECT = Effect(
+    name="length_error",
+    sentence="the strip is not as long as stated",
+    of="strip",
+    stage=Stage.SIZE,
+    parameters=(Parameter("error", "m", low=-0.02, high=0.05),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",
+)

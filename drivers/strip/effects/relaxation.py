@@ -1,0 +1,27 @@
+"""Rigidity of which a part gives way in time."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    law = replace(model.mechanics.law, relaxing=values["ratio"], relaxation_time=values["time"])
+    return replace(model, mechanics=replace(model.mechanics, law=law))
+
+
+EFFECT = Effect(
+    name="relaxation",
+    sentence="the strip slowly gives way while it is held bent",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("ratio", "1", low=0.0, high=0.9),
+        Parameter("time", "s", low=0.01, high=100.0, null=None),
+    ),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="a fold that stops and holds: the shape goes on sagging",
+)

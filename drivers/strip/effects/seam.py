@@ -1,0 +1,30 @@
+"""A piece of the strip that is stiffer or softer than the rest."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    mechanics = model.mechanics
+    covered = mechanics.inside(values["position"], values["width"])
+    factor = (1.0 - covered) + covered * values["factor"]
+    return replace(model, mechanics=mechanics.stiffened(factor))
+
+
+EFFECT = Effect(
+    name="seam",
+    sentence="the strip has a seam, a piece of other stiffness",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(
+        Parameter("factor", "1", low=0.05, high=50.0, null=1.0),
+        Parameter("position", "m", low=0.0, high=2.0, null=None),
+        Parameter("width", "m", low=0.001, high=0.5, null=None),
+    ),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="slow folds of other heights: the shape changes where the seam passes the bend",
+)

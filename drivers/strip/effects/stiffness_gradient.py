@@ -1,0 +1,25 @@
+"""Rigidity that grows evenly from the fixed to the grasped edge."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.model import StripModel
+
+
+def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
+    mechanics = model.mechanics
+    factor = 1.0 + values["slope"] * (mechanics.cells / mechanics.length - 0.5)
+    return replace(model, mechanics=mechanics.stiffened(factor))
+
+
+EFFECT = Effect(
+    name="stiffness_gradient",
+    sentence="the strip is stiffer towards one of its ends",
+    of="strip",
+    stage=Stage.LAW,
+    parameters=(Parameter("slope", "1", low=-1.8, high=1.8),),
+    apply=_apply,
+    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    revealed_by="the strip with its ends swapped, and folds of other heights",
+)
