@@ -1,0 +1,1 @@
+"""The paper's study again: every policy over strips and range, its figures, its verdict."""

@@ -1,0 +1,60 @@
+"""Parts carried out side by side in processes of their own, whatever happens to one of them."""
+
+import signal
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+
+from cell.benchmark.parts.part import Part
+from cell.benchmark.results import Refused, Result
+from drivers.errors import CellError
+
+
+def carry_out(parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, Result]]:
+    """Every part with its result, in the order in which they finish, `jobs` at a time.
+
+    One that raises CellError is `Refused`. When a process dies, what was not finished is carried
+    out one part at a time, so that the part that kills its process is known and refused too.
+    """
+    left = list(parts)
+    width = jobs
+    while left:
+        died = False
+        for part, result in _shift(left, width):
+            if result is None:
+                died = True
+                continue
+            left.remove(part)
+            yield part, result
+        if died and width == 1:
+            yield left[0], Refused(part=left[0].key, reason="its process died")
+            left.pop(0)
+        width = 1
+
+
+def _shift(parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, Result | None]]:
+    """Results of one pool of processes; None for what it left undone when it broke."""
+    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_listen) as pool:
+        waiting: dict[Future[Result], Part] = {pool.submit(_measure, part): part for part in parts}
+        try:
+            for future in as_completed(waiting):
+                try:
+                    yield waiting[future], future.result()
+                except BrokenProcessPool:
+                    yield waiting[future], None
+        except (KeyboardInterrupt, GeneratorExit):
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _listen() -> None:
+    """A worker ends silently on Ctrl-C, except in a fold, which stops its arm first."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _measure(part: Part) -> Result:
+    try:
+        return part.measure()
+    except CellError as error:
+        return Refused(part=part.key, reason=str(error))

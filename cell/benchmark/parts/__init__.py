@@ -1,0 +1,1 @@
+"""The parts of a benchmark, each measured on its own."""

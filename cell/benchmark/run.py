@@ -1,0 +1,75 @@
+"""A whole benchmark: what is left to measure, measured; everything put together."""
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Protocol
+
+from cell.benchmark.asked import Asked
+from cell.benchmark.crew import carry_out
+from cell.benchmark.journal import Journal
+from cell.benchmark.parts.order import order, weights_digest
+from cell.benchmark.parts.part import Part
+from cell.benchmark.results import Refused, Result, Results
+from cell.calibrate import calibration_of
+from cell.config.places import Configs
+from cell.fold import PACKAGES
+
+JOURNAL = "parts.jsonl"
+
+
+class Watcher(Protocol):
+    """Someone who watches a benchmark."""
+
+    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
+        """`parts` are to be measured, of which `known` were before."""
+        ...
+
+    def finished(self, part: Part, result: Result) -> None:
+        """One part more."""
+        ...
+
+
+def benchmark(
+    asked: Asked,
+    configs: Configs,
+    folder: Path,
+    runs: Path,
+    *,
+    jobs: int,
+    again: bool,
+    watcher: Watcher,
+) -> Results:
+    """Measure what is asked for; parts that `folder` holds are not measured again, unless `again`.
+
+    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot
+    be written, and for a configuration that cannot be used.
+    """
+    settings = configs.cell()
+    parts = order(asked, configs, runs)
+    journal = Journal(folder / JOURNAL, again=again)
+    found = {part.key: journal.get(part.key, part.of) for part in parts}
+    results = {key: result for key, result in found.items() if result is not None}
+    known = [part for part in parts if part.key in results]
+    watcher.begin(parts, known)
+    left = [part for part in parts if part.key not in results]
+    if left:
+        calibration_of(settings)  # made once, not by every fold at once
+    for part, result in carry_out(left, jobs):
+        if not isinstance(result, Refused):
+            journal.put(part.key, part.of, result)
+        results[part.key] = result
+        watcher.finished(part, result)
+    return Results(
+        schema=1,
+        asked=asked,
+        made_with=made_with(settings.name),
+        speed=settings.fold.speed,
+        results=tuple(results[part.key] for part in parts),
+    )
+
+
+def made_with(cell: str) -> Mapping[str, str]:
+    """Versions of what decides the numbers, the weights' digest, the cell's name."""
+    versions = {package: version(package) for package in PACKAGES}
+    return {"cell": cell, "weights": weights_digest(), **versions}

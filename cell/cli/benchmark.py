@@ -1,0 +1,67 @@
+"""`cell benchmark`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cell.cli.options import Configs, Json
+
+
+def benchmark(
+    policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
+        None
+    ),
+    strips: Annotated[str | None, typer.Option(help="Strips, with commas [default: all].")] = None,
+    repeat: Annotated[
+        int | None, typer.Option(min=1, help="Folds of one strip by each policy [default: 5].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("benchmark"),
+    runs: Annotated[
+        Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
+    ] = None,
+    configs: Configs = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Three strips, two repeats, coarse grids.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Measure anew what OUT already holds.")
+    ] = False,
+    picture: Annotated[
+        Path | None, typer.Option(help="Write the main picture there too, as PNG.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fold all strips by all policies, and show it beside the paper's numbers.
+
+    What is finished is kept in OUT: a benchmark that was interrupted goes on where it stopped.
+    """
+    from rich.console import Console
+
+    from cell.benchmark.asked import Asked, split
+    from cell.benchmark.output import lines, write_main_picture, write_results
+    from cell.benchmark.run import benchmark as measure
+    from cell.benchmark.screen import Meter, show
+    from cell.config.places import find_configs
+
+    found = find_configs(configs)
+    asked = Asked.of(found, split(policies), split(strips), repeat, seed, quick=quick)
+    meter = Meter(Console(stderr=True))
+    try:
+        results = measure(
+            asked, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
+        )
+    finally:
+        meter.close()
+    page = write_results(results, out)
+    if picture is not None:
+        write_main_picture(results, picture)
+    if as_json:
+        sys.stdout.write("".join(json.dumps(line) + "\n" for line in lines(results)))
+        return
+    show(results, Console())
+    sys.stdout.write(f"  {page}\n")
