@@ -12,7 +12,7 @@ from policies.domain import grid, sample, strip_at
 from policies.network import WEIGHTS, HeadingNetwork
 from policies.rollout import Folds
 from policies.train.journal import Journal
-from policies.train.objective import fold_cost
+from policies.train.objective import Scores, fold_cost, misses
 from policies.train.search import Search
 from policies.train.settings import TrainingSettings
 from policies.train.start import first_weights
@@ -20,10 +20,11 @@ from policies.train.start import first_weights
 SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
 
 
-def bowl(candidates: Array, generation: int) -> Array:
+def bowl(candidates: Array, generation: int) -> Scores:
     """A cost that also depends on the generation, as sampled strips do."""
     wobble = np.random.default_rng(generation).normal() * 1e-3
-    return np.asarray(np.sum((candidates - 1.0) ** 2, axis=1) + wobble)
+    miss = np.sum((candidates - 1.0) ** 2, axis=1)
+    return Scores(cost=miss + wobble, miss=miss)
 
 
 def depth(weights: Array) -> float:
@@ -89,6 +90,37 @@ def test_cost_is_the_papers_reward_and_no_touch_is_the_worst() -> None:
     cost = fold_cost(folds, weight=np.full(3, 10.0), length=0.6, force_weight=0.01)
     assert cost[0] == pytest.approx(0.02 + 0.01 * 0.3)
     assert cost[1] > cost[2] > 0.6
+
+
+def test_miss_without_a_touch_is_half_a_strip() -> None:
+    folds = Folds(np.array([-0.02, np.nan]), (None,) * 2, np.zeros(2), np.zeros((1, 2, 2)))
+    assert misses(folds, 0.6) == pytest.approx([0.02, 0.3])
+
+
+def test_last_generation_is_judged_too(tmp_path: Path) -> None:
+    settings = SETTINGS.model_copy(update={"generations": 3, "validate_every": 50})
+    search = train(tmp_path, 99, settings)
+    assert np.isfinite(search.validated)
+    assert not np.array_equal(search.weights, first_weights(np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"PK\x03\x04\xff\xfe",
+        b"hello\n",
+        b"[1]\n",
+        b"torn and strange",
+        b'{"schema": 1}\n{"a": 1}\n',
+    ],
+)
+def test_file_that_is_no_journal_is_refused_and_kept(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "feedback.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"feedback\.jsonl: ") as refused:
+        Journal(path, SETTINGS)
+    assert "\n" not in str(refused.value)
+    assert path.read_bytes() == content
 
 
 def test_start_draws_a_raised_triangle() -> None:

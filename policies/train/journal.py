@@ -7,7 +7,6 @@ is on disk before the next generation begins; one that was cut off by a kill is 
 
 import json
 import os
-from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -15,26 +14,31 @@ from drivers.errors import ConfigurationError
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
+KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search goes on
 
 
 class Journal:
-    """Append-only lines of JSON at `path`; the first states the settings."""
+    """Append-only lines of JSON at `path`; the first states the settings.
+
+    Raises ConfigurationError for a journal of other settings, for another file, and for a folder
+    that cannot be written.
+    """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:
-        """Open or begin; refuses, as ConfigurationError, a journal of other settings."""
+        """Open or begin."""
         self.path = path
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._lines = list(_whole_lines(path))
+        text = self._read()
+        self._lines = self._parsed(text)
         header = {"schema": 1, "settings": settings.model_dump(mode="json")}
         if not self._lines:
-            path.write_text("", encoding="utf-8")
+            self._replace("")
             self.append(header)
         elif self._lines[0] != json.loads(json.dumps(header)):
             raise ConfigurationError(
                 f"{path}: was begun with other settings; use those, or another output folder"
             )
-        else:
-            self._drop_torn_end()
+        elif not text.endswith("\n"):
+            self._replace(text[: text.rindex("\n") + 1])
 
     @property
     def generations(self) -> list[Line]:
@@ -43,29 +47,55 @@ class Journal:
 
     def append(self, line: Line) -> None:
         """Write `line`; on return it survives a kill."""
-        with self.path.open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps(line) + "\n")
-            stream.flush()
-            os.fsync(stream.fileno())
+        try:
+            with self.path.open("a", encoding="utf-8") as stream:
+                stream.write(json.dumps(line) + "\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise self._unwritable(error) from None
         self._lines.append(line)
 
-    def _drop_torn_end(self) -> None:
-        whole = "".join(json.dumps(line) + "\n" for line in self._lines)
-        if self.path.read_text(encoding="utf-8") != whole:
-            partial = self.path.with_name(self.path.name + ".partial")
-            partial.write_text(whole, encoding="utf-8")
-            partial.replace(self.path)
-
-
-def _whole_lines(path: FilePath) -> Iterator[Line]:
-    if not path.exists():
-        return
-    for text in path.read_text(encoding="utf-8").splitlines(keepends=True):
-        if not text.endswith("\n"):
-            return
+    def _read(self) -> str:
         try:
-            yield json.loads(text)
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            return self.path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return ""
+        except OSError as error:
+            raise self._unwritable(error) from None
+        except UnicodeDecodeError:
+            raise self._strange() from None
+
+    def _parsed(self, text: str) -> list[Line]:
+        """The whole lines; the first is the settings, the others are generations."""
+        whole = text[: text.rindex("\n")].split("\n") if "\n" in text else []
+        try:
+            lines = [json.loads(line) for line in whole]
         except json.JSONDecodeError:
-            raise ConfigurationError(
-                f"{path}: is not a training journal; name another output folder"
-            ) from None
+            raise self._strange() from None
+        if not all(isinstance(line, dict) for line in lines):
+            raise self._strange()
+        if not all(line.keys() >= KEYS for line in lines[1:]):
+            raise self._strange()
+        if text and not lines and not text.startswith("{"):
+            raise self._strange()
+        return lines
+
+    def _replace(self, text: str) -> None:
+        partial = self.path.with_name(self.path.name + ".partial")
+        try:
+            partial.write_text(text, encoding="utf-8")
+            partial.replace(self.path)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: OSError) -> ConfigurationError:
+        return ConfigurationError(
+            f"{self.path}: cannot be written: {error.strerror}; name another output folder"
+        )
+
+    def _strange(self) -> ConfigurationError:
+        return ConfigurationError(
+            f"{self.path}: is not a training journal; name another output folder"
+        )

@@ -1,6 +1,7 @@
 """The reward of the paper, as a cost to be made small."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,13 @@ from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
 from policies.sensing import Sensing
 from policies.train.settings import TrainingSettings
+
+
+class Scores(NamedTuple):
+    """What p candidates are worth: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
+
+    cost: Array
+    miss: Array
 
 
 def rollout_settings(settings: TrainingSettings) -> Rollout:
@@ -35,18 +43,28 @@ def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -
     return np.asarray(end + force_weight * folds.holding_force / weight)
 
 
-def costs(
+def scores(
     engine: Stepper,
     candidates: Array,
     strips: Sequence[StripFile],
     settings: TrainingSettings,
     rng: np.random.Generator,
-) -> Array:
-    """Mean cost (p,) [m] of `candidates` (p, WEIGHTS), each over the same strips and noise."""
+) -> Scores:
+    """Scores of `candidates` (p, WEIGHTS), each over the same strips and noise."""
     folds = fold_all(engine, candidates, strips, rollout_settings(settings), rng)
     weight = np.tile([s.linear_density * s.length * GRAVITY for s in strips], len(candidates))
-    each = fold_cost(folds, weight, strips[0].length, settings.force_weight)
-    return np.asarray(each.reshape(len(candidates), -1).mean(axis=1))
+    length = strips[0].length
+    cost = fold_cost(folds, weight, length, settings.force_weight)
+    shape = (len(candidates), -1)
+    return Scores(
+        cost=cost.reshape(shape).mean(axis=1),
+        miss=misses(folds, length).reshape(shape).mean(axis=1),
+    )
+
+
+def misses(folds: Folds, length: float) -> Array:
+    """|d| (n,) [m] of each fold; half a strip where the layers never touched."""
+    return np.asarray(np.where(folds.touched, np.abs(folds.displacement), 0.5 * length))
 
 
 def fold_all(

@@ -11,17 +11,18 @@ from cmaes import CMA
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from policies.train.journal import Journal, Line
+from policies.train.objective import Scores
 from policies.train.settings import TrainingSettings
 from policies.train.start import first_weights
 
-Evaluate = Callable[[Array, int], Array]  # candidates (p, WEIGHTS), generation -> costs (p,) [m]
+Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHTS) in a generation
 Validate = Callable[[Array], float]  # weights (WEIGHTS,) -> rms d [m] over strips kept apart
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """State of the search after a generation: `best` and `mean` cost of its candidates [m],
-    `validated` rms d [m] where it was measured, wall time `seconds` that it took.
+    """State of the search after a generation: mean |d| [m] of its `best` candidate and of all
+    (`mean`), `validated` rms d [m] where it was measured, wall time `seconds` that it took.
     """
 
     generation: int
@@ -58,20 +59,25 @@ class Search:
         start = time.monotonic()
         asked = self._ask()
         told = evaluate(asked, number)
-        self._tell(asked, told)
+        self._tell(asked, told.cost)
         validated = None
-        if (number + 1) % self.settings.validate_every == 0:
+        if self._is_judged(number):
             validated = validate(self._optimiser.mean)
             self._keep(validated)
         done = Progress(
             generation=number,
-            best=float(told.min()),
-            mean=float(told.mean()),
+            best=float(told.miss.min()),
+            mean=float(told.miss.mean()),
             validated=validated,
             seconds=round(time.monotonic() - start, 3),
         )
-        self._journal.append({"asked": _digest(asked), "costs": told.tolist(), **asdict(done)})
+        self._journal.append({"asked": _digest(asked), "costs": told.cost.tolist(), **asdict(done)})
         return done
+
+    def _is_judged(self, number: int) -> bool:
+        """Every so often, and at the end: what was never judged cannot be kept."""
+        last = number + 1 == self.settings.generations
+        return last or (number + 1) % self.settings.validate_every == 0
 
     def _tell_again(self, line: Line) -> None:
         asked = self._ask()

@@ -1,0 +1,70 @@
+"""`cell train`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.options import Json
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+    from contextlib import AbstractContextManager
+
+
+def train(
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the training [default: training/seed-SEED].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
+    generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
+    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 24,
+    strips: Annotated[
+        int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
+    ] = 4,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Processes side by side [default: all cores].")
+    ] = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Fold on the Dask cluster at this address instead.")
+    ] = None,
+    grid: Annotated[
+        int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
+    ] = 12,
+    as_json: Json = False,
+) -> None:
+    """Train the feedback policy in the rod; judge it in the rod and on the chain.
+
+    Killed or interrupted, the same command goes on and ends with the same weights.
+    """
+    from rich.console import Console
+
+    from cell.train.run import train as train_in
+    from cell.train.screen import show
+    from policies.train.settings import TrainingSettings
+
+    settings = TrainingSettings(
+        seed=seed, generations=generations, population=population, strips=strips
+    )
+    folder = out or Path("training") / f"seed-{seed}"
+    workers = _workers(jobs, cluster)
+    trained = train_in(settings, folder, workers, grid, Console(stderr=True))
+    if as_json:
+        sys.stdout.write(json.dumps(trained.line()) + "\n")
+        return
+    show(trained.evaluations, Console())
+    sys.stdout.write(f"  fold with it: cell fold --strip denim --checkpoint {trained.checkpoint}\n")
+
+
+def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
+    from cell.train.cluster import cluster
+    from cell.train.here import cores, workers_here
+    from drivers.errors import ConfigurationError
+
+    if address is None:
+        return workers_here(jobs or cores())
+    if jobs is not None:
+        raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
+    return cluster(address)

@@ -1,0 +1,110 @@
+"""How good trained weights are on strips that were not trained on, in rod and chain."""
+
+from collections.abc import Callable
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+import torch
+
+from drivers.strip.engine import Stepper
+from drivers.strip.rod.engine import Rod
+from drivers.twin.chain import Chain
+from drivers.types import Array
+from policies.domain import grid
+from policies.train.folding import FINE
+from policies.train.objective import fold_all, misses, rollout_settings
+from policies.train.settings import TrainingSettings
+
+LINKS = 60  # of the chain that plays the plant
+SUBSTEPS = 4  # between decisions: 4.2 ms, which the chain takes in one part
+
+
+class Engine(StrEnum):
+    """Who folds: the model that trained, and the plant, which shares no code with it."""
+
+    ROD = "rod"
+    CHAIN = "chain"
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """Displacements of a logarithmic grid of strips with corners, (side, side) [m] on an engine;
+    NaN without a touch. `miss` is |d|, half a strip without a touch.
+    """
+
+    engine: Engine
+    displacement: Array
+    miss: Array
+
+    @property
+    def mean(self) -> float:
+        """Mean |d| [m]."""
+        return float(self.miss.mean())
+
+    @property
+    def most(self) -> float:
+        """The |d| [m] that 95 % of the strips stay below."""
+        return float(np.quantile(self.miss, 0.95))
+
+    @property
+    def worst(self) -> float:
+        """Largest |d| [m]."""
+        return float(self.miss.max())
+
+    @property
+    def untouched(self) -> int:
+        """Folds that ended without a touch."""
+        return int(np.isnan(self.displacement).sum())
+
+    def line(self) -> dict[str, object]:
+        """All numbers for a record, lengths in metres."""
+        gone = [None if np.isnan(d) else round(float(d), 6) for d in self.displacement.ravel()]
+        return {
+            "engine": self.engine.value,
+            "side": len(self.displacement),
+            "mean": self.mean,
+            "p95": self.most,
+            "worst": self.worst,
+            "untouched": self.untouched,
+            "displacement": gone,
+        }
+
+
+def evaluate(
+    weights: Array,
+    settings: TrainingSettings,
+    side: int,
+    executor: Executor,
+    watch: Callable[[int, int], None],
+) -> tuple[Evaluation, ...]:
+    """Fold the `side` x `side` grid on each engine, a row of strips a piece over `executor`.
+
+    Engines meet the same noise and delays. `watch` hears how many pieces of how many are done.
+    """
+    wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
+    waiting = {executor.submit(fold_row, weights, settings, side, *w): w for w in wanted}
+    rows: dict[tuple[Engine, int], Array] = {}
+    for done in as_completed(waiting):
+        rows[waiting[done]] = done.result()
+        watch(len(rows), len(wanted))
+    found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
+    return tuple(Evaluation(e, displacement=d[:, 0], miss=d[:, 1]) for e, d in found.items())
+
+
+def fold_row(
+    weights: Array, settings: TrainingSettings, side: int, engine: Engine, row: int
+) -> Array:
+    """Displacement and miss (2, side) [m] of one row of the grid: a pure function."""
+    torch.set_num_threads(1)
+    strips = grid(side)[row * side : (row + 1) * side]
+    rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
+    rng = np.random.default_rng([settings.seed, 3, row])
+    folds = fold_all(made(engine), np.atleast_2d(weights), strips, rollout, rng)
+    return np.stack([folds.displacement, misses(folds, strips[0].length)])
+
+
+def made(engine: Engine) -> Stepper:
+    """A stepper of that kind."""
+    return Rod(FINE, strict=False) if engine is Engine.ROD else Chain(LINKS)

@@ -1,0 +1,88 @@
+"""A whole training: begun or gone on with, its weights judged, everything in one folder."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from cell.record.documents import replace_file
+from cell.train.evaluation import Evaluation, evaluate
+from cell.train.screen import Meter
+from drivers.errors import ConfigurationError
+from policies.train.settings import TrainingSettings
+from policies.train.training import TrainingRun
+
+EVALUATION = "evaluation.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """Where the weights are, how they were made and how good they are."""
+
+    checkpoint: Path
+    settings: TrainingSettings
+    evaluations: tuple[Evaluation, ...]
+
+    def line(self) -> dict[str, object]:
+        """One JSON object."""
+        return {
+            "schema": 1,
+            "checkpoint": str(self.checkpoint),
+            "settings": self.settings.model_dump(mode="json"),
+            "evaluations": [evaluation.line() for evaluation in self.evaluations],
+        }
+
+
+def train(
+    settings: TrainingSettings,
+    folder: Path,
+    workers: AbstractContextManager[Executor],
+    side: int,
+    console: Console,
+) -> Trained:
+    """Train in `folder`, where an interrupted training of the same settings goes on.
+
+    The weights are judged on a grid of `side` x `side` strips. Raises ConfigurationError for a
+    folder that cannot be used, WorkersLost when the workers are gone.
+    """
+    with alone_in(folder):
+        run = TrainingRun(settings, folder)
+        with workers as executor:
+            meter = Meter(console, settings.generations, run.known)
+            try:
+                for step in run.run(executor):
+                    meter.trained(step)
+                found = evaluate(run.weights, settings, side, executor, meter.judged)
+            finally:
+                meter.close()
+        trained = Trained(run.checkpoint, settings, found)
+        text = json.dumps(trained.line(), indent=1) + "\n"
+        replace_file(folder / EVALUATION, text.encode())
+        return trained
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Makes `folder` and keeps other trainings out of it until left."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise ConfigurationError(
+            f"--out: {folder}: cannot be written: {error.strerror}; name another folder"
+        ) from None
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    except BlockingIOError:
+        raise ConfigurationError(
+            f"--out: {folder}: another training is writing there; wait, or name another folder"
+        ) from None
+    finally:
+        os.close(place)
