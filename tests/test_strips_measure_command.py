@@ -193,6 +193,13 @@ def test_new_strip_that_cannot_be_is_refused(
     assert {path: path.read_bytes() for path in (configs / "strips").iterdir()} == before
 
 
+def test_strips_of_the_package_itself_are_not_written(monkeypatch, capsys, configs) -> None:
+    monkeypatch.setattr("cell.config.places.PACKAGED", configs)
+    words = ("new", "felt", "--length", 0.5, "--width", 0.04, "--configs", configs)
+    assert "copy it" in refused(monkeypatch, capsys, *words)
+    assert not (configs / "strips" / "felt.yaml").exists()
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -13,6 +13,7 @@ from cell.cli.options import Configs, Json
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from cell.config.places import Configs as Found
     from drivers.strip.file import StripFile
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -84,7 +85,7 @@ def measure(
     from drivers.strip.file import load_strip
 
     _check_name(strip)
-    path = find_configs(configs).strip_path(strip) if write else None
+    path = _own(find_configs(configs)).strip_path(strip) if write else None
     if path is not None:
         load_strip(path)
     measurement = measure_strip(strip, read_photographs(photo or [], overhang or []))
@@ -124,7 +125,7 @@ def new(
     from cell.strips.new import new_strip
 
     _check_name(strip)
-    path = find_configs(configs).folder / "strips" / f"{strip}.yaml"
+    path = _own(find_configs(configs)).folder / "strips" / f"{strip}.yaml"
     stated = {
         "length": length,
         "width": width,
@@ -147,3 +148,15 @@ def _check_name(strip: str) -> None:
         raise ConfigurationError(
             f"{strip!r}: is not a name of a strip; use letters, digits, - and _"
         )
+
+
+def _own(found: "Found") -> "Found":
+    """Configuration that may be written: the package's own is gone with its next version."""
+    from cell.config.places import PACKAGED
+    from drivers.errors import ConfigurationError
+
+    if found.folder == PACKAGED:
+        raise ConfigurationError(
+            f"--configs: {found.folder} belongs to the package; copy it and name the copy"
+        )
+    return found
