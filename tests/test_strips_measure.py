@@ -104,9 +104,9 @@ def test_overhangs_given_to_the_wrong_photographs_are_noticed(tmp_path: Path) ->
     assert any("is each --overhang that of its --photo" in each for each in found.warnings)
 
 
-def test_bend_that_is_sharper_than_the_strip_is_thick_is_told(tmp_path: Path) -> None:
+def test_bend_that_is_too_sharp_to_be_seen_is_told(tmp_path: Path) -> None:
     found = measured(tmp_path, [Scene(0.25, 0.010, 0.003, HEIGHT)])
-    assert any("bends more sharply than it is thick" in each for each in found.warnings)
+    assert any("bends too sharply at the ledge" in each for each in found.warnings)
 
 
 def test_line_for_programs_holds_what_the_text_says(tmp_path: Path) -> None:

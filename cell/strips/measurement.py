@@ -16,7 +16,7 @@ from drivers.errors import ConfigurationError
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
 DISAGREE = 0.05  # probability below which photographs disagree
 UNSURE = 0.10  # half width of the interval over the value
-SHARP = 1.0  # widths; a bend at the ledge of a smaller radius is not seen
+SHARP_WIDTHS, SHARP = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
 ALIKE = 1.5  # ratio of the strip's widths in two photographs
 OVERHANGS = (2, 5)  # bending lengths, between which a photograph tells most
 KEPT = 4  # digits
@@ -154,7 +154,7 @@ def _overhang(bending: Bending) -> str:
     sharp = [
         each.photograph.name
         for each, r in zip(bending.fits, radius, strict=True)
-        if r < SHARP * each.photograph.width
+        if r < max(SHARP_WIDTHS * each.photograph.width, SHARP)
     ]
     stiff = [
         each.photograph.name
@@ -164,7 +164,7 @@ def _overhang(bending: Bending) -> str:
     low, high = (1e3 * c * each for each in OVERHANGS)
     best = f"an overhang of {low:.0f} to {high:.0f} mm tells most"
     if sharp:
-        return f"{', '.join(sharp)}: bends more sharply than it is thick; {best}"
+        return f"{', '.join(sharp)}: bends too sharply at the ledge to be seen well; {best}"
     if stiff:
         return f"{', '.join(stiff)}: hardly bends; {best}"
     return ""
