@@ -209,7 +209,7 @@ def test_lines_are_plain_json_without_nan() -> None:
 
 def test_page_needs_nothing_else_and_says_what_is_not_the_papers() -> None:
     page = page_of(measured())
-    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert not re.search(r'(src|href)="(?!data:|#)', page)
     assert "not part of its source" in page
     for title in TITLES:
         assert title in page

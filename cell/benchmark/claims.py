@@ -25,8 +25,9 @@ class Claim:
 
 
 def claims(results: Results) -> tuple[Claim, ...]:
-    """Those claims that the policies of this benchmark bear on; the paper's main one first."""
-    return tuple(_claims({p: results.folds(p) for p in results.asked.policies}, results))
+    """Those claims that the folds of this benchmark bear on; the paper's main one first."""
+    folds = {policy: results.folds(policy) for policy in results.asked.policies}
+    return tuple(_claims({policy: each for policy, each in folds.items() if each}, results))
 
 
 def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterator[Claim]:

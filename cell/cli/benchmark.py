@@ -20,7 +20,7 @@ def benchmark(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
-    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("benchmark"),
+    out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark"),
     runs: Annotated[
         Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
     ] = None,

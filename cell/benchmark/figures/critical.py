@@ -39,8 +39,8 @@ def _panel(axes: Any, points: CriticalPoints) -> None:
     x = 1e3 * table(points)
     for i, height in enumerate(points.heights):
         shade = scale(i / max(len(points.heights) - 1, 1))
-        low, high = np.nanmin(x[i], axis=1), np.nanmax(x[i], axis=1)
-        axes.fill_between(h, low, high, color=shade, alpha=0.22, lw=0)
+        here = np.ma.masked_invalid(x[i])
+        axes.fill_between(h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0)
         axes.plot(h, x[i, :, 0], color=shade, lw=1.3)
         axes.annotate(
             f"z = {1e3 * height:.0f}",

@@ -57,8 +57,9 @@ def repeats_figure(results: Results) -> str:
         widest = 2 * half
         for row, policy in enumerate(policies):
             d = _d(results.repeats(policy))
-            away = d - np.nanmean(d) if np.isfinite(d).any() else d
-            widest = max(widest, float(np.nanmax(np.abs(away), initial=0.0)))
+            d = d[np.isfinite(d)]
+            away = d - d.mean() if d.size else d
+            widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
             axes.plot(away, np.full(d.size, row), **dot(policy), alpha=0.75, clip_on=False)
         policy_rows(axes, policies)
         axes.set_xlim(-1.08 * widest, 1.08 * widest)
@@ -89,7 +90,7 @@ def outside(results: Results, policy: str) -> tuple[int, int]:
     """How many strips fell outside of the simulated range of `policy`, and of how many."""
     folds, over = _d(results.folds(policy)), results.over_range(policy, "rod")
     folds = folds[np.isfinite(folds)]
-    if over is None or folds.size == 0:
+    if over is None or folds.size == 0 or not np.isfinite(over.d).any():
         return 0, 0
     low, high = 1e3 * np.nanmin(over.d), 1e3 * np.nanmax(over.d)
     return int(np.sum((folds < low) | (folds > high))), folds.size

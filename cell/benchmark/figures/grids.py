@@ -84,8 +84,8 @@ def _map(axes: Any, folds: RangeFolds) -> Any:
     axes.grid(visible=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    size = np.abs(folds.d)
-    worst, mean = np.nanmax(size, initial=0.0), np.nanmean(size)
+    size = np.abs(folds.d[np.isfinite(folds.d)])
+    mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
     axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=15)
     told = f"mean {numeral(float(mean))}, worst {numeral(float(worst))}"
     axes.text(0, 1.03, told, transform=axes.transAxes, fontsize=7.6, color=MUTED)
