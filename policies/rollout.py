@@ -107,7 +107,9 @@ class _Loop:
         self._force: Array = np.zeros(0)
         self._looks: Array = np.zeros(0)
         self._trace: list[Array] = []
-        self._seen: Observables | None = None
+        self._touch: tuple[Touch | None, ...] = ()
+        self._going: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._march = engine.advance if isinstance(engine, Marching) else self._step
 
     def lift(self, path: Path, count: int) -> None:
         """Along `path` from rest until the grippers stand at the take-over height."""
@@ -131,47 +133,49 @@ class _Loop:
         """Move as decided until the next decision; whether every fold has ended."""
         if self._ended(decision):
             return True
+        self._advance(self._led(decision))
+        return False
+
+    def _led(self, decision: Decision) -> Array:
+        """Poses (substeps, n, 3) of the grippers as they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading
+        most = self._settings.acceleration * self._dt
         poses = np.empty((self._settings.substeps, *self.poses.shape))
-        place = self.poses
-        for k in range(self._settings.substeps):
+        rates, place = np.empty(self.poses.shape), self.poses
+        rates[:, 2] = decision.pitch_rate
+        for pose in poses:
             change = wanted - self._velocity
-            size = np.linalg.norm(change, axis=-1, keepdims=True)
-            most = self._settings.acceleration * self._dt
-            self._velocity = self._velocity + change * np.minimum(1.0, most / (size + 1e-12))
-            rates = np.column_stack([self._velocity, decision.pitch_rate])
-            place = place + rates * self._dt
-            poses[k] = place
-        self._advance(poses)
-        return False
+            size = np.hypot(change[:, 0], change[:, 1])
+            share = np.minimum(1.0, most / (size + 1e-12))
+            self._velocity = self._velocity + change * share[:, None]
+            rates[:, :2] = self._velocity
+            pose[:] = place + rates * self._dt
+            place = pose
+        return poses
 
     def folds(self) -> Folds:
         """What came of it."""
-        touch = self._seen.touch if self._seen is not None else ()
-        gone = [t.displacement if t is not None else np.nan for t in touch]
+        gone = [t.displacement if t is not None else np.nan for t in self._touch]
         force = self._force / np.maximum(self._looks, 1)
-        return Folds(np.array(gone), touch, force, np.array(self._trace))
+        return Folds(np.array(gone), self._touch, force, np.array(self._trace))
 
     def _ended(self, decision: Decision) -> bool:
-        touch = self._seen.touch if self._seen is not None else ()
-        return all(t is not None or d for t, d in zip(touch, decision.done, strict=True))
+        return not np.any(self._going & ~decision.done)
 
     def _advance(self, poses: Array) -> None:
-        seen = _march(self._engine, poses, self._dt)
-        going = np.array([t is None for t in seen.touch])
-        self._force += np.where(going, np.abs(seen.holding_force), 0.0)
-        self._looks += going
+        seen = self._march(poses, self._dt)
+        if seen.touch is not self._touch:
+            self._touch = seen.touch
+            self._going = np.array([t is None for t in seen.touch])
+        self._force += np.where(self._going, np.abs(seen.holding_force), 0.0)
+        self._looks += self._going
         self.time += self._settings.period
         self.poses = poses[-1]
-        self._seen = seen
         self.eye.remember(seen)
         self._trace.append(self.poses[:, :2].copy())
 
-
-def _march(engine: Stepper, poses: Array, dt: float) -> Observables:
-    if isinstance(engine, Marching):
-        return engine.advance(poses, dt)
-    for pose in poses[:-1]:
-        engine.step(pose, dt)
-    return engine.step(poses[-1], dt)
+    def _step(self, poses: Array, dt: float) -> Observables:
+        for pose in poses[:-1]:
+            self._engine.step(pose, dt)
+        return self._engine.step(poses[-1], dt)

@@ -36,36 +36,42 @@ class Eye:
     def __init__(
         self, sensing: Sensing, period: float, *, count: int, groups: int, rng: np.random.Generator
     ) -> None:
+        size = count // groups
         self._sigma = np.array([sensing.contact_sigma, sensing.tip_sigma, sensing.tip_sigma])
-        self._period = period
-        self._groups = groups
         self._rng = rng
-        self._size = count // groups
-        self._late = np.tile(rng.uniform(*sensing.delay, size=self._size), groups) / period
-        bias = np.tile(rng.normal(size=self._size), groups) * sensing.contact_bias
-        self._bias = np.column_stack([bias, np.zeros(count), np.zeros(count)])
+        late = np.tile(rng.uniform(*sensing.delay, size=size), groups) / period
+        self._delay = late * period
+        self._bias = np.zeros((groups, size, 3))
+        self._bias[..., 0] = rng.normal(size=size) * sensing.contact_bias
         depth = int(np.ceil(sensing.delay[1] / period)) + 2
         self._recent: Array = np.full((depth, count, 3), np.nan)
+        self._newest = 0
+        self._back = np.floor(late).astype(int)
+        self._share = (late - self._back)[:, None]
+        self._lane = np.arange(count)
 
     def remember(self, seen: Observables) -> None:
         """Take note of the strips' true state at the next decision time."""
-        newest = np.column_stack([seen.contact_x, seen.tip])[None]
-        self._recent = np.concatenate([newest, self._recent[:-1]])
+        self._newest = (self._newest - 1) % len(self._recent)
+        newest = self._recent[self._newest]
+        newest[:, 0] = seen.contact_x
+        newest[:, 1:] = seen.tip
 
     def look(self, time: float, points: Array) -> Observation:
         """The observation at `time` [s], grippers at `points` (n, 2), exact."""
-        back = np.floor(self._late).astype(int)
-        share = (self._late - back)[:, None]
-        lane = np.arange(len(points))
-        state = (1 - share) * self._recent[back, lane] + share * self._recent[back + 1, lane]
-        noise = self._rng.normal(size=(self._size, 3)) * self._sigma
-        state = state + self._bias + np.tile(noise, (self._groups, 1))
+        near = (self._newest + self._back) % len(self._recent)
+        far = (near + 1) % len(self._recent)
+        state = (1 - self._share) * self._recent[near, self._lane]
+        state += self._share * self._recent[far, self._lane]
+        spoiled = state.reshape(self._bias.shape)
+        spoiled += self._bias
+        spoiled += self._rng.normal(size=self._bias.shape[1:]) * self._sigma
         now = np.full(len(points), time)
         return Observation(
             time=now,
             x=points[:, 0],
             z=points[:, 1],
-            stamp=now - self._late * self._period,
+            stamp=now - self._delay,
             contact_x=state[:, 0],
             tip_x=state[:, 1],
             tip_z=state[:, 2],
