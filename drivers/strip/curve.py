@@ -20,7 +20,7 @@ def node(shapes: Any, j: int, w: float, q: int) -> Any:
 
 
 @kernel
-def curvature(shapes: Any, j: int, w: float, q: int) -> float:
+def curvature(shapes: Any, j: int, w: float, q: int) -> Any:
     """Curvature [1/m] at node q from the turn of its two segments, 0 at the ends."""
     if q == 0 or q == shapes.shape[1] - 1:
         return 0.0

@@ -1,0 +1,51 @@
+"""The strip file, and the cell's effects, after acceptance."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+
+DIGITS = 6  # significant digits of a fitted number
+
+
+def patched(
+    strip: StripFile,
+    base: Mapping[str, float],
+    effects: Mapping[str, Mapping[str, float]],
+    source: str,
+) -> tuple[dict[str, object], dict[str, object] | None]:
+    """The strip file with refitted values and its named effects, old values in provenance, and
+    the named effects of the cell, if any.
+    """
+    content: dict[str, Any] = strip.model_dump(mode="json", by_alias=True)
+    notes = list(content.pop("provenance"))
+    known = {name: dict(values) for name, values in content["effects"].items()}
+    for name, value in base.items():
+        if "." in name:
+            effect, key = name.split(".")
+            notes.append(_note(f"effects.{effect}.{key}", known[effect].get(key), source))
+            known[effect][key] = rounded(value)
+        elif name in content:
+            notes.append(_note(name, content[name], source))
+            content[name] = rounded(value)
+    of_cell: dict[str, object] = {}
+    for name, values in effects.items():
+        entry = {key: rounded(value) for key, value in values.items()}
+        if registry()[name].of == "cell":
+            of_cell[name] = entry
+            continue
+        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
+        known[name] = entry
+    content |= {"effects": known, "provenance": notes}
+    return content, {"effects": of_cell} if of_cell else None
+
+
+def rounded(value: float) -> float:
+    """`value` with as many digits as a fit can mean."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def _note(key: str, old: float | None, source: str) -> dict[str, str]:
+    was = "was absent" if old is None else f"was {old:.9g}"
+    return {"key": key, "source": source, "note": was}

@@ -1,0 +1,58 @@
+"""How large an effect may be, before it is looked for: sizes to screen it at, and places."""
+
+import numpy as np
+
+from drivers.strip.effects.effect import Effect, Parameter
+from drivers.strip.file import StripFile
+from drivers.types import Array
+
+PLACES = 10  # at which an effect of one place is tried
+BENT = 50.0  # 1/m, a sharp bend of a fold
+UNKNOWN = (0.01, 0.1)  # of its range, for an effect that nothing is known of here
+
+
+def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
+    """Values of the effect's switch to screen at, small to large, as files state them.
+
+    The smaller would just show in ten runs, the larger is as large as laboratories report it.
+    """
+    weight = strip.linear_density * 9.81 * strip.length
+    mass = strip.linear_density * strip.length
+    known = {
+        "bending_hysteresis": (1.0, 5.0, 20.0),
+        "nonlinear_bending": (-4e-6, 3e-5, 2e-4),
+        "quadratic_damping": (1e-4, 1e-3),
+        "relaxation": (0.03, 0.2),
+        "stretch": (weight / 0.002, weight / 0.02),
+        "air_drag": (0.3, 1.5),
+        "pre_curl": (0.5, 5.0),
+        "crease": (0.3,),
+        "stiffness_gradient": (0.2, 0.8),
+        "seam": (0.6, 3.0),
+        "hem_mass": (0.05 * mass,),
+        "length_error": (0.0005, 0.003),
+        "ageing": (0.003, 0.03),
+        "end_slip": (2.0, 0.4),
+        "grip_slip": (5.0 * weight, weight),
+        "desk_tilt": (0.003, 0.02),
+        "desk_height": (0.0005, 0.003),
+        "tcp_offset": (0.0003, 0.003),
+        "gripper_tilt": (0.01, 0.05),
+        "gripper_compliance": (0.01 / (strip.rigidity * BENT), 0.1 / (strip.rigidity * BENT)),
+        "control_delay": (0.003, 0.015),
+        "camera_latency": (0.003, 0.015),
+        "homography_scale": (0.0005, 0.005),
+        "homography_shift": (0.0003, 0.003),
+        "contact_bias": (0.001, 0.005),
+    }
+    switch = effect.parameters[0]
+    span = UNKNOWN if switch.null is not None else UNKNOWN[::-1]
+    found = known.get(effect.name) or tuple(share * switch.high for share in span)
+    return tuple(float(np.clip(value, switch.low, switch.high)) for value in found)
+
+
+def places(parameter: Parameter, strip: StripFile) -> Array:
+    """Positions along the strip [m] to try: even, the ends a little inside."""
+    low, high = max(parameter.low, 0.0), min(parameter.high, strip.length)
+    margin = (high - low) / (2 * PLACES)
+    return np.linspace(low + margin, high - margin, PLACES)

@@ -1,0 +1,148 @@
+"""Simulated motions for many runs and models at once, each simulated once and remembered."""
+
+import hashlib
+import pickle
+from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import Fault
+from drivers.strip.engine import StripMotion
+from drivers.strip.model import Observation, StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import lattice
+from drivers.strip.rod.motions import Way, simulate_all
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+SHAPES = 0.01  # s between the shapes that are kept
+AT_ONCE = 32  # motions in one call: all their shapes are in memory
+REMEMBERED = 256 * 2**20  # bytes of motions that are kept
+
+
+@dataclass(frozen=True, slots=True)
+class Grain:
+    """How finely the rod is cut: `segments`, and its step `dt` [s]."""
+
+    segments: int
+    dt: float
+
+
+COARSE, FINE = Grain(100, 0.005), Grain(200, 0.0025)
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A description along a reported gripper path."""
+
+    model: StripModel
+    way: Way
+
+    def key(self) -> bytes:
+        """Hash of all that the true motion depends on: not of how it is looked at."""
+        height = self.model.observation.contact_height
+        blind = replace(self.model, observation=Observation(contact_height=height))
+        h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
+        for array in (self.way.t, self.way.poses):
+            h.update(np.ascontiguousarray(array).tobytes())
+        h.update(bytes([self.way.hanging]))
+        return h.digest()
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What truly happens along a drive: at times `t` (k,) [s] `contact_x`, `holding` (k,) and
+    `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on every SHAPES
+    seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    """
+
+    t: Array
+    poses: Array
+    contact_x: Array
+    holding: Array
+    begin: float
+    shapes: NDArray[np.float32]
+    arc: Array
+    touch: Touch | None
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return int(self.shapes.nbytes + 6 * self.t.nbytes)
+
+
+class Simulation:
+    """The rod of one grain, on `jobs` threads, with a memory of what it has simulated.
+
+    A motion does not depend on what is simulated beside it, nor on how many threads there are.
+    """
+
+    def __init__(self, grain: Grain = COARSE, jobs: int = 1) -> None:
+        self.grain = grain
+        self._jobs = max(1, jobs)
+        self._known: OrderedDict[bytes, Shown | None] = OrderedDict()
+        self._size = 0
+
+    def __call__(self, drives: Sequence[Drive]) -> list[Shown | None]:
+        """What each of `drives` shows; None where the rod found no shape."""
+        keys = [drive.key() for drive in drives]
+        wanted = {k: d for k, d in zip(keys, drives, strict=True) if k not in self._known}
+        found = {k: self._known[k] for k in keys if k in self._known}
+        found |= self._simulated(wanted)
+        for key in dict.fromkeys(keys):
+            self._remember(key, found[key])
+        return [found[key] for key in keys]
+
+    def _simulated(self, wanted: dict[bytes, Drive]) -> dict[bytes, Shown | None]:
+        """Long motions together, so that lanes end together."""
+        order = sorted(wanted, key=lambda k: (-wanted[k].way.t[-1] + wanted[k].way.t[0], k))
+        batches = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
+        asked = [[wanted[k] for k in batch] for batch in batches]
+        found: dict[bytes, Shown | None] = {}
+        with ThreadPoolExecutor(self._jobs) as pool:
+            for batch, shown in zip(batches, pool.map(self._batch, asked), strict=True):
+                found.update(zip(batch, shown, strict=True))
+        return found
+
+    def _batch(self, drives: Sequence[Drive]) -> list[Shown | None]:
+        try:
+            return self._together(drives)
+        except (Fault, ValueError):  # a strip that cannot hang where its run begins
+            if len(drives) == 1:
+                return [None]
+            return [shown for drive in drives for shown in self._batch([drive])]
+
+    def _together(self, drives: Sequence[Drive]) -> list[Shown | None]:
+        rod = Rod(self.grain.segments, strict=False)
+        models, ways = [d.model for d in drives], [d.way for d in drives]
+        every = max(1, round(SHAPES / self.grain.dt))
+        motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
+        return [
+            None if failed else self._shown(motion)
+            for motion, failed in zip(motions, rod.failed, strict=True)
+        ]
+
+    def _shown(self, motion: StripMotion) -> Shown:
+        arc = lattice(1.0, self.grain.segments)
+        shapes = motion.shapes.astype(np.float32)
+        if not len(shapes):
+            flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
+            shapes = flat[None].astype(np.float32)
+        begin = float(motion.t[0]) - self.grain.dt + SHAPES
+        force = motion.holding_force
+        return Shown(
+            motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
+        )
+
+    def _remember(self, key: bytes, shown: Shown | None) -> None:
+        if key not in self._known:
+            self._size += shown.size if shown else 0
+        self._known[key] = shown
+        self._known.move_to_end(key)
+        while self._size > REMEMBERED:
+            _, gone = self._known.popitem(last=False)
+            self._size -= gone.size if gone else 0

@@ -1,0 +1,101 @@
+"""The strip as a subject of the gap workflow."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import cast
+
+from cell.gap.strip.layout import Floors
+from cell.gap.strip.library import file_values, library
+from cell.gap.strip.patch import patched
+from cell.gap.strip.prepare import Fold, prepared
+from cell.gap.strip.runs import MeasuredRun, read_runs
+from cell.gap.strip.simulation import COARSE, Simulation
+from cell.gap.subject import Experiment, Library, Request, Residuals, Run
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile, load_strip
+from drivers.strip.model import StripModel, describe
+
+DESCRIBED = 4096  # descriptions that are kept
+Values = tuple[float, ...]
+
+
+class Strip:
+    """Measured folds of one strip, simulated by the rod along the measured gripper paths.
+
+    `notes` tell the operator of runs that are not whole.
+    """
+
+    def __init__(
+        self,
+        strip: StripFile,
+        runs: Sequence[MeasuredRun],
+        jobs: int = 1,
+        floors: Floors | None = None,
+    ) -> None:
+        self.file = strip
+        self.notes = tuple(note for run in runs for note in run.notes)
+        self._floors = floors or Floors()
+        self._library = library(strip, self._floors)
+        self._jobs = jobs
+        self._simulation = Simulation(COARSE, jobs)
+        self._described = lru_cache(DESCRIBED)(self._describe)
+        self._runs = prepared(runs, strip, self._floors, self._simulation, jobs)
+
+    @property
+    def name(self) -> str:
+        """The strip's name."""
+        return self.file.name
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured folds, in the order in which they were taken."""
+        return self._runs
+
+    @property
+    def library(self) -> Library:
+        """What it is fitted by and what it may lack."""
+        return self._library
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        """Measured minus simulated; each motion is simulated once, however often it is asked."""
+        folds = [cast(Fold, request.run.content) for request in requests]
+        drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
+        shown = self._simulation(drives)
+        return [f.residuals(d, s) for f, d, s in zip(folds, drives, shown, strict=True)]
+
+    def experiments(self) -> Sequence[Experiment]:
+        """Folds worth measuring next."""
+        return []
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """The strip file with refitted base and named effects, and the cell's named effects."""
+        return patched(self.file, base, effects, source)
+
+    def _model(self, request: Request, fold: Fold) -> StripModel:
+        effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
+        return self._described(tuple(map(float, request.base)), effects, fold.index)
+
+    def _describe(
+        self, base: Values, effects: tuple[tuple[str, Values], ...], index: int
+    ) -> StripModel:
+        """The strip with these values of the library's base and these effects."""
+        numbers: dict[str, float] = {}
+        kept = {name: dict(values) for name, values in self.file.effects.items()}
+        for p, value in zip(self._library.base, base, strict=True):
+            if "." in p.name:
+                effect, key = p.name.split(".")
+                kept[effect][key] = p.shown(value)
+            else:
+                numbers[p.name] = value
+        strip = self.file.model_copy(update={**numbers, "effects": kept})
+        added = {name: file_values(registry()[name], values) for name, values in effects}
+        return describe(strip, {k: v for k, v in added.items() if v is not None}, index)
+
+
+def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
+    """The strip of a file with its measured runs, checked."""
+    strip = load_strip(path)
+    return Strip(strip, read_runs(folders, strip), jobs)

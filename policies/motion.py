@@ -1,0 +1,101 @@
+"""A gripper motion written down before it is made: a path, and how it is travelled in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import Array
+from policies.path import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Go:
+    """Along the path, forward or back, to the share `to` of its length."""
+
+    to: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Stay for `duration` [s]."""
+
+    duration: float
+
+
+@dataclass(frozen=True, slots=True)
+class Shake:
+    """Swing along x with `amplitude` [m] at `frequency` [Hz] for a whole number of `cycles`."""
+
+    amplitude: float
+    frequency: float
+    cycles: int
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return self.cycles / self.frequency
+
+    def offset(self, time: Array) -> Array:
+        """Displacement [m] `time` [s] after it began; swells and fades within half a cycle."""
+        left = np.minimum(time, self.duration - time)
+        swell = np.clip(2.0 * left * self.frequency, 0.0, 1.0)
+        return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))
+
+
+Part = Go | Rest | Shake
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where a gripper is meant to be at each time since it left the beginning of `path`.
+
+    `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over
+    time; `shakes` begin at their times [s].
+    """
+
+    path: Path
+    times: Array
+    travels: Array
+    shakes: tuple[tuple[float, Shake], ...]
+
+    @property
+    def duration(self) -> float:
+        """Length of the motion [s]."""
+        return float(self.times[-1])
+
+    def at(self, time: Array | float) -> Array:
+        """Points (..., 2) of x, z [m]."""
+        points = self.path.at(self.travel(time))
+        for begin, shake in self.shakes:
+            since = np.asarray(time) - begin
+            inside = (since > 0.0) & (since < shake.duration)
+            points[..., 0] += np.where(inside, shake.offset(since), 0.0)
+        return points
+
+    def travel(self, time: Array | float) -> Array:
+        """Distance along the path [m]."""
+        return np.asarray(np.interp(time, self.times, self.travels))
+
+    def passing(self, travel: float) -> float:
+        """Time [s] at which it is first `travel` [m] along the path."""
+        k = max(1, int(np.argmax(self.travels >= travel)))
+        return float(np.interp(travel, self.travels[k - 1 : k + 1], self.times[k - 1 : k + 1]))
+
+
+def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
+    """The motion along `path` at `speed` [m/s], part by part from its beginning."""
+    times, travels = [0.0], [0.0]
+    shakes = []
+    for part in parts:
+        now, here = times[-1], travels[-1]
+        if isinstance(part, Go):
+            there = part.to * path.length
+            times.append(now + abs(there - here) / speed)
+            travels.append(there)
+            continue
+        if isinstance(part, Shake):
+            shakes.append((now, part))
+        times.append(now + part.duration)
+        travels.append(here)
+    return Motion(path, np.array(times), np.array(travels), tuple(shakes))

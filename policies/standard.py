@@ -1,0 +1,72 @@
+"""The standard motions by which simulation and measurement are compared."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from policies.motion import Go, Motion, Part, Rest, Shake, motion
+from policies.path import Path, circular
+
+END = 0.05  # of the length, height at which the paths end over the fixed edge
+BEND = 0.15  # of the length, height up to which all paths climb alike
+THIRD = 1 / 3
+
+
+@dataclass(frozen=True, slots=True)
+class Standard:
+    """A motion for strips of any length: what it reveals, `speed` [m/s], `shape` and `parts`."""
+
+    reveals: str
+    speed: float
+    shape: Callable[[float], Path]
+    parts: Sequence[Part]
+
+    def of(self, length: float) -> Motion:
+        """The motion for a strip of `length` [m]."""
+        return motion(self.shape(length), self.parts, self.speed)
+
+
+def tent(height: float) -> Callable[[float], Path]:
+    """Up at 45 degrees, to an apex of `height` over the middle, down to over the fixed edge.
+
+    All in units of the strip's length.
+    """
+    corners = np.array([(1.0, 0.0), (1.0 - BEND, BEND), (0.5, height), (0.0, END)])
+    return lambda length: Path.through(length * corners)
+
+
+HIGH, LOW, MIDDLE = tent(0.56), tent(0.40), tent(0.50)
+WHOLE = (Go(1.0),)
+
+STANDARD: Mapping[str, Standard] = MappingProxyType(
+    {
+        "normal": Standard("everything a little", 0.10, MIDDLE, WHOLE),
+        "slow-low": Standard("stiffness and friction between yarns", 0.05, LOW, WHOLE),
+        "fast": Standard("damping, air drag, latency", 0.15, MIDDLE, WHOLE),
+        "high": Standard("stiffness by curvature and along the strip", 0.10, HIGH, WHOLE),
+        "hold": Standard("creep", 0.10, MIDDLE, (Go(0.45), Rest(2.0), Go(1.0))),
+        "there-and-back": Standard(
+            "friction between yarns", 0.10, MIDDLE, (Go(0.6), Go(0.3), Go(1.0))
+        ),
+        "shake": Standard(
+            "damping and its law", 0.10, MIDDLE, (Go(0.42), Shake(0.010, 2.0, 4), Go(1.0))
+        ),
+        "early-shake": Standard(
+            "damping and stiffness near the grip", 0.10, MIDDLE,
+            (Go(0.22), Shake(0.006, 3.0, 6), Go(1.0)),
+        ),
+        "taut-lift": Standard(
+            "length, stretch, grip, scale", 0.10, circular, (Go(THIRD), Rest(0.5), Go(0.16))
+        ),
+    }
+)  # fmt: skip
+FIRST = "normal"
+"""Folded first and, once more, last: what changed with use shows between the two."""
+
+
+def standard_order(rng: np.random.Generator) -> list[str]:
+    """The standard runs in the order in which to take them: shuffled, `FIRST` first and last."""
+    others = [name for name in STANDARD if name != FIRST]
+    return [FIRST, *(others[i] for i in rng.permutation(len(others))), FIRST]
