@@ -28,7 +28,7 @@ def cluster(address: str) -> Iterator[Executor]:
         from distributed import Client, KilledWorker
     except ImportError:
         raise ConfigurationError(
-            "--cluster: distributed is not installed; pip install 'folding-cell[cluster]'"
+            "--cluster: distributed is not installed; pip install '.[cluster]'"
         ) from None
     with _silence(), _connected(Client, address) as client:
         _check(client, address)
@@ -83,10 +83,12 @@ def _difference(here: dict[str, str], there: object) -> str:
 @contextmanager
 def _silence() -> Iterator[None]:
     """What Dask logs about lost workers and connections, a command says in its own words."""
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL)
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        logger.setLevel(before)
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

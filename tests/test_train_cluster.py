@@ -1,0 +1,85 @@
+"""Training on a Dask cluster: the same numbers, whoever folds and whoever dies."""
+
+import os
+import signal
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from threading import Event, Thread
+
+import numpy as np
+import pytest
+
+from cell.train.cluster import cluster
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from policies.train.settings import TrainingSettings
+from policies.train.training import TrainingRun
+
+distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+
+TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, substeps=1)
+
+
+@pytest.fixture(scope="module")
+def local() -> Iterator[distributed.LocalCluster]:
+    """Two worker processes on loopback, each started again when it dies."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as started:
+        yield started
+
+
+def trained(folder: Path, executor: Executor, between: object = None) -> Array:
+    run = TrainingRun(TINY, folder)
+    for step in run.run(executor):
+        if between is not None and step.generation == 0:
+            between()
+    return run.weights
+
+
+def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None:
+    with ThreadPoolExecutor(1) as here:
+        alone = trained(tmp_path / "here", here)
+    with distributed.Client(local, set_as_default=False) as watcher:
+        pids = watcher.run(os.getpid)
+        address, pid = next(iter(pids.items()))
+        killed = Event()
+
+        def kill_at_work() -> None:
+            while not watcher.processing()[address]:
+                pass
+            os.kill(pid, signal.SIGKILL)
+            killed.set()
+
+        def stop() -> None:
+            # A stopped worker takes a piece and does not finish it, so that the kill cannot miss.
+            os.kill(pid, signal.SIGSTOP)
+            Thread(target=kill_at_work, daemon=True).start()
+
+        with cluster(local.scheduler_address) as there:
+            together = trained(tmp_path / "there", there, stop)
+        assert killed.is_set()
+        assert pid not in watcher.run(os.getpid).values()
+    np.testing.assert_array_equal(alone, together)
+    journals = [
+        (tmp_path / name / "feedback.jsonl").read_text().count("\n") for name in ("here", "there")
+    ]
+    assert journals == [1 + TINY.generations] * 2
+
+
+def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
+    monkeypatch.setattr("cell.train.cluster.version", lambda _: "0.0")
+    with (
+        pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"),
+        cluster(local.scheduler_address),
+    ):
+        pass
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
+def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
+    monkeypatch.setattr("cell.train.cluster.PATIENCE", 0.2)
+    with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
+        pass
+    assert "\n" not in str(told.value)
