@@ -5,6 +5,7 @@ import typer
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
 from cell.cli.fold import fold
+from cell.cli.gap import gap
 from cell.cli.record import report, viz
 from cell.cli.replay import replay
 from cell.cli.runs import runs
@@ -27,4 +28,5 @@ app.command()(replay)
 app.command()(calibrate)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
+app.add_typer(gap, name="gap")
 app.command()(train)
