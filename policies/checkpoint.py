@@ -53,8 +53,13 @@ def load_checkpoint(path: FilePath) -> Checkpoint:
 
 
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
-    """Write `checkpoint` to `path` at once: whole or not at all."""
+    """Write `checkpoint` to `path` at once: whole or, with ConfigurationError, not at all."""
     content = checkpoint.model_dump(by_alias=True)
     partial = path.with_name(path.name + ".partial")
-    partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    try:
+        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: cannot be written: {error.strerror}; make room or name another folder"
+        ) from None

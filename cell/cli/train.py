@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def train(
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the training [default: training/seed-SEED].")
+        Path | None, typer.Option(help="Folder of the training [default: runs/training/seed-SEED].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
     generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
@@ -48,7 +48,7 @@ def train(
     settings = TrainingSettings(
         seed=seed, generations=generations, population=population, strips=strips
     )
-    folder = out or Path("training") / f"seed-{seed}"
+    folder = out or Path("runs/training") / f"seed-{seed}"
     workers = _workers(jobs, cluster)
     trained = train_in(settings, folder, workers, grid, Console(stderr=True))
     if as_json:

@@ -59,12 +59,23 @@ def train(
                 for step in run.run(executor):
                     meter.trained(step)
                 found = evaluate(run.weights, settings, side, executor, meter.judged)
+            except KeyboardInterrupt:
+                console.print("interrupted; the same command goes on", highlight=False)
+                raise
             finally:
                 meter.close()
         trained = Trained(run.checkpoint, settings, found)
-        text = json.dumps(trained.line(), indent=1) + "\n"
-        replace_file(folder / EVALUATION, text.encode())
+        _keep(trained, folder / EVALUATION)
         return trained
+
+
+def _keep(trained: Trained, path: Path) -> None:
+    try:
+        replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: cannot be written: {error.strerror}; make room and run the command again"
+        ) from None
 
 
 @contextmanager
