@@ -13,6 +13,7 @@ from calibration.calibration import Calibration, save_calibration
 from cell.calibrate import calibration_of
 from cell.choice import Choice
 from cell.config.cell import CellFile
+from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.plant import load_plant
 from cell.devices import Devices
@@ -27,6 +28,7 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.result import FoldResult
 from cell.viz.watch import Mode, watching
+from drivers.settings import parse
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
@@ -46,6 +48,7 @@ class Request:
     frames: Keep | None
     truth: bool
     viz: Mode | Literal["off"]
+    speed: float | None = None  # m/s on the path, instead of the cell's own
 
 
 def fold(
@@ -55,7 +58,7 @@ def fold(
 ) -> FoldResult:
     """Fold once. Raises CellError for what is wrong before the run; a run itself only ends."""
     configs = find_configs(request.configs)
-    settings, strip = configs.cell(), configs.strip(request.strip)
+    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = open_cell(settings, strip, request.choice, calibrating=False)
@@ -74,6 +77,14 @@ def fold(
     truth = score(devices, recorder.origin, writer.folder if request.truth else None)
     write_report(writer.folder)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+
+
+def at_speed(settings: CellFile, speed: float | None) -> CellFile:
+    """The cell's settings with another speed on the path [m/s], within its limits."""
+    if speed is None:
+        return settings
+    content = settings.fold.model_dump() | {"speed": speed}
+    return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
 def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:

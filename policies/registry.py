@@ -6,6 +6,8 @@ from pathlib import Path as FilePath
 from drivers.errors import ConfigurationError
 from policies.policy import Policy
 
+MOTION = "motion:"
+
 
 def policy_names() -> tuple[str, ...]:
     """The names that `make_policy` knows, in the order in which to show them."""
@@ -17,7 +19,10 @@ def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
 
     `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
     for an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
+    `motion:NAME` is the standard motion of that name.
     """
+    if name.startswith(MOTION) and checkpoint is None:
+        return _motion(name)
     if name not in _MAKERS:
         raise ConfigurationError(f"policy: unknown name {name!r}; allowed: {', '.join(_MAKERS)}")
     if checkpoint is not None and name not in _LEARNED:
@@ -25,6 +30,17 @@ def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
             f"checkpoint: {name} has no weights; allowed only for: {', '.join(sorted(_LEARNED))}"
         )
     return _MAKERS[name](checkpoint)
+
+
+def _motion(name: str) -> Policy:
+    from policies.scripted import Scripted
+    from policies.standard import STANDARD
+
+    standard = STANDARD.get(name.removeprefix(MOTION))
+    if standard is None:
+        allowed = ", ".join(MOTION + known for known in STANDARD)
+        raise ConfigurationError(f"policy: unknown motion {name!r}; allowed: {allowed}")
+    return Scripted(name, standard.of)
 
 
 def _triangular(_: FilePath | None) -> Policy:

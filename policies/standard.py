@@ -23,9 +23,9 @@ class Standard:
     shape: Callable[[float], Path]
     parts: Sequence[Part]
 
-    def of(self, length: float) -> Motion:
-        """The motion for a strip of `length` [m]."""
-        return motion(self.shape(length), self.parts, self.speed)
+    def of(self, length: float, speed: float | None = None) -> Motion:
+        """The motion for a strip of `length` [m], at its own speed or another [m/s]."""
+        return motion(self.shape(length), self.parts, speed or self.speed)
 
 
 def tent(height: float) -> Callable[[float], Path]:
