@@ -21,6 +21,7 @@ from cell.gap.verdict import (
     WhereBin,
 )
 
+MOST = 0.6  # of the excess gap that a named model has removed, where more than noise is left
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
 SURE = 0.999  # no confidence is stated above this
@@ -32,9 +33,16 @@ def kind(found: Findings) -> Kind:
     effects = judged.found.accepted.model.effects
     if not effects:
         return "unexplained" if found.fitted.gap else "no_gap"
-    if judged.leftover.p < LEVEL or drifting(found):
+    if judged.leftover.p < LEVEL or drifting(found) or not _mostly(found):
         return "unexplained"
     return "ambiguous" if judged.classes else "named"
+
+
+def _mostly(found: Findings) -> bool:
+    """Whether the accepted model leaves only noise, or has removed most of the excess gap."""
+    result = found.judged.found
+    base = next(m for m in result.tried if not m.model.effects)
+    return not found.judged.remains or margin(result.accepted, base, result.by).removed > MOST
 
 
 def drifting(found: Findings) -> list[str]:
@@ -248,6 +256,11 @@ def remainder(found: Findings) -> str:
     )
     drift = drifting(found)
     why = f"; the amplitude of {', '.join(drift)} drifts between conditions" if drift else ""
+    if found.fitted.drifts and found.fitted.drift is not None:
+        why += f"; the specimen changes from run to run: {found.fitted.drift.words}"
+    if found.fitted.unsteady:
+        factor = max(found.fitted.inflation.values())
+        why += f"; repeats of one condition differ by {factor:.1f} times the stated noise"
     best = found.judged.found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
     return f"{of} leaves {sizes} on held-out runs{why}"

@@ -71,7 +71,11 @@ def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
         from cell.gap.pendulum.subject import open_pendulum
 
         return open_pendulum(file, folders, jobs)
-    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: pendulum")
+    if kind == "strip":
+        from cell.gap.strip.subject import open_strip
+
+        return open_strip(file, folders, jobs)
+    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
 
 
 def held_out(runs: Sequence[Run], wanted: Sequence[str] = ()) -> list[str]:

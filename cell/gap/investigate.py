@@ -14,16 +14,19 @@ from cell.gap.compare import LEVEL, MARGIN, Yardstick, holm, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.describe import Law, describe
 from cell.gap.detect import detectable
+from cell.gap.drift import Drift, drift
 from cell.gap.invariance import Invariance, invariance
 from cell.gap.lack_of_fit import Misfit
 from cell.gap.model import Evidence, Model, evidence
 from cell.gap.projection import projection
-from cell.gap.refit import Estimate, refit
+from cell.gap.refit import Estimate
 from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs
 from cell.gap.starts import Undetermined, refit_base, undetermined
 from cell.gap.subject import Experiment, Subject
 from cell.gap.where import Place, localise
 from drivers.types import Array
+
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
@@ -31,18 +34,30 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """The refitted base and what it leaves."""
+    """The refitted base and what it leaves; `drift` where repeats can tell of one."""
 
     base: Validated
     inflation: dict[str, float]
+    drift: Drift | None
     misfit: Misfit
     places: tuple[Place, ...]
     weak: tuple[Undetermined, ...]
 
     @property
     def gap(self) -> bool:
-        """Whether the base leaves more than noise, anywhere or overall."""
-        return self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+        """Whether the base leaves more than noise, anywhere, overall or from run to run."""
+        seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+        return seen or self.drifts or self.unsteady
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether repeats differ so much that the stated noise means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run."""
+        return self.drift is not None and self.drift.p < LEVEL
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +130,7 @@ def investigate(
     progress("judge", 0.8)
     judged = _judge(subject, pool, simulate, rng)
     progress("show on held-out runs", 0.9)
-    shown = _show(simulate, fitted, judged, evidence(test, fitted.inflation), rng)
+    shown = _show(simulate, fitted, judged, evidence(test), rng)
     progress("advise", 0.95)
     advice = _advise(subject, screened, judged, simulate)
     return Findings(subject, tuple(held_out), fitted, screened, judged, shown, tuple(advice))
@@ -125,16 +140,16 @@ def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
     base = refit_base(simulate, Model(subject.library.base), runs, rng)
-    inflation = lack_of_fit.pure_error(base)
-    if any(factor > 1.0 for factor in inflation.values()):
-        again = evidence(runs.runs, inflation)
-        base = alone(simulate, refit(base.model, again, base.point))
-    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
+    change = drift(base)
+    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
+    noise = _noise(base, rng)
+    allowed = lack_of_fit.slack(runs, inflation, {})
     return Fitted(
         alone(simulate, validate(base)),
         inflation,
-        lack_of_fit.lack_of_fit(base, noise),
-        tuple(localise(base, noise)),
+        change,
+        lack_of_fit.lack_of_fit(base, noise, allowed),
+        tuple(localise(base, noise, allowed)),
         tuple(undetermined(base)),
     )
 
@@ -189,7 +204,8 @@ def _unsettled(pool: Sequence[Validated]) -> bool:
     """Whether the best model of the pool still leaves more than noise."""
     best = min(pool, key=lambda m: m.estimate.scale)
     noise = _noise(best.estimate, np.random.default_rng(1))
-    return lack_of_fit.lack_of_fit(best.estimate, noise).p < LEVEL
+    allowed = lack_of_fit.slack(best.estimate.evidence, lack_of_fit.pure_error(best.estimate), {})
+    return lack_of_fit.lack_of_fit(best.estimate, noise, allowed).p < LEVEL
 
 
 def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
@@ -210,10 +226,11 @@ def _judge(
         for m in judged
     }
     tolerance = {k: q.tolerance for k, q in subject.library.quantities.items()}
-    slack = lack_of_fit.tolerated(best.evidence.runs, best.evidence.scales, tolerance)
-    noise = _noise(best, rng)
-    misfit = lack_of_fit.lack_of_fit(best, noise)
-    leftover = lack_of_fit.lack_of_fit(best, noise, slack)
+    noise, inflation = _noise(best, rng), lack_of_fit.pure_error(best)
+    strict = lack_of_fit.slack(best.evidence, inflation, {})
+    kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
+    misfit = lack_of_fit.lack_of_fit(best, noise, strict)
+    leftover = lack_of_fit.lack_of_fit(best, noise, kind)
     close = rivals(found.accepted, pool, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
     terms = together(simulate, [probe(best, t) for t in subject.library.terms])

@@ -1,12 +1,13 @@
 """Is there a gap: what repeats say of the noise, and whether the residuals exceed it."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
+from cell.gap.model import Evidence
 from cell.gap.projection import Projection
 from cell.gap.refit import Estimate
 from cell.gap.subject import Run
@@ -16,16 +17,19 @@ SPAN = 0.3  # s of one bin in which repeats are compared
 DRAWS = 400
 
 
-def pure_error(estimate: Estimate) -> dict[str, float]:
+def pure_error(
+    estimate: Estimate, residuals: Sequence[Array] | None = None, spent: int = 0
+) -> dict[str, float]:
     """Factor by channel on the stated noise that the scatter between repeats demands, >= 1.
 
+    `residuals` stand in for the estimate's own, `spent` degrees of freedom went into them.
     Variance of bin means between runs of one condition over what the noise explains, accepted
     where its chi-square probability is below 1 % (Draper and Smith, Applied Regression
     Analysis, lack of fit and pure error).
     """
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
-    for rows in _repeated(estimate).values():
+    for rows in _repeated(estimate, residuals or estimate.residuals).values():
         for channel, values in rows:
             mean, count = values[:, 0], values[:, 1]
             centre = np.average(mean, weights=count)
@@ -33,15 +37,16 @@ def pure_error(estimate: Estimate) -> dict[str, float]:
             freedom[channel] += len(mean) - 1
     factors = {}
     for channel, dof in freedom.items():
-        excess = stats.chi2.sf(squares[channel], dof) < 0.01
-        factors[channel] = max(1.0, float(np.sqrt(squares[channel] / dof))) if excess else 1.0
+        left = max(1, dof - spent)
+        excess = stats.chi2.sf(squares[channel], left) < 0.01
+        factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
     return factors
 
 
-def _repeated(estimate: Estimate) -> dict[str, list[tuple[str, Array]]]:
+def _repeated(estimate: Estimate, residuals: Sequence[Array]) -> dict[str, list[tuple[str, Array]]]:
     """By condition with repeats: channel and (mean, count) of each run in each common bin."""
     bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
-    for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
+    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
         for key, rows in _binned(run).items():
             bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
     found: dict[str, list[tuple[str, Array]]] = defaultdict(list)
@@ -68,14 +73,13 @@ class Misfit:
     square: dict[str, float]
 
 
-def lack_of_fit(estimate: Estimate, noise: Array, scales: Array | None = None) -> Misfit:
+def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
     """Largest standardised mean square over channels against bootstrapped noise.
 
-    `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `scales` (N,)
-    divides the residuals first, to allow for a tolerance.
+    `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
+    divides the residuals first (`slack`).
     """
-    r = np.concatenate(estimate.residuals)
-    r = r if scales is None else r / scales
+    r = np.concatenate(estimate.residuals) / allowed
     channels = np.concatenate([run.samples.channel for run in estimate.evidence.runs])
     names = np.unique(channels)
     found = np.array([np.mean(r[channels == c] ** 2) for c in names])
@@ -96,10 +100,16 @@ def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) 
     return about.left(rng.standard_normal((len(about.residual), draws)))
 
 
-def tolerated(runs: Sequence[Run], scales: Sequence[Array], tolerance: dict[str, float]) -> Array:
-    """Factor (N,) on the scale of each sample that allows for the tolerance of its quantity."""
+def slack(
+    evidence: Evidence, inflation: Mapping[str, float], tolerance: Mapping[str, float]
+) -> Array:
+    """Factor (N,) on the scale of each sample that allows for more than its stated noise.
+
+    `inflation` multiplies the noise of a channel, `tolerance` [SI] adds to that of a quantity.
+    """
     factors = []
-    for run, scale in zip(runs, scales, strict=True):
-        slack = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
-        factors.append(np.hypot(scale, slack) / scale)
+    for run, scale in zip(evidence.runs, evidence.scales, strict=True):
+        more = np.array([inflation.get(str(c), 1.0) for c in run.samples.channel])
+        extra = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
+        factors.append(np.hypot(more * scale, extra) / scale)
     return np.concatenate(factors)

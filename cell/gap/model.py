@@ -83,14 +83,9 @@ class Evidence:
         return tuple(np.array([p.start for p in run.local]) for run in self.runs)
 
 
-def evidence(runs: Sequence[Run], inflation: dict[str, float] | None = None) -> Evidence:
-    """Runs whitened by noise (times the inflation of its channel) and floor."""
-    factor = inflation or {}
-    scales = []
-    for run in runs:
-        s = run.samples
-        noise = s.noise * np.array([factor.get(str(c), 1.0) for c in s.channel])
-        scales.append(np.hypot(noise, s.floor))
+def evidence(runs: Sequence[Run]) -> Evidence:
+    """Runs whitened by noise and floor."""
+    scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
     return Evidence(tuple(runs), tuple(scales))
 
 

@@ -75,6 +75,7 @@ def _head(found: Findings, verdict: Verdict) -> str:
         f"{held} of them held out</h1>"
         f"<div class='verdict {verdict.verdict}'><b>{TITLES[verdict.verdict]}</b>"
         f"<p>{escape(sentence(found, verdict))}</p></div>"
+        + "".join(f"<p class='note'>{escape(note)}</p>" for note in found.subject.notes)
     )
 
 

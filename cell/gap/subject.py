@@ -87,7 +87,8 @@ class Samples:
 class Run:
     """One measured (or planned) run; `local` are its own unknowns, such as its initial state.
 
-    `condition` is shared by repeats; `content` belongs to the subject.
+    `condition` is shared by repeats, `index` counts in the order in which runs were taken;
+    `content` belongs to the subject.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Run:
     samples: Samples
     local: tuple[Parameter, ...] = ()
     content: object = None
+    index: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +168,11 @@ class Subject(Protocol):
     @property
     def runs(self) -> Sequence[Run]:
         """The measured runs, in the order in which they were taken."""
+        ...
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the operator must know of the runs: which died, what of them was used."""
         ...
 
     @property

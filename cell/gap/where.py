@@ -26,14 +26,15 @@ class Place:
     p: float
 
 
-def localise(estimate: Estimate, noise: Array) -> list[Place]:
+def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Place]:
     """All bins, strongest first, judged together against `noise` (N, draws).
 
+    `allowed` (N,) divides the residuals first, for noise beyond the stated one.
     Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
     (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
     statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
-    r = np.concatenate(estimate.residuals)
+    r = np.concatenate(estimate.residuals) / allowed
     bins = _bins(estimate)
     labels = list(bins)
     rows = [bins[key] for key in labels]

@@ -31,7 +31,7 @@ def _base(pendulum: PendulumFile) -> list[Parameter]:
     for i, (link, unit) in enumerate(zip(pendulum.links, _viscous(pendulum), strict=True)):
         name = f"damping_{i + 1}"
         parameters.append(
-            Parameter(name, "N m s", link.damping, 0.0, 2.0 * unit, 1e-5 * unit, unit)
+            Parameter(name, "N m s", link.damping, 0.0, unit, 1e-5 * unit, 0.1 * unit)
         )
     for key, unit_name, spread in SPREADS:
         for i, link in enumerate(pendulum.links[:-1] if key == "length" else pendulum.links):

@@ -1,6 +1,6 @@
 """Measured swings: read, checked, and cut into the samples that the engine compares."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +51,10 @@ def read_run(folder: Path, name: str, pendulum: PendulumFile) -> Run:
         rates = np.stack([column(table, f"omega_{i + 1}", path) for i in range(n)])
     _check_units(t, angles, rates, path)
     condition = str(head.get("condition", name))
-    return make_run(pendulum, name, condition, t, angles, sigma, rates)
+    return replace(
+        make_run(pendulum, name, condition, t, angles, sigma, rates),
+        index=_index(head.get("index", 0), folder / "run.yaml"),
+    )
 
 
 def make_run(
@@ -90,6 +93,12 @@ def _head(head: dict[str, Any], path: Path, pendulum: PendulumFile) -> float:
             f"{path}: sigma.angle: {angle} is impossible; allowed: above 0, below 0.3 rad"
         )
     return float(angle)
+
+
+def _index(value: Any, path: Path) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ConfigurationError(f"{path}: index: is {value!r}; allowed: 0, 1, 2, ...")
+    return value
 
 
 def _check_units(t: Array, angles: Array, rates: Array | None, path: Path) -> None:

@@ -42,6 +42,11 @@ class Pendulum:
         return self._runs
 
     @property
+    def notes(self) -> Sequence[str]:
+        """Nothing: a swing that stops early is a shorter swing."""
+        return ()
+
+    @property
     def library(self) -> Library:
         """What it may lack."""
         return self._library
@@ -109,6 +114,7 @@ def open_pendulum(path: Path, folders: Sequence[Path], jobs: int = 1) -> Pendulu
     found = find_runs(folders)
     names = run_names(found)
     runs = [read_run(f, name, pendulum) for f, name in zip(found, names, strict=True)]
+    runs.sort(key=lambda run: run.index)
     return Pendulum(pendulum, runs, jobs)
 
 

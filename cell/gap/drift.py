@@ -1,0 +1,60 @@
+"""Does the specimen change from run to run: base parameters that drift with the run's index."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap import lack_of_fit, quadratic
+from cell.gap.projection import projection, stacked
+from cell.gap.refit import Estimate
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Base parameters that change with the index: `words` of the surest one, `p` of them all.
+
+    `inflation` by channel is the scatter between repeats once the drift is taken out.
+    """
+
+    words: str
+    p: float
+    inflation: dict[str, float]
+
+
+def drift(estimate: Estimate) -> Drift | None:
+    """The drift of the base over the runs, or None where no condition was repeated.
+
+    Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units of
+    the scatter between repeats that is left then.
+    """
+    runs = estimate.evidence.runs
+    conditions = [run.condition for run in runs]
+    index = np.array([run.index for run in runs], dtype=float)
+    if len(set(conditions)) == len(conditions) or np.ptp(index) == 0.0:
+        return None
+    about = projection(estimate, robustly=False)
+    count = len(estimate.shared)
+    owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
+    columns = stacked(estimate)[:, :count] * (index - index.mean())[owner][:, None]
+    form = about.form(columns)
+    free = np.full(count, np.inf)
+    limits = quadratic.Bounds(-free, free, np.zeros(count), np.zeros(count))
+    rates = quadratic.bounded_step(form, np.zeros(count), limits)
+    corrected = about.residual + about.left(columns) @ rates
+    parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
+    inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
+    unit = max([1.0, *inflation.values()]) ** 2
+    p = float(stats.chi2.sf(2.0 * quadratic.decrease(form, rates) / unit, count))
+    return Drift(_words(estimate, form, rates), p, inflation)
+
+
+def _words(estimate: Estimate, form: quadratic.Normal, rates: Array) -> str:
+    """The parameter of the surest drift, and its change per run."""
+    spread = np.sqrt(np.diag(quadratic.covariance(form)))
+    i = int(np.argmax(np.abs(rates) / np.maximum(spread, 1e-300)))
+    p, value = estimate.model.parameters[i], float(estimate.shared[i])
+    if value == 0.0:
+        return f"{p.name} changes by {rates[i]:+.2g} {p.unit} a run"
+    return f"{p.name} changes by {100 * rates[i] / value:+.2g} % a run"
