@@ -1,5 +1,6 @@
 """Parts carried out side by side in processes of their own, whatever happens to one of them."""
 
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
@@ -58,3 +59,5 @@ def _measure(part: Part) -> Result:
         return part.measure()
     except CellError as error:
         return Refused(part=part.key, reason=str(error))
+    except KeyboardInterrupt:  # the fold has stopped; another part must not begin here
+        os._exit(1)

@@ -92,8 +92,8 @@ def _displacements(results: Results) -> Iterator[str]:
     yield section(
         "Repeatability",
         drawing(repeats_figure(results), "folds of one strip with new noise"),
-        note=f"{results.asked.repeats} folds of {results.asked.repeated} by each policy, each "
-        "with new noise in the image. The paper's fabrics also change from fold to fold; the "
+        note=f"Folds of {results.asked.repeated} by each policy, each with new noise in the image: "
+        f"{results.asked.repeats}. The paper's fabrics also change from fold to fold; the "
         "twin's do not.",
     )
 

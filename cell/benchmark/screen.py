@@ -73,7 +73,7 @@ def _strips_table(told: Sequence[Row], count: int) -> Table:
     table = Table(
         box=SIMPLE_HEAD,
         pad_edge=False,
-        title=f"{count} strips, folded through images: displacement in mm",
+        title=f"{count} strip{_s(count)}, folded through images: displacement in mm",
         caption="error: seen − true, at most; differ: folds of one strip, most among them",
     )
     table.add_column("policy", no_wrap=True)
@@ -119,3 +119,7 @@ def _said(result: Result) -> str:
     if isinstance(result, ImageFold):
         return f": {millimetres(result.displacement, signed=True)}"
     return ""
+
+
+def _s(count: int) -> str:
+    return "" if count == 1 else "s"

@@ -9,6 +9,8 @@ import typer
 
 from cell.cli.options import Configs, Json
 
+INTERRUPTED = 130
+
 
 def benchmark(
     policies: Annotated[str | None, typer.Option(help="Policies, with commas [default: all].")] = (
@@ -55,6 +57,11 @@ def benchmark(
         results = measure(
             asked, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
         )
+    except KeyboardInterrupt:
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
+        )
+        sys.exit(INTERRUPTED)
     finally:
         meter.close()
     page = write_results(results, out)

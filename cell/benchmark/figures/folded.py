@@ -24,9 +24,9 @@ def folded_figure(results: Results) -> str:
             near = shape[:, 0] > -SHOWN
             left.plot(*shape[near].T, color=shade, lw=1.8)
             right.plot(1e3 * fold.bending_length, shape[:, 1].max(), "o", color=shade, ms=5)
-            place = shape[np.argmax(shape[:, 1])]
-            left.annotate(f"h {place[1]:.1f}", place, (0, 3), textcoords="offset points",
-                          ha="center", color=shade, fontsize=8)  # fmt: skip
+            h = shape[:, 1].max()
+            right.annotate(f"{h:.1f}", (1e3 * fold.bending_length, h), (6, -6),
+                           textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
         c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
         right.plot(c, paper.FOLDED_HEIGHT * c, color=MUTED, lw=1)
         right.annotate("0.9066 c", (c[1], paper.FOLDED_HEIGHT * c[1]), (-8, -2),

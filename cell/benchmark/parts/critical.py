@@ -18,7 +18,7 @@ STEP = 0.005  # s
 SEGMENTS = 100
 LIFT = 0.1  # m/s, up to where the level motion begins
 END = -0.15  # m, where the level motion ends
-STILL = 0.5  # s at rest before it
+STILL = 3.0  # s at rest before it: three times the slowest fabric's retardation
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Critical:
         """All numbers of the part."""
         heights = ", ".join(f"{height:g}" for height in self.heights)
         counts = f"{self.stiffnesses} x {self.dampings}"
-        return f"critical points at {self.speed} over {counts}, heights {heights}"
+        return f"critical points at {self.speed} after rest over {counts}, heights {heights}"
 
     @property
     def cost(self) -> float:
