@@ -127,7 +127,7 @@ def test_strip_hung_from_a_gripper_is_at_rest() -> None:
 
 def test_start_in_which_the_layers_touch_is_refused() -> None:
     rod = Rod(40)
-    with pytest.raises(ValueError, match="layers of strip 0 touch"):
+    with pytest.raises(Unsupported, match="strip 0 at which its layers touch"):
         rod.reset([paper_model(0.02)], np.array([[0.3, 0.10, np.pi / 2]]))
 
 
@@ -196,11 +196,8 @@ def test_rod_that_cannot_be_is_refused(wrong: dict[str, int]) -> None:
 
 def test_descriptions_beyond_the_rod_are_refused() -> None:
     model = paper_model(0.1)
-    floating = _with_gravity(model, (0.0, 1.0))
-    longer = replace(model, stated_length=0.61)
-    for wrong in (floating, longer):
-        with pytest.raises(Unsupported, match="the rod cannot simulate"):
-            Rod(40).reset([wrong])
+    with pytest.raises(Unsupported, match="the rod cannot simulate"):
+        Rod(40).reset([_with_gravity(model, (0.0, 1.0))])
 
 
 def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null(

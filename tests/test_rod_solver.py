@@ -14,12 +14,18 @@ from drivers.strip.rod.bending import internal
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.lumping import lattice, nature
 from drivers.strip.rod.newton import assemble, desk, residual
+from drivers.strip.rod.terms import air, predict_terms
 from drivers.types import Array
-from tests.rod_cases import paper_model
+from tests.rod_cases import Effects, paper_model
 
 LAWS = {
     "nonlinear_bending": {"cubic": 1e-5},
     "bending_hysteresis": {"yield_curvature": 3.0, "stiffness_ratio": 8.0},
+}
+LAGGING = {
+    "quadratic_damping": {"coefficient": 1e-3},
+    "relaxation": {"ratio": 0.3, "time": 0.01},
+    "air_drag": {"coefficient": 1e-2},
 }
 RATE = 300.0  # 1/s
 
@@ -57,6 +63,14 @@ def _forces(block: Block, out: Array) -> None:
         reaction, _ = desk(block, r)
         inertia = block.nature[r, at.MASS] * RATE * RATE
         out[r, 0], out[r, 1] = residual(block, r, inertia, reaction)
+        if block.terms is not None:
+            (x, z), _ = air(block, r, RATE)
+            out[r, 0], out[r, 1] = out[r, 0] + x, out[r, 1] + z
+
+
+@numba.njit(error_model="numpy")
+def _predict_terms(block: Block) -> None:
+    predict_terms(block, RATE, (1.0, 0.0))
 
 
 @numba.njit(error_model="numpy")
@@ -67,9 +81,9 @@ def _newton_step(block: Block) -> None:
     substitute(block.band, 2 * at.FIRST, 2 * block.last + 1)
 
 
-def _disturbed_block(segments: int, rng: np.random.Generator) -> Block:
+def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> Block:
     """A crumpled strip, partly pressed into the desk, tensions as its stretch says."""
-    batch = laid_flat([paper_model(0.05, 3.0, LAWS)], segments)
+    batch = laid_flat([paper_model(0.05, 3.0, laws)], segments)
     state = batch.state[0]
     state[:, [at.X, at.Z]] += rng.normal(size=(segments + 3, 2)) * 1e-3
     state[::4, at.Z] = 1e-5
@@ -79,12 +93,17 @@ def _disturbed_block(segments: int, rng: np.random.Generator) -> Block:
     rows = batch.nature[0]
     state[:-1, at.TENSION] = rows[:-1, at.AXIAL] * (stretch / rows[:-1, at.SPAN] - 1.0)
     rows[:, at.FLOOR] = -np.inf
-    return Block(rows, state, batch.work, batch.band, batch.last)
+    block = Block(rows, state, batch.work, batch.band, batch.last, batch.terms)
+    if batch.terms is not None:
+        state[:, at.MAXWELL] = rng.normal(size=segments + 3) * 0.1
+        _predict_terms(block)
+    return block
 
 
-def test_newton_step_is_that_of_finite_differences() -> None:
+@pytest.mark.parametrize("laws", [LAWS, LAWS | LAGGING], ids=["plain", "terms"])
+def test_newton_step_is_that_of_finite_differences(laws: Effects) -> None:
     segments = 24
-    block = _disturbed_block(segments, np.random.default_rng(1))
+    block = _disturbed_block(segments, laws, np.random.default_rng(1))
     free = slice(at.FIRST, block.last + 1)
 
     def forces() -> Array:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from drivers.settings import load
 from drivers.strip.effects import check_effects, registry
-from drivers.strip.file import StripFile
+from drivers.strip.file import StripFile, check_described
 
 
 def load_plant(path: Path) -> StripFile:
@@ -14,4 +14,5 @@ def load_plant(path: Path) -> StripFile:
     own = {n: v for n, v in plant.effects.items() if n not in rig}
     check_effects(own, origin=str(path), of="strip")
     check_effects(rig, origin=str(path), of="cell")
+    check_described(plant, origin=str(path))
     return plant

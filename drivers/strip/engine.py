@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -57,6 +58,8 @@ class Stepper(Protocol):
 class StripMotion:
     """A simulated motion: times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2),
     holding_force (k,), shapes (k, nodes, 2) or (0, nodes, 2), and the layer_touch if any.
+
+    All of it true, over the true desk: `observation` tells what is measured of it.
     """
 
     t: Array
@@ -77,7 +80,11 @@ def simulate(
     dt: float = 0.005,
     shapes: bool = False,
 ) -> StripMotion:
-    """One strip along a gripper path: times t (m,) [s], poses (m, 3); stops at layer_touch."""
+    """One strip along a gripper path: times t (m,) [s], poses (m, 3); stops at layer_touch.
+
+    The path is the reported one; where the grip truly goes follows from the model's rig.
+    """
+    t, poses = true_path(model.rig, t, poses)
     engine.reset([model])
     steps = np.arange(dt, t[-1] - t[0] + 0.5 * dt, dt)
     path = np.stack([np.interp(steps + t[0], t, poses[:, c]) for c in range(3)], axis=1)

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
+from drivers.errors import ConfigurationError
 from drivers.settings import Settings, load
 
 GRAVITY = 9.81  # m/s^2
@@ -68,7 +69,18 @@ def load_strip(path: Path) -> StripFile:
 
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
+    check_described(strip, origin=str(path))
     return strip
+
+
+def check_described(strip: StripFile, origin: str) -> None:
+    """Raise ConfigurationError for effects whose values do not fit this strip."""
+    from drivers.strip.model import describe
+
+    try:
+        describe(strip)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{origin}: {error}") from None
 
 
 def paper_strip(k: float, b: float, **changes: Any) -> StripFile:

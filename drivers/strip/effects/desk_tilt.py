@@ -19,7 +19,7 @@ EFFECT = Effect(
     sentence="the desk leans, so that weight pulls along the strip",
     of="cell",
     stage=Stage.BOUNDARY,
-    parameters=(Parameter("angle", "rad", low=-0.3, high=0.3),),
+    parameters=(Parameter("angle", "rad", low=-0.2, high=0.2),),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),
     revealed_by="a spirit level; the strip turned by 180 degrees",

@@ -57,11 +57,17 @@ class Effect:
         return {**defaults, **values}
 
     def applied(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
-        """`model` with this effect; at its null the very same object."""
+        """`model` with this effect; at its null the very same object.
+
+        Raises ConfigurationError for values that do not fit the strip.
+        """
         complete = self.complete(values)
         if self.parameters[0].name not in complete or self._vanishes(complete):
             return model
-        return self.apply(model, complete)
+        try:
+            return self.apply(model, complete)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"effects.{self.name}.{error}") from None
 
     def _vanishes(self, values: Mapping[str, float]) -> bool:
         nulls = {p.name: p.null for p in self.parameters if p.null is not None}

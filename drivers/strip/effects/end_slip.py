@@ -17,7 +17,7 @@ EFFECT = Effect(
     sentence="the fixed edge slides on the desk",
     of="cell",
     stage=Stage.BOUNDARY,
-    parameters=(Parameter("friction", "1", low=0.01, high=10.0, null=None),),
+    parameters=(Parameter("friction", "1", low=0.05, high=10.0, null=None),),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
     revealed_by="a taut lift, and a picture of the fixed edge before and after",

@@ -17,7 +17,7 @@ EFFECT = Effect(
     sentence="the strip slides in the grip",
     of="cell",
     stage=Stage.BOUNDARY,
-    parameters=(Parameter("force", "N", low=0.005, high=100.0, null=None),),
+    parameters=(Parameter("force", "N", low=0.02, high=100.0, null=None),),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
     revealed_by="a taut lift, there and back: afterwards the strip is longer than before",

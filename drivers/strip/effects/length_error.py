@@ -17,7 +17,7 @@ EFFECT = Effect(
     sentence="the strip is not as long as stated",
     of="strip",
     stage=Stage.SIZE,
-    parameters=(Parameter("error", "m", low=-0.02, high=0.05),),
+    parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),
     revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",

@@ -20,7 +20,7 @@ EFFECT = Effect(
     of="strip",
     stage=Stage.LAW,
     parameters=(
-        Parameter("factor", "1", low=0.05, high=50.0, null=1.0),
+        Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
         Parameter("position", "m", low=0.0, high=2.0, null=None),
         Parameter("width", "m", low=0.001, high=0.5, null=None),
     ),

@@ -17,7 +17,7 @@ EFFECT = Effect(
     sentence="the strip stretches under its own weight and the pull of the gripper",
     of="strip",
     stage=Stage.LAW,
-    parameters=(Parameter("stiffness", "N", low=0.1, high=1e6, null=None),),
+    parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
     revealed_by="a taut lift and a high carry: the hanging part grows longer",

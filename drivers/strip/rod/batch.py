@@ -10,7 +10,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.follow import Batch
-from drivers.strip.rod.lumping import lattice, nature
+from drivers.strip.rod.lumping import lattice, nature, needs_terms
 from drivers.types import Array
 
 T = TypeVar("T", bound=np.generic)
@@ -22,14 +22,15 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     count, rows, lanes = len(models), segments + 3, at.lanes_for(len(models))
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]
-    lumped = {id(model): nature(model, segments) for model in filled}
+    rich = any(needs_terms(model) for model in models)
+    lumped = {id(model): nature(model, segments, rich=rich) for model in filled}
     natures = np.stack([lumped[id(model)] for model in filled])
     arc = np.stack([lattice(model.mechanics.length, segments) for model in models])
     living = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.packed(natures, lanes),
-        state=at.packed(_flat(natures), lanes),
-        work=at.scratch(rows, at.WORK, lanes),
+        state=at.packed(_flat(natures, rich=rich), lanes),
+        work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
         band=at.scratch(2 * rows + 4, at.COLUMNS, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
         alive=at.packed(living[:, None, None], lanes),
@@ -37,6 +38,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
         arc=arc,
         held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
         last=rows - 3,
+        terms=1 if rich else None,
     )
 
 
@@ -85,12 +87,16 @@ def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:
     return ordered[: len(batch.arc)]
 
 
-def _flat(natures: Array) -> Array:
+def _flat(natures: Array, *, rich: bool) -> Array:
     spans = natures[:, :, at.SPAN]
-    states = np.zeros((*natures.shape[:2], at.STATE))
+    states = np.zeros((*natures.shape[:2], at.RICH_STATE if rich else at.STATE))
     states[:, 1:, at.X] = np.cumsum(spans[:, :-1], axis=1)
     states[:, :, at.X] -= spans[:, :1]
     states[:, :, at.X1] = states[:, :, at.X]
+    if rich:
+        states[:, :, at.HELD] = np.inf
+        bearing = natures[:, 1:-1, at.DESK].sum(axis=1)
+        states[:, 1, at.HELD] = natures[:, 1, at.CLING] * bearing
     return states
 
 

@@ -5,6 +5,7 @@ from typing import Any
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
+from drivers.strip.rod.terms import lagging, sliding
 
 
 @kernel
@@ -62,8 +63,12 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     damping = load(block.nature, r, at.DAMP) * rate
     spring, slope = elastic(block, r, eps - load(block.nature, r, at.REST))
     dry, dry_slope = friction(block, r, eps)
-    viscous = damping * (eps - load(block.work, r, at.BASE_EPS))
-    return spring + viscous + dry, slope + damping + dry_slope
+    change = eps - load(block.work, r, at.BASE_EPS)
+    value, slope = spring + damping * change + dry, slope + damping + dry_slope
+    if block.terms is not None:
+        more, steeper = lagging(block, r, change, rate)
+        value, slope = value + more, slope + steeper
+    return value, slope
 
 
 @kernel
@@ -105,6 +110,8 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
     axial = load(block.nature, r, at.AXIAL)
     stretch = axial / load(block.nature, r, at.SPAN)
     taut = stretch / inverse - axial
+    if block.terms is not None:
+        taut, stretch = sliding(block, r, taut, stretch)
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
     string = choose(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse

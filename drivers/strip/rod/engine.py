@@ -13,7 +13,7 @@ from drivers.strip.rod import follow as of
 from drivers.strip.rod.batch import closed_up, laid_flat, living, midlines, retired
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
-from drivers.strip.rod.static import lifted, settle
+from drivers.strip.rod.static import fitted, lifted, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -55,7 +55,10 @@ class Rod:
         check(models)
         self._batch = laid_flat(models, self._segments)
         self._begin()
-        if start is not None:
+        if start is None and any(m.mechanics.length != m.stated_length for m in models):
+            fitted(self._batch, models)
+            self._begin()
+        elif start is not None:
             settle(self._batch, lifted(self._batch, np.asarray(start, dtype=np.float64)))
             self._begin()
 
@@ -138,7 +141,9 @@ class Rod:
     def _note(self) -> None:
         """New touches; raises for new failures where they are not allowed."""
         known = self._batch.known
-        self._touch = tuple(old or _touch(row) for old, row in zip(self._touch, known, strict=True))
+        edges = self.shapes()[:, 0, 0]
+        news = (_touch(row, float(x)) for row, x in zip(known, edges, strict=True))
+        self._touch = tuple(old or new for old, new in zip(self._touch, news, strict=True))
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(known[i, of.FAILED])
@@ -147,8 +152,9 @@ class Rod:
             raise SimulationNotConverged("rod", i, time)
 
 
-def _touch(known: Array) -> Touch | None:
+def _touch(known: Array, edge: float) -> Touch | None:
+    """layer_touch of a strip whose fixed edge is at x = `edge` [m]."""
     if np.isnan(known[of.TIME]):
         return None
     time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
-    return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x)
+    return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x - edge)

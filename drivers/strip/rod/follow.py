@@ -26,7 +26,8 @@ KNOWN = 11
 class Batch(NamedTuple):
     """Strips in blocks: `nature`, `state` (blocks, rows, fields[, WIDTH]), shared `work`, `band`;
     `strips`, `alive`: which strip each lane holds and whether it simulates; of each strip
-    `known` (n, KNOWN), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` as in Block.
+    `known` (n, KNOWN), `arc` (n, nodes), `held` (n, 3), the pose of its grip; `last` and `terms`
+    as in Block.
     """
 
     nature: Any
@@ -39,6 +40,7 @@ class Batch(NamedTuple):
     arc: Any
     held: Any
     last: int
+    terms: Any
 
 
 @kernel
@@ -155,7 +157,8 @@ def follow(
     """
     before = alive_lanes(batch)
     for b in range(len(batch.nature)):
-        block = Block(batch.nature[b], batch.state[b], batch.work, batch.band, batch.last)
+        nature, state = batch.nature[b], batch.state[b]
+        block = Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
         now = pace
         for k in range(len(poses)):
             if alive_in(batch, b) == 0:

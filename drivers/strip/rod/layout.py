@@ -24,10 +24,19 @@ MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, CREST, DAMP, SLIP, STICK, REST = range(
 AXIAL, SPAN, SHARE, FLOOR = range(11, 15)
 NATURE = 15
 
+# More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid
+# the pull at which its end slides, and which way it does; coefficients.
+MAXWELL, MAXWELL1, SLID, HELD, WAY = range(STATE, STATE + 5)
+RICH_STATE = STATE + 5
+QUADRATIC, BRANCH, FADE, DRAG, GRIPPED, CLING = range(NATURE, NATURE + 6)
+RICH_NATURE = NATURE + 6
+
 # Work of one Newton iteration.
 HAT_X, HAT_Z, BASE_X, BASE_Z, BASE_EPS, TANGENT = range(6)
 TURN_X, TURN_Z, PULL_X, PULL_Z, S_XX, S_XZ, S_ZZ, TAUT, GROWTH = range(6, 15)
 WORK = 15
+BASE_MAXWELL, DRAG_XX, DRAG_XZ, DRAG_ZZ = range(WORK, WORK + 4)
+RICH_WORK = WORK + 4
 
 # Band: see `band`.
 COLUMNS = 7
@@ -36,7 +45,8 @@ COLUMNS = 7
 class Block(NamedTuple):
     """Strips that are solved together: nature and state of theirs, work and band of anyone.
 
-    `last` is the row of the last free node.
+    `last` is the row of the last free node; `terms` is None where no strip of the batch needs
+    those of `terms`: then the code does not contain them.
     """
 
     nature: Any
@@ -44,6 +54,7 @@ class Block(NamedTuple):
     work: Any
     band: Any
     last: int
+    terms: Any
 
 
 def packed(values: Array, lanes: int) -> Array:

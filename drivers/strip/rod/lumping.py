@@ -15,10 +15,11 @@ FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
 KNOWN = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " adhesion",  # acts once layers touch, where a rod ends
-    BendingLaw: "cubic yield_curvature stiffness_ratio",
-    Boundary: "gravity",
+    " stretch_stiffness drag_coefficient adhesion",  # adhesion acts from the touch on: a rod's end
+    BendingLaw: "cubic yield_curvature stiffness_ratio quadratic_damping relaxing relaxation_time",
+    Boundary: "gravity edge_friction grip_force grip_compliance",
 }
+AIR = 1.2  # kg/m^3
 
 
 def lattice(length: float, segments: int) -> Array:
@@ -33,12 +34,23 @@ def lattice(length: float, segments: int) -> Array:
     return np.asarray(arc * (length / arc[-1]))
 
 
-def nature(model: StripModel, segments: int) -> Array:
-    """The description lumped onto `segments` segments -> (segments + 3, NATURE)."""
+def needs_terms(model: StripModel) -> bool:
+    """Whether a description has effects that only `terms` simulate."""
+    mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
+    lagging = law.quadratic_damping != 0 or law.relaxing != 0
+    slides = min(boundary.edge_friction, boundary.grip_force) < np.inf
+    return lagging or slides or mechanics.drag_coefficient != 0
+
+
+def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
+    """The description lumped onto `segments` segments -> (segments + 3, NATURE).
+
+    `rich`: (segments + 3, RICH_NATURE), with the coefficients of `terms`.
+    """
     mechanics = model.mechanics
     arc = lattice(mechanics.length, segments)
     middles = np.concatenate([[0.0], 0.5 * (arc[1:] + arc[:-1]), [mechanics.length]])
-    rows = np.zeros((segments + 3, at.NATURE))
+    rows = np.zeros((segments + 3, at.RICH_NATURE if rich else at.NATURE))
     inner = rows[1:-1]
     gx, gz = model.boundary.gravity
     inner[:, at.MASS] = mechanics.total(mechanics.linear_density, middles)
@@ -46,12 +58,15 @@ def nature(model: StripModel, segments: int) -> Array:
     inner[:, at.LOAD_Z] = inner[:, at.MASS] * gz
     inner[:, at.DESK] = -inner[:, at.LOAD_Z]
     _lump_bending(inner, mechanics, middles)
+    _yield(inner[-1], model.boundary.grip_compliance)
     weight = float(inner[:, at.MASS].sum()) * float(np.hypot(gx, gz))
     spans = np.diff(arc)
     rows[:, at.SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
     rows[:, at.SHARE] = rows[:, at.SPAN] / mechanics.length
     rows[:, at.FLOOR] = -weight
-    rows[:, at.AXIAL] = INEXTENSIBLE * weight
+    rows[:, at.AXIAL] = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
+    if rich:
+        _lump_terms(rows, model, np.diff(middles))
     return rows
 
 
@@ -73,6 +88,36 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     inner[:, at.REST] = mechanics.total(mechanics.rest_curvature, middles)
 
 
+def _yield(grip: Array, compliance: float) -> None:
+    """The hinge at the grip with the grip's compliance in a row: angles add up under one moment.
+
+    K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and
+    the cubic term s^3 of itself.
+    """
+    if compliance == 0:
+        return
+    share = 1.0 / (1.0 + compliance * grip[at.BEND])
+    grip[at.BEND] *= share
+    grip[at.STICK] *= share
+    grip[at.DAMP] *= share**2
+    grip[at.CUBIC] *= share**3
+    grip[at.CREST] /= share**1.5
+
+
+def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
+    """Coefficients of `terms`; the hinge at the grip has yielded already."""
+    mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
+    inner = rows[1:-1]
+    inner[:, at.QUADRATIC] = inner[:, at.BEND] * law.quadratic_damping / reach
+    inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
+    inner[:, at.BEND] -= inner[:, at.BRANCH]
+    inner[:, at.FADE] = 1.0 / law.relaxation_time
+    inner[:, at.DRAG] = 0.5 * AIR * mechanics.drag_coefficient * mechanics.width * reach
+    rows[:, at.GRIPPED] = np.inf
+    rows[-3, at.GRIPPED] = boundary.grip_force
+    inner[:, at.CLING] = boundary.edge_friction
+
+
 def check(models: Sequence[StripModel]) -> None:
     """Raise Unsupported for what a rod cannot represent."""
     for model in models:
@@ -81,8 +126,6 @@ def check(models: Sequence[StripModel]) -> None:
         gx, gz = model.boundary.gravity
         if gz >= 0:
             raise Unsupported("rod", f"gravity ({gx:g}, {gz:g}), which does not press on the desk")
-        if abs(model.mechanics.length - model.stated_length) > 1e-9:
-            raise Unsupported("rod", "a strip that is not as long as stated")
 
 
 def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:

@@ -10,8 +10,10 @@ from typing import Any
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.bending import direction, friction, strain
 from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.ends import slide
 from drivers.strip.rod.lanes import choose, fma, load, store
 from drivers.strip.rod.newton import solve
+from drivers.strip.rod.terms import predict_terms, remember
 
 
 @kernel
@@ -51,7 +53,7 @@ def predict_strain(block: Any, omega: float) -> None:
 
 @kernel
 def finish(block: Any, rate: float, alive: Any) -> None:
-    """Velocities of the step just solved, strains and friction moments."""
+    """Velocities of the step just solved, strains and moments with a past, ends that slide."""
     state = block.state
     for r in range(at.FIRST, block.last + 1):
         for axis in range(2):
@@ -64,9 +66,13 @@ def finish(block: Any, rate: float, alive: Any) -> None:
         dry, _ = friction(block, r, new)
         eps = load(state, r, at.EPS)
         store(state, r, at.FRICTION, choose(alive, dry, load(state, r, at.FRICTION)))
+        if block.terms is not None:
+            remember(block, r, new, rate, alive)
         store(state, r, at.EPS1, choose(alive, eps, load(state, r, at.EPS1)))
         store(state, r, at.EPS, choose(alive, new, eps))
         before = here
+    if block.terms is not None:
+        slide(block, alive)
 
 
 @kernel
@@ -75,6 +81,8 @@ def attempt(block: Any, h: float, omega: float, alive: Any) -> Any:
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict(block, h, omega, alive)
     predict_strain(block, omega)
+    if block.terms is not None:
+        predict_terms(block, rate, weights(omega))
     unsolved = solve(block, rate, alive)
     finish(block, rate, alive - unsolved)
     return unsolved

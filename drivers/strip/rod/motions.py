@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.strip.engine import StripMotion
+from drivers.strip.grip_path import true_path
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod, Showing
 from drivers.strip.shape import Touch
@@ -15,8 +16,8 @@ PIECE = 0.5  # s of motion in one compiled call: a batch closes up between calls
 
 
 class Way(NamedTuple):
-    """A gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging`: its strip starts at rest
-    from the first pose instead of flat.
+    """A reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging`: its strip starts at
+    rest from the first pose instead of flat.
     """
 
     t: Array
@@ -34,9 +35,11 @@ def simulate_all(
 ) -> list[StripMotion]:
     """Each of `models` along its own way, as `simulate` does one; all in one batch.
 
-    Every `every`th step keeps its shape, 0 for none; `shapes` then has (k // every, nodes, 2).
-    A motion ends at its layer_touch or where its way ends.
+    Where grips truly go follows from their models' rigs. Every `every`th step keeps its shape, 0
+    for none; `shapes` then has (k // every, nodes, 2). A motion ends at its
+    layer_touch or where its way ends.
     """
+    ways = [_true(model, way) for model, way in zip(models, ways, strict=True)]
     counts = [max(1, round((way.t[-1] - way.t[0]) / dt)) for way in ways]
     poses = np.stack([_sampled(way, dt, max(counts)) for way in ways], axis=1)
     rod.reset(models, _starts(models, ways) if any(way.hanging for way in ways) else None)
@@ -52,6 +55,11 @@ def simulate_all(
         _motion(seen, poses, i, way, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
         for i, (way, count) in enumerate(zip(ways, counts, strict=True))
     ]
+
+
+def _true(model: StripModel, way: Way) -> Way:
+    t, poses = true_path(model.rig, way.t, way.poses, hanging=way.hanging)
+    return way._replace(t=t, poses=poses)
 
 
 def _sampled(way: Way, dt: float, count: int) -> Array:

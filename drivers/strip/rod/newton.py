@@ -7,6 +7,7 @@ from drivers.strip.rod.band import SIDE, eliminate, eliminate_fifth, substitute
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
+from drivers.strip.rod.terms import air, unsettled
 
 ITERATIONS = 10
 TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments
@@ -75,6 +76,10 @@ def assemble(block: Any, r: int, rate: Any) -> None:
     dxx = fma(k2 * qx, qx, fma(k1x, sx, fma(k0x, px, inertia))) + (bxx + cxx)
     dxz = fma(k2 * qx, qz, fma(k1x, sz, fma(k0x, pz, bxz))) + cxz
     dzz = fma(k2 * qz, qz, fma(k1z, sz, fma(k0z, pz, inertia))) + (bzz + czz)
+    if block.terms is not None:
+        (rx, rz), (rxx, rxz, rzz) = air(block, r, rate)
+        gx, gz = gx + rx, gz + rz
+        dxx, dxz, dzz = dxx + rxx, dxz + rxz, dzz + rzz
     axx, axz = -fma(k1x, px, fma(k0x, tx, bxx)), -fma(k1x, pz, fma(k0x, tz, bxz))
     azx, azz = -fma(k1z, px, fma(k0z, tx, bxz)), -fma(k1z, pz, fma(k0z, tz, bzz))
     eliminate(band, 2 * r, (k0x * ox, k0x * oz, axx, axz), dxx, gx)
@@ -105,6 +110,8 @@ def correct(block: Any, gate: Any) -> Any:
         wildest = choose(square - wildest, square, wildest)
         along = fma(turn_z, ex, -(turn_x * ez))
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
+        if block.terms is not None:
+            turned = turned + unsettled(block, r - 1, along)
         store(state, r - 1, at.TENSION, choose(gate, tension, load(state, r - 1, at.TENSION)))
         x0, z0 = dx, dz
     return turned, wildest

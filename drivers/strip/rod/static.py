@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.errors import SimulationNotConverged
+from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import laid_flat, midlines
+from drivers.strip.rod.batch import laid_flat, midlines, retired
 from drivers.strip.rod.follow import Batch, follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.step import Pace
@@ -30,6 +31,36 @@ def lifted(batch: Batch, start: Array) -> Array:
     return np.asarray(way)
 
 
+def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
+    """Bring strips that lie flat between their fixed edge and x = `stated_length`.
+
+    One that is shorter is stretched evenly; one that is longer lies at rest with its slack as a
+    wave before the grip, as after a grip that came in from above.
+    """
+    slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
+    goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
+    _stretch(batch, goal[:, 0] / batch.held[:, 0], slack < 0)
+    batch.held[slack < 0] = goal[slack < 0]
+    if (slack > 0).any():
+        share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
+        way = batch.held + share[:, :, None] * (goal - batch.held)
+        reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
+        way[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
+        settle(retired(batch, slack <= 0), way)
+
+
+def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
+    """Move the nodes of the strips `which` (n,) to `ratio` (n,) times their x."""
+    end = batch.state.shape[1] - 1
+    for b, lane in np.ndindex(batch.strips.shape):
+        i = batch.strips[b, lane]
+        if i < len(ratio) and which[i]:
+            state = batch.state[b] if batch.state.ndim == 3 else batch.state[b, :, :, lane]
+            state[end, at.X] -= (1.0 - ratio[i]) * state[end - 1, at.X]
+            state[1:end, at.X] *= ratio[i]
+            state[:, at.X1] = state[:, at.X]
+
+
 def settle(batch: Batch, way: Array) -> None:
     """Bring the grips along `way` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
     _euler(batch, way, PERIOD)
@@ -46,7 +77,8 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
     batch = laid_flat(models, segments)
     end = segments + 1
     batch.nature[:, :, at.DESK] = 0.0
-    for field in (at.BEND, at.DAMP, at.SLIP, at.STICK):
+    bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]
+    for field in bending if batch.terms is None else [*bending, at.QUADRATIC, at.BRANCH]:
         batch.nature[:, end, field] = 0.0
     free = batch._replace(last=end)
     settle(free, free.held[None].copy())
@@ -60,4 +92,5 @@ def _euler(batch: Batch, poses: Array, dt: float) -> None:
     if failed.any():
         raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)
     if touched.any():
-        raise ValueError(f"the layers of strip {int(np.argmax(touched))} touch before it rests")
+        i = int(np.argmax(touched))
+        raise Unsupported("rod", f"a start of strip {i} at which its layers touch before it rests")

@@ -112,10 +112,12 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     start = block.state.copy()
     for parts in PARTS:
         failed = in_parts(block, grips, pace, gate, parts)
-        copy(start, (0, at.STATE), block.state, 0, failed)
+        copy(start, (0, start.shape[1]), block.state, 0, failed)
         moved = gate - failed
         copy(start, (at.X, at.EPS), block.state, at.X1, moved)
         copy(start, (at.EPS, at.FRICTION), block.state, at.EPS1, moved)
+        if block.terms is not None:
+            copy(start, (at.MAXWELL, at.MAXWELL1), block.state, at.MAXWELL1, moved)
         gate = failed
         if not anywhere(gate):
             break

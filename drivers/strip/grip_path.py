@@ -1,0 +1,47 @@
+"""Where the grip truly goes, from what the arm reports, and back: the effects of `Rig`.
+
+The strip is taken from the desk as it lies, so offsets of the grip, its tilt and a desk at
+another height grow from 0 over the first `LIFT_TRAVEL` of the way, in proportion to the largest
+distance from where it began. Heights of true poses count from the true desk.
+"""
+
+import numpy as np
+
+from drivers.strip.model import Rig
+from drivers.types import Array
+
+LIFT_TRAVEL = 0.10  # m
+AS_REPORTED = Rig()
+
+
+def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tuple[Array, Array]:
+    """True times (m,) [s] and poses (m, 3) of a way reported as `t`, `poses`.
+
+    A strip that hangs when the way begins has its lift behind it. Without effects of the rig
+    the very same arrays.
+    """
+    if rig == AS_REPORTED:
+        return t, poses
+    share = np.ones(len(poses)) if hanging else growth(poses)
+    return t - rig.delay, true_poses(rig, poses, share)
+
+
+def growth(poses: Array) -> Array:
+    """Share (m,) of the rig's offsets that has grown along reported `poses` (m, 3)."""
+    away = np.hypot(*(poses[:, :2] - poses[0, :2]).T)
+    return np.minimum(np.maximum.accumulate(away) / LIFT_TRAVEL, 1.0)
+
+
+def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
+    """True poses (..., 3) over the true desk, `share` (...) of the rig's offsets grown."""
+    return np.asarray(reported + _offset(rig) * np.asarray(share)[..., None])
+
+
+def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
+    """What the arm reports, and is to be told, where the grip truly is; undoes `true_poses`."""
+    return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
+
+
+def _offset(rig: Rig) -> Array:
+    """True over the true desk minus reported (3,)."""
+    return np.array([rig.grip_x, rig.grip_z - rig.desk_height, rig.grip_tilt])

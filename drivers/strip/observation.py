@@ -1,0 +1,69 @@
+"""What the camera makes of the true strip, and back: the effects of `Observation`.
+
+True places stand over the true desk, as engines have them; measured ones in the cell frame, as
+the calibration has it. measured = (1 + scale) true + shift, times are stamps.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.strip.model import Observation, StripModel
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+
+def seen_time(observation: Observation, t: Array | float) -> Array | float:
+    """Stamp [s] of the image that shows the world at true time `t`."""
+    return t + observation.camera_latency
+
+
+def shown_time(observation: Observation, stamp: Array | float) -> Array | float:
+    """True time [s] that an image with `stamp` shows."""
+    return stamp - observation.camera_latency
+
+
+def seen_points(model: StripModel, points: Array) -> Array:
+    """Measured points (..., 2) of a midline that truly stands at `points`."""
+    raised = points + np.array([0.0, model.rig.desk_height])
+    return np.asarray((1 + model.observation.scale) * raised + _shift(model.observation))
+
+
+def true_points(model: StripModel, points: Array) -> Array:
+    """Where a midline measured at `points` (..., 2) truly stands; undoes `seen_points`."""
+    raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
+    return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
+
+
+def seen_contact(observation: Observation, x: Array | float) -> Array | float:
+    """Measured contact_x [m] of a desk contact that truly is at `x`."""
+    return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
+
+
+def true_contact(observation: Observation, x: Array | float) -> Array | float:
+    """Where a desk contact measured at `x` truly is [m]; undoes `seen_contact`."""
+    return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
+
+
+def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
+    """layer_touch as images show it.
+
+    `grip` (3,) is the true pose at the touch, `reported` (3,) the one that the arm says for the
+    stamp of the image. l1 is measured along the picture of the upper layer up to the reported
+    grip point, along the strip's end tangent; l2 to the stated place of the fixed edge, x = 0.
+    """
+    observation = model.observation
+    x = float(seen_points(model, np.array([touch.x, 0.0]))[0])
+    end = np.array([np.cos(grip[2]), np.sin(grip[2])])
+    missed = float((reported[:2] - seen_points(model, grip[:2])) @ end)
+    return replace(
+        touch,
+        time=float(seen_time(observation, touch.time)),
+        x=x,
+        to_grasped=(1 + observation.scale) * touch.to_grasped + missed,
+        to_fixed=x,
+    )
+
+
+def _shift(observation: Observation) -> Array:
+    return np.array([observation.shift_x, observation.shift_z])

@@ -1,0 +1,58 @@
+"""Ends that slide: the strip in its grip, the loose edge on the desk."""
+
+from typing import Any
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.bending import direction
+from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.lanes import below, choose, like, load, store
+from drivers.strip.rod.newton import desk
+from drivers.strip.rod.terms import HUGE, limit_of, slides
+
+
+@kernel
+def slid(block: Any, r: int) -> Any:
+    """How far [m] segment r slides in the step just solved."""
+    axial = load(block.nature, r, at.AXIAL)
+    stretch = axial / load(block.nature, r, at.SPAN)
+    _, _, inverse = direction(block.state, r)
+    taut = stretch / inverse - axial - stretch * load(block.state, r, at.SLID)
+    way = slides(block, r, taut)
+    level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
+    return choose(way * way, (taut - level) / stretch, 0.0)
+
+
+@kernel
+def let_out(block: Any, alive: Any) -> None:
+    """Lengthen the segment at the grip by what the grip lets go."""
+    r = block.state.shape[0] - 3
+    before = load(block.state, r, at.SLID)
+    store(block.state, r, at.SLID, choose(alive, before + slid(block, r), before))
+
+
+@kernel
+def drag_edge(block: Any, alive: Any) -> None:
+    """Move the fixed edge by what it slides, and hold it by the friction of what lies.
+
+    All friction of the lying part acts at its edge: that part is straight and hardly stretches,
+    so it slides as a whole, when the pull exceeds friction times the force that the desk bears.
+    """
+    state = block.state
+    away = slid(block, 1)
+    for r in range(2):
+        x = load(state, r, at.X)
+        store(state, r, at.X, choose(alive, x + away, x))
+    borne = like(state, 0.0)
+    for r in range(1, block.last + 1):
+        reaction, _ = desk(block, r)
+        borne = borne + reaction
+    cling, before = load(block.nature, 1, at.CLING), load(state, 1, at.HELD)
+    held = choose(below(HUGE, cling), cling, cling * borne)
+    store(state, 1, at.HELD, choose(alive, held, before))
+
+
+@kernel
+def slide(block: Any, alive: Any) -> None:
+    """Slide both ends after a step of the living lanes."""
+    let_out(block, alive)
+    drag_edge(block, alive)

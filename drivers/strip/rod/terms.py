@@ -1,0 +1,145 @@
+"""Terms of effects that most strips lack: lagging moments, drag of air, ends that slide.
+
+Only batches with a strip that needs them run this code; a null coefficient adds zeros.
+"""
+
+from typing import Any
+
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
+
+HUGE = 1e300  # coefficients beyond are null at infinity
+SETTLED = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
+UNSETTLED = 0.1  # rad^2, what counts at most
+
+
+@kernel
+def magnitude(a: Any) -> Any:
+    """|a|."""
+    return choose(below(a, 0.0), -a, a)
+
+
+@kernel
+def faded(block: Any, r: int, change: Any, rate: Any) -> Any:
+    """Strain q of the Maxwell element at row r, dq/dt = deps/dt - q / time, and dq/deps.
+
+    `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
+    """
+    share = rate / (rate + load(block.nature, r, at.FADE))
+    return share * (load(block.work, r, at.BASE_MAXWELL) + change), share
+
+
+@kernel
+def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
+    """Moment at row r that depends on the past of its strain, and its tangent.
+
+    Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
+    """
+    q, share = faded(block, r, change, rate)
+    speed = rate * change
+    resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
+    branch = load(block.nature, r, at.BRANCH)
+    return fma(resistance, speed, branch * q), fma(2.0 * resistance, rate, branch * share)
+
+
+@kernel
+def limit_of(block: Any, r: int) -> Any:
+    """Pull [N] at which segment r slides."""
+    held, gripped = load(block.state, r, at.HELD), load(block.nature, r, at.GRIPPED)
+    return choose(held - gripped, gripped, held)
+
+
+@kernel
+def slides(block: Any, r: int, taut: Any) -> Any:
+    """1 where segment r slides under the tension `taut` that it had stuck, -1 pushed, else 0.
+
+    The grip lets go of what is pulled, not of what is pushed, which buckles first; a loose edge
+    slides both ways.
+    """
+    pushed = below(taut, -load(block.state, r, at.HELD))
+    return below(limit_of(block, r), taut) - pushed
+
+
+@kernel
+def sliding(block: Any, r: int, taut: Any, stretch: Any) -> Any:
+    """Tension of segment r, of which a part has slid, and its stiffness; level where it slides.
+
+    What slid one way in the iteration before sticks in this one before it slides the other way:
+    else Newton's method would go back and forth between the two levels.
+    """
+    taut = taut - stretch * load(block.state, r, at.SLID)
+    way = slides(block, r, taut)
+    turned = below(way * load(block.state, r, at.WAY), -0.5)
+    way = choose(turned, 0.0, way)
+    store(block.state, r, at.WAY, way)
+    level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
+    moves = way * way
+    return choose(moves, level, taut), choose(moves, 0.0, stretch)
+
+
+@kernel
+def unsettled(block: Any, r: int, along: Any) -> Any:
+    """Change of length of segment r in a correction, where it may slide, as a turn squared.
+
+    A strip that slides moves without turning, so turns alone would end Newton's method early.
+    """
+    turn = SETTLED * along
+    square = turn * turn
+    square = choose(square - UNSETTLED, UNSETTLED, square)
+    return choose(below(limit_of(block, r), HUGE), square, 0.0)
+
+
+@kernel
+def air(block: Any, r: int, rate: Any) -> Any:
+    """Force against the motion of row r through the air, and its tangent.
+
+    F = D v with D = 1/2 rho C_d width length |v_n| n n', |v_n| and n of the predicted motion: of
+    second order in the step, and symmetric.
+    """
+    work = block.work
+    xx, xz, zz = (
+        load(work, r, at.DRAG_XX),
+        load(work, r, at.DRAG_XZ),
+        load(work, r, at.DRAG_ZZ),
+    )
+    vx = rate * (load(block.state, r, at.X) - load(work, r, at.BASE_X))
+    vz = rate * (load(block.state, r, at.Z) - load(work, r, at.BASE_Z))
+    return (fma(xx, vx, xz * vz), fma(xz, vx, zz * vz)), (rate * xx, rate * xz, rate * zz)
+
+
+@kernel
+def resist(block: Any, r: int, rate: Any) -> None:
+    """D of `air` at row r, from the predicted positions, into `work`."""
+    state, work = block.state, block.work
+    tx = load(state, r + 1, at.X) - load(state, r - 1, at.X)
+    tz = load(state, r + 1, at.Z) - load(state, r - 1, at.Z)
+    inverse = 1.0 / sqrt(fma(tx, tx, tz * tz))
+    nx, nz = -(tz * inverse), tx * inverse
+    vx = rate * (load(state, r, at.X) - load(work, r, at.BASE_X))
+    vz = rate * (load(state, r, at.Z) - load(work, r, at.BASE_Z))
+    drag = load(block.nature, r, at.DRAG) * magnitude(fma(nx, vx, nz * vz))
+    store(work, r, at.DRAG_XX, drag * nx * nx)
+    store(work, r, at.DRAG_XZ, drag * nx * nz)
+    store(work, r, at.DRAG_ZZ, drag * nz * nz)
+
+
+@kernel
+def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
+    """Strain of the Maxwell element at row r after a step to strain `eps`."""
+    q, _ = faded(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
+    before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
+    store(block.state, r, at.MAXWELL1, choose(alive, before, older))
+    store(block.state, r, at.MAXWELL, choose(alive, q, before))
+
+
+@kernel
+def predict_terms(block: Any, rate: Any, weights: Any) -> None:
+    """Bases of the Maxwell strains, and the drag of the step to come; everything sticks."""
+    now, old = weights
+    for r in range(1, block.state.shape[0] - 1):
+        store(block.state, r, at.WAY, 0.0)
+        q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
+        store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
+    for r in range(at.FIRST, block.last + 1):
+        resist(block, r, rate)
