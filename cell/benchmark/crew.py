@@ -11,6 +11,8 @@ from cell.benchmark.parts.part import Part
 from cell.benchmark.results import Refused, Result
 from drivers.errors import CellError
 
+INTERRUPTED = 130  # exit code
+
 
 def carry_out(parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, Result]]:
     """Every part with its result, in the order in which they finish, `jobs` at a time.
@@ -58,6 +60,8 @@ def _measure(part: Part) -> Result:
     try:
         return part.measure()
     except CellError as error:
+        if error.exit_code == INTERRUPTED:
+            os._exit(INTERRUPTED)
         return Refused(part=part.key, reason=str(error))
     except KeyboardInterrupt:  # the fold has stopped; another part must not begin here
-        os._exit(1)
+        os._exit(INTERRUPTED)

@@ -9,7 +9,7 @@ import typer
 
 from cell.cli.options import Configs, Json
 
-INTERRUPTED = 130
+INTERRUPTED = 130  # exit code
 
 
 def benchmark(
