@@ -23,9 +23,10 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     slots = -(-count // lanes) * lanes
     filled = [*models, *[models[-1]] * (slots - count)]
     rich = any(needs_terms(model) for model in models)
-    lumped = {id(model): nature(model, segments, rich=rich) for model in filled}
+    lumped = {id(model): nature(model, segments, rich=rich) for model in _each(filled)}
     natures = np.stack([lumped[id(model)] for model in filled])
-    arc = np.stack([lattice(model.mechanics.length, segments) for model in models])
+    places = {id(model): lattice(model.mechanics.length, segments) for model in _each(models)}
+    arc = np.stack([places[id(model)] for model in models])
     living = (np.arange(slots) < count).astype(np.float64)
     return Batch(
         nature=at.packed(natures, lanes),
@@ -79,6 +80,16 @@ def midlines(batch: Batch) -> Array:
     """Nodes (n, nodes, 2) [m] of x, z."""
     rows = at.unpacked(batch.state, batch.strips.shape[1])
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
+
+
+def fixed_edges(batch: Batch) -> Array:
+    """x of the fixed edges (n,) [m]."""
+    return _by_strip(batch, batch.state[:, 1, at.X].ravel())
+
+
+def _each(models: Sequence[StripModel]) -> list[StripModel]:
+    """Every model once, however many strips share it."""
+    return list({id(model): model for model in models}.values())
 
 
 def _by_strip(batch: Batch, slots: NDArray[T]) -> NDArray[T]:

@@ -10,7 +10,7 @@ from drivers.errors import SimulationNotConverged, SimulationNotFinite
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
-from drivers.strip.rod.batch import closed_up, laid_flat, living, midlines, retired
+from drivers.strip.rod.batch import closed_up, fixed_edges, laid_flat, living, midlines, retired
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.static import fitted, lifted, settle
@@ -118,6 +118,7 @@ class Rod:
         count = len(self._batch.arc)
         self._time, self._last = 0.0, np.inf
         self._touch: tuple[Touch | None, ...] = (None,) * count
+        self._touched: NDArray[np.bool_] = np.zeros(count, dtype=bool)
         self._shown = np.zeros((count, of.SHOWN))
 
     def _march(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
@@ -141,9 +142,11 @@ class Rod:
     def _note(self) -> None:
         """New touches; raises for new failures where they are not allowed."""
         known = self._batch.known
-        edges = self.shapes()[:, 0, 0]
-        news = (_touch(row, float(x)) for row, x in zip(known, edges, strict=True))
-        self._touch = tuple(old or new for old, new in zip(self._touch, news, strict=True))
+        touched = np.isfinite(known[:, of.TIME])
+        touch, edges = list(self._touch), fixed_edges(self._batch)
+        for new in np.flatnonzero(touched & ~self._touched):
+            touch[new] = _touch(known[new], float(edges[new]))
+        self._touch, self._touched = tuple(touch), touched
         if self._strict and self.failed.any():
             i = int(np.argmax(self.failed))
             time = float(known[i, of.FAILED])
@@ -152,9 +155,7 @@ class Rod:
             raise SimulationNotConverged("rod", i, time)
 
 
-def _touch(known: Array, edge: float) -> Touch | None:
+def _touch(known: Array, edge: float) -> Touch:
     """layer_touch of a strip whose fixed edge is at x = `edge` [m]."""
-    if np.isnan(known[of.TIME]):
-        return None
     time, x, s = (float(known[field]) for field in (of.TIME, of.TOUCH_X, of.TOUCH_S))
     return Touch(time, x, to_grasped=float(known[of.LENGTH]) - s, to_fixed=x - edge)
