@@ -24,7 +24,11 @@ def slid(block: Any, r: int) -> Any:
 
 @kernel
 def let_out(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by what the grip lets go."""
+    """Lengthen the segment at the grip by what the grip lets go.
+
+    That piece is straight and has no mass, good for a few per cent of the strip. Arc lengths
+    count from the fixed edge to the edge that was grasped, so l1 does not grow by it.
+    """
     r = block.state.shape[0] - 3
     before = load(block.state, r, at.SLID)
     store(block.state, r, at.SLID, choose(alive, before + slid(block, r), before))
