@@ -1,6 +1,8 @@
 """Files that a person writes: read safely, checked strictly, refused in one line."""
 
-from collections.abc import Mapping
+import json
+import re
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,33 +33,49 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: is not valid YAML: {_yaml_place(error)}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid YAML: {error}") from None
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: must be a mapping of keys to values")
     return content
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """The safe loader, which also refuses a key that is given twice."""
+    """The safe loader, which also refuses a key that is given twice and reads 1e-3 as a number."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[str] = set()
+        seen: set[Hashable] = set()
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                problem = "a key must be a word"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             if key.value in seen:
                 problem = f"key {key.value!r} is given twice; keep one"
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            seen.add(str(key.value))
+            seen.add(key.value)
         return super().construct_mapping(node, deep)
 
 
+# YAML 1.1, which the loader speaks, wants a dot where nobody writes one. The sign stays needed:
+# without it an id of digits and an e would be a number.
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]\d+$"), list("-+0123456789")
+)
+
+
 def parse(content: Mapping[str, Any], model: type[S], origin: str) -> S:
-    """`content` as `model`; every problem named as `origin: key: reason` on one line each."""
+    """`content` as `model`; every problem named as `origin: key: reason` on one line each.
+
+    Nothing is converted: text and truth values are no numbers. Read as JSON, because there a
+    list is what tuples are given as.
+    """
     schema = content.get("schema", SCHEMA)
     if isinstance(schema, int) and schema > SCHEMA:
         raise ConfigurationError(
             f"{origin}: schema: is {schema}, this version reads {SCHEMA}; update the cell"
         )
     try:
-        return model.model_validate(content)
+        return model.model_validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
         lines = [_problem(origin, model, dict(item)) for item in error.errors()]
         raise ConfigurationError("\n".join(lines)) from None
@@ -84,7 +102,8 @@ def _keys(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
     for part in place:
         field = getattr(current, "model_fields", {}).get(part)
         current = field.annotation if field is not None else None
-    return sorted(getattr(current, "model_fields", {}))
+    fields = getattr(current, "model_fields", {})
+    return sorted(field.alias or name for name, field in fields.items())
 
 
 def _yaml_place(error: yaml.YAMLError) -> str:
