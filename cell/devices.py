@@ -39,9 +39,11 @@ class Devices:
         self.camera.connect()
 
     def close(self) -> None:
-        """Bring the arm to rest and let go of everything."""
-        self.arm.close()
-        self.camera.close()
+        """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
+        try:
+            self.arm.close()
+        finally:
+            self.camera.close()
 
 
 class Plant(Protocol):

@@ -53,7 +53,7 @@ class Monitor:
 def _arm_stale(senses: Senses, rules: Rules) -> str | None:
     limits = rules.limits
     age = senses.time - senses.arm.stamp
-    if age <= limits.arm_age:
+    if abs(age) <= limits.arm_age:  # a stamp of the future would hide how old all later ones are
         return None
     return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
 
@@ -75,7 +75,7 @@ def _image_stale(senses: Senses, rules: Rules) -> str | None:
     if senses.frame is None:
         return "the camera has delivered no image"
     age = senses.time - senses.frame.stamp
-    if age <= limits.image_age:
+    if abs(age) <= limits.image_age:
         return None
     return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
 

@@ -1,8 +1,10 @@
 """How a run ended."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from calibration.perception.sight import SeenTouch
+from cell.orchestrator.stopped import Stopped
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,3 +21,15 @@ class Outcome:
     touch: SeenTouch | None
     edge_offset: float | None
     duration: float
+
+    @classmethod
+    def of(cls, stopped: Stopped, duration: float) -> Self:
+        """The end of a run that was stopped and measured nothing."""
+        return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
+
+    def but(self, stopped: Stopped) -> Self:
+        """The same end, spoilt by what went wrong after it; of two such things the first."""
+        if self.name == stopped.name:
+            return self
+        code = max(self.exit_code, stopped.exit_code)
+        return replace(self, name=stopped.name, reason=stopped.reason, exit_code=code)

@@ -43,7 +43,9 @@ def preflight(cell: Knowledge, record: Record) -> Phase:
     frame = (yield from _still_picture()).frame
     seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
     record.frame(frame)
-    record.event(frame.stamp, "preflight", checks=[asdict(check) for check in seen.checks])
+    checks = [asdict(check) for check in seen.checks]
+    record.event(frame.stamp, "preflight", checks=checks)
+    record.describe(preflight=checks)
     if seen.appearance is None or not seen.passed:
         raise PreflightRefused(_failures(seen))
     cell.see_with(cell.calibration, seen.appearance)

@@ -19,6 +19,10 @@ class Record(Protocol):
         """Clock time of t = 0."""
         ...
 
+    def describe(self, **facts: Any) -> None:
+        """What belongs at the head of the record and was only learned now."""
+        ...
+
     def begin(self, clock: float) -> None:
         """Let measured time begin."""
         ...
@@ -60,6 +64,10 @@ class Recorder:
     def origin(self) -> float:
         """Clock time of t = 0 [s]; 0 before the lift."""
         return self._origin or 0.0
+
+    def describe(self, **facts: Any) -> None:
+        """Add to run.yaml what was only learned now."""
+        self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
         """Let measured time begin at `clock` [s]."""

@@ -2,8 +2,8 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -11,14 +11,16 @@ from calibration.perception.sanity import ImageSanity
 from calibration.perception.sight import SeenTouch, Sight
 from cell.devices import Devices
 from cell.monitors import Rules, check_all
+from cell.orchestrator.brakes import Brakes, attempt
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.phase import Phase
 from cell.orchestrator.phases import PHASES
 from cell.orchestrator.recorder import Record
+from cell.orchestrator.stopped import INTERRUPTED, Stopped
 from cell.senses import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Senses
 from cell.states import Event, Machine, State
-from drivers.errors import CellError, Fault, PreflightRefused
+from drivers.errors import Fault
 from drivers.types import ArmState, Frame, Pose
 
 HISTORY = 64  # arm states kept to know where the gripper was when an image was taken
@@ -37,23 +39,6 @@ class Observer(Protocol):
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """One event."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Stopped:
-    """Why a run is being stopped, and what the command line then returns."""
-
-    name: str
-    reason: str
-    exit_code: int
-
-    @classmethod
-    def by(cls, error: CellError) -> Self:
-        """The stop that an expected error asks for."""
-        if isinstance(error, Fault):
-            return cls(error.name, error.reason, error.exit_code)
-        name = "preflight_refused" if isinstance(error, PreflightRefused) else "error"
-        return cls(name, str(error), error.exit_code)
 
 
 class Run:
@@ -80,6 +65,10 @@ class Run:
         self._started = False
         self._command: Command | None = None
         self._stopped: Stopped | None = None
+        self._brakes = Brakes(
+            devices, round(settings.fold.stop_timeout * settings.fold.control_rate)
+        )
+        self._senses: Senses | None = None
         self._sanity = ImageSanity()
         self._arm_history: list[ArmState] = []
         self._frame: Frame | None = None
@@ -89,47 +78,51 @@ class Run:
         self._doubtful_since: float | None = None
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT; the arm is at rest when this returns or raises."""
+        """Run to DONE or FAULT; when this returns or raises, the arm rests or was told to stop.
+
+        Whatever goes wrong in a turn stops the arm first.
+        """
         clock = self._devices.clock
         period = 1.0 / self._cell.settings.fold.control_rate
         start, tick = clock.now(), 0
         try:
-            self._take(Event.START, start)
+            self._guarded(lambda: self._take(Event.START, start))
             while not self._machine.over:
                 tick += 1
-                self._guarded_turn(start + tick * period)
+                self._turn_at(start + tick * period)
         finally:
-            self._devices.arm.stop()
+            attempt(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
 
-    def _guarded_turn(self, due: float) -> None:
-        """One turn of the loop at `due` [s]; whatever goes wrong in it stops the arm first."""
+    def _guarded(self, action: Callable[[], None]) -> None:
         try:
-            self._devices.clock.wait_until(due)
-            self._turn()
-        except CellError as error:
-            self._stop(Stopped.by(error))
+            action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
-            self._stop(Stopped("internal_error", f"{type(error).__name__}: {error}", 4))
+            self._stop(Stopped.by(error))
 
-    def _turn(self) -> None:
+    def _turn_at(self, due: float) -> None:
+        """The turn of the loop at `due` [s]."""
+        if self._stopped is None and self._interrupted():
+            self._stop(INTERRUPTED)
+        if self._stopped is None:
+            self._guarded(lambda: self._turn(due))
+        else:
+            self._brake(due)
+
+    def _turn(self, due: float) -> None:
+        self._devices.clock.wait_until(due)
         begun = time.perf_counter()
         senses = self._sense()
-        if self._interrupted() and self._stopped is None:
-            self._stop(Stopped("interrupted", "stopped from the keyboard", 130))
         command = self._decide(senses)
         if command is not None:
             now = replace(senses, state=self._machine.state, entered=self._entered)
             check_all(now, command, self._rules)
             self._send(command)
         self._recorder.tick(senses, time.perf_counter() - begun)
-        for observer in self._observers:
-            observer.see(senses)
+        self._show(lambda observer: observer.see(senses))
 
     def _decide(self, senses: Senses) -> Command | None:
         """The phase's next command; an ended phase hands over to that of the next state."""
-        if self._machine.state is State.STOPPING:
-            return self._brake(senses)
         try:
             if self._started:
                 return self._phase.send(senses)
@@ -139,11 +132,17 @@ class Run:
             self._take(end.value, senses.time)
         return None if self._machine.over else self._decide(senses)
 
-    def _brake(self, senses: Senses) -> Command:
-        waited = senses.time - self._entered
-        if not senses.arm.moving or waited > self._cell.settings.fold.stop_timeout:
-            self._take(Event.STOPPED, senses.time)
-        return Hold()
+    def _brake(self, due: float) -> None:
+        """One turn of braking; recorded and shown as far as that is possible."""
+        arm = self._brakes.turn(due)
+        if arm is not None and self._senses is not None:
+            self._senses = senses = replace(
+                self._senses, time=arm.arrival, state=self._machine.state, arm=arm, fresh=False
+            )
+            attempt(lambda: self._recorder.tick(senses, float("nan")))
+            self._show(lambda observer: observer.see(senses))
+        if self._brakes.ended(arm):
+            attempt(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
     def _take(self, event: Event, now: float) -> None:
         """Follow an event into the next state; the lift starts measured time."""
@@ -156,35 +155,29 @@ class Run:
             self._phase, self._started = PHASES[state](self._cell, self._recorder), False
 
     def _stop(self, stopped: Stopped) -> None:
-        """Brake now; what stops a run first is its outcome."""
-        now = self._devices.clock.now()
-        self._devices.arm.stop()
-        self._command = Hold()
-        if self._stopped is None:
-            self._stopped = stopped
-            self._entered = now
+        """Brake now; a run that is over already only ends otherwise."""
+        self._brakes.apply(None if self._senses is None else self._senses.hand)
+        self._stopped = stopped
+        if not self._machine.over:
+            self._entered = now = self._devices.clock.now()
             state = self._machine.take(Event.STOP)
-            self._note_stop(now, state, stopped)
-        elif self._machine.state is State.STOPPING:
-            self._machine.take(Event.STOPPED)
-
-    def _note_stop(self, now: float, state: State, stopped: Stopped) -> None:
-        try:
-            self._note(now, "fault", name=stopped.name, reason=stopped.reason)
-            self._note(now, "state", state=state, event=Event.STOP)
-        except Fault:
-            return  # the record itself is what failed; the outcome still tells
+            facts = {"name": stopped.name, "reason": stopped.reason}
+            attempt(lambda: self._note(now, "fault", **facts))
+            attempt(lambda: self._note(now, "state", state=state, event=Event.STOP))
 
     def _note(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)
-        for observer in self._observers:
-            observer.happened(now, kind, facts)
+        self._show(lambda observer: observer.happened(now, kind, facts))
+
+    def _show(self, news: Callable[[Observer], None]) -> None:
+        """Tell the observers; one that fails is told nothing more and holds nothing up."""
+        self._observers = tuple(o for o in self._observers if attempt(lambda: news(o)))  # noqa: B023
 
     def _sense(self) -> Senses:
         arm = self._devices.arm.state()
         self._arm_history = [*self._arm_history[1 - HISTORY :], arm]
         fresh = self._look()
-        return Senses(
+        self._senses = Senses(
             time=self._devices.clock.now(),
             state=self._machine.state,
             entered=self._entered,
@@ -197,6 +190,7 @@ class Run:
             touch=self._touch,
             doubtful_since=self._doubtful_since,
         )
+        return self._senses
 
     def _look(self) -> bool:
         """Take the newest image, if there is news, and read the strip in it."""

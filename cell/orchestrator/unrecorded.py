@@ -13,6 +13,9 @@ class Unrecorded:
 
     origin = 0.0
 
+    def describe(self, **facts: Any) -> None:
+        """Not kept."""
+
     def begin(self, clock: float) -> None:
         """Nothing to begin."""
 
