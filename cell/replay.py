@@ -1,9 +1,9 @@
 """Decides again what a run decided, from its stored images, and holds both side by side."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from calibration.perception.preflight import inspect
 from calibration.perception.sight import Sight
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
-from cell.record.files import CALIBRATION
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
 from cell.record.run import Event, Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
+from drivers.types import Pose
 from policies.policy import Observation
 from policies.registry import make_policy
 
@@ -42,41 +42,68 @@ class Replay:
 def replay(folder: Path) -> Replay:
     """Read every stored image of the run again and decide again on every sight.
 
-    Raises ConfigurationError for a run that lacks what this needs: one of a laboratory, or one
-    that ended before anything was decided.
+    Of a run that kept no images, only the decisions. Raises ConfigurationError for a run that
+    lacks what this needs: one of a laboratory, or one that ended before anything was decided.
     """
     run = read_run(folder)
     settings, strip = _recorded(run, "config", CellFile), _recorded(run, "strip_file", StripFile)
-    frames = list(run.frames())
-    sights = run.sights()
-    seen = [*_other_sights(run, settings, strip, frames, sights)]
-    decided = [event for event in run.events() if event.kind == "decision"]
+    decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+    sights = run.sights()
+    images, seen = _look_again(run, settings, strip, sights)
     other = [*_other_decisions(run, settings, strip, decided, sights)]
-    images = sum(1 for frame in frames if frame.sequence in set(sights.sequence))
     return Replay(images, len(decided), (*seen, *other))
 
 
-def _other_sights(
-    run: Run, settings: CellFile, strip: StripFile, frames: list[Frame], sights: Sights
-) -> Iterator[str]:
-    """Images whose sight differs from the recorded one."""
-    before = [frame for frame in frames if frame.stamp < 0]
-    if not before:
+@dataclass(frozen=True, slots=True)
+class _Decided:
+    """A recorded decision: on which image, with the gripper where [m], when [s], and what."""
+
+    sequence: int
+    time: float
+    x: float
+    z: float
+    direction: float
+    done: bool
+
+    @classmethod
+    def of(cls, event: Event, run: Run) -> Self:
+        try:
+            facts = {field.name: event.facts[field.name] for field in fields(cls)}
+            numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
+            return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
+        except (KeyError, TypeError, ValueError):
+            raise ConfigurationError(
+                f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
+                "it was changed after the run"
+            ) from None
+
+
+def _look_again(
+    run: Run, settings: CellFile, strip: StripFile, sights: Sights
+) -> tuple[int, list[str]]:
+    """How many stored images were read again, and what differs from the recorded sights."""
+    frames = run.frames()
+    before = next(frames, None)
+    if before is None:
+        return 0, []
+    if before.stamp >= 0:
         raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
     calibration = load_calibration(run.folder / CALIBRATION)
-    appearance = inspect(before[0], calibration, settings.perception, strip).appearance
+    appearance = inspect(before, calibration, settings.perception, strip).appearance
     if appearance is None:
-        yield "the picture before the grasp shows no strip now"
-        return
+        return 0, ["the picture before the grasp shows no strip now"]
     perception = Perception(calibration, settings.perception, strip, appearance)
     recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    images, differences = 0, list[str]()
     for frame in frames:
-        if frame.sequence in recorded:
-            row = recorded[frame.sequence]
+        row = recorded.get(frame.sequence)
+        if row is not None:
             sight = perception.look(frame, _gripper(run, float(sights.stamp[row])))
-            yield from _differences(sight, sights, row)
+            differences.extend(_differences(sight, sights, row))
+            images += 1
+    return images, differences
 
 
 def _differences(sight: Sight, sights: Sights, row: int) -> Iterator[str]:
@@ -89,29 +116,38 @@ def _differences(sight: Sight, sights: Sights, row: int) -> Iterator[str]:
 
 
 def _other_decisions(
-    run: Run, settings: CellFile, strip: StripFile, decided: list[Event], sights: Sights
+    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decided], sights: Sights
 ) -> Iterator[str]:
     """Decisions that the policy would now take otherwise."""
-    policy = make_policy(str(_fact(run, "policy")))
+    policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
     policy.reset(strip, settings.fold.speed, 1)
     rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
-    for event in decided:
-        facts = event.facts
-        row = rows[int(facts["sequence"])]
+    for then in decided:
+        row = rows.get(then.sequence)
+        if row is None:
+            yield f"image {then.sequence}: was decided on, but its sight is not in the record"
+            continue
         decision = policy.decide(
             Observation(
-                time=np.array([facts["time"]]),
-                x=np.array([facts["x"]]),
-                z=np.array([facts["z"]]),
+                time=np.array([then.time]),
+                x=np.array([then.x]),
+                z=np.array([then.z]),
                 stamp=sights.stamp[row : row + 1],
                 contact_x=sights.contact_x[row : row + 1],
                 tip_x=sights.tip_x[row : row + 1],
                 tip_z=sights.tip_z[row : row + 1],
             )
         )
-        now, then = float(decision.direction[0]), float(facts["direction"])
-        if abs(now - then) > SAME or bool(decision.done[0]) != facts["done"]:
-            yield f"image {facts['sequence']}: direction was {then:.6f}, is {now:.6f} rad"
+        now = float(decision.direction[0])
+        if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
+            yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+
+
+def _checkpoint(run: Run) -> Path | None:
+    """The weights that replaced the committed ones in this run; None where none did."""
+    if "checkpoint" not in (run.header.model_extra or {}):
+        return None
+    return run.folder / CHECKPOINT
 
 
 def _gripper(run: Run, stamp: float) -> Pose:

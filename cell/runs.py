@@ -121,9 +121,17 @@ def _document(path: Path) -> dict[str, Any] | None:
 
 def _began(folder: Path) -> datetime:
     stamp = BEGAN.match(folder.name)
-    if stamp is None:
+    stamped = None if stamp is None else _moment(stamp[1])
+    if stamped is None:
         return datetime.fromtimestamp((folder / RUN).stat().st_mtime, UTC)
-    return datetime.strptime(stamp[1], "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC)
+    return stamped
+
+
+def _moment(stamp: str) -> datetime | None:
+    try:
+        return datetime.strptime(stamp, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC)
+    except ValueError:
+        return None
 
 
 def _number(value: Any) -> float | None:

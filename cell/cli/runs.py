@@ -23,7 +23,8 @@ def runs(
         int | None, typer.Option(help="Let go of all but the newest this many.")
     ] = None,
     older_than: Annotated[
-        float | None, typer.Option(help="Let go of runs older than this many days.")
+        float | None,
+        typer.Option(min=0, max=36500, help="Let go of runs older than this many days."),
     ] = None,
     delete: Annotated[
         bool, typer.Option("--delete", help="Really delete what --keep or --older-than name.")

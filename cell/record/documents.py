@@ -48,11 +48,15 @@ def write_document(path: Path, content: Mapping[str, Any]) -> None:
 def replace_file(path: Path, content: bytes) -> None:
     """`content` at `path` in one step: a reader sees the old file or the new one."""
     scratch = path.with_name(path.name + ".part")
-    with scratch.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    scratch.replace(path)
+    try:
+        with scratch.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        scratch.replace(path)
+    except OSError:
+        scratch.unlink(missing_ok=True)
+        raise
     sync_folder(path.parent)
 
 

@@ -98,7 +98,13 @@ class KeyFrames:
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """Every image that the run in `folder` saw, in order."""
-    return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
+    try:
+        return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
+    except (KeyError, TypeError, ValueError):
+        raise ConfigurationError(
+            f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
+            "it was changed after the run"
+        ) from None
 
 
 def read_frames(folder: Path) -> Iterator[Frame]:

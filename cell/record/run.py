@@ -69,14 +69,14 @@ class Run:
         """
         origin = self.origin()
         return tuple(
-            Event(float(line.pop("t", None) or 0.0) - origin, str(line.pop("kind", "")), line)
+            Event(_moment(line.pop("t", None)) - origin, str(line.pop("kind", "")), line)
             for line in read_json_lines(self.folder / EVENTS)
         )
 
     def origin(self) -> float:
         """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
         lines = read_json_lines(self.folder / EVENTS)
-        begins = [float(line["t"]) for line in lines if line.get("kind") == ORIGIN]
+        begins = [_moment(line.get("t")) for line in lines if line.get("kind") == ORIGIN]
         return begins[0] if begins else 0.0
 
     def sights(self) -> Sights:
@@ -122,7 +122,7 @@ def read_run(folder: Path) -> Run:
     result = load(folder / RESULT, Result) if (folder / RESULT).exists() else None
     ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
-        tables, origin = _broken_off(folder)
+        tables, origin = _broken_off(folder, header)
         return Run(
             folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
         )
@@ -149,8 +149,15 @@ def recover(folder: Path) -> bool:
     return True
 
 
-def _broken_off(folder: Path) -> tuple[Tables, str]:
-    if not any((folder / name).exists() for name in (TICK_STREAM, EVENTS)):
+def _moment(value: object) -> float:
+    """A time [s] in an event; 0 where it is none."""
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def _broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
+    """The tables of a run that died; a cell's own may have died before its streams were begun."""
+    begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
+    if not begun and "config" not in (header.model_extra or {}):
         raise ConfigurationError(
             f"{folder}: {TICKS}: is missing, and there is no {TICK_STREAM} to make it from"
         )

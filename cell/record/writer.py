@@ -38,6 +38,7 @@ class RunWriter:
         self._newest = float("nan")
         self._mark = False
         self._finished = False
+        self._header = dict(header)
         write_document(folder / RUN, header)
         with ExitStack() as opened:
             self._events = opened.enter_context((folder / EVENTS).open("xb", buffering=0))
@@ -72,6 +73,12 @@ class RunWriter:
                 f"{root}: runs cannot be recorded here: {error.strerror}; "
                 "name another folder with --runs or make room"
             ) from None
+
+    def describe(self, **facts: Any) -> None:
+        """Add to run.yaml what was only learned after it was written."""
+        self._header |= facts
+        with self._recording():
+            write_document(self.folder / RUN, self._header)
 
     def tick(self, tick: Tick) -> None:
         """Add a turn of the control loop."""

@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
 from calibration.perception.sight import Sight
-from cell.record.files import RECORDING, RUN
+from cell.record.files import RECORDING, RUN, is_under_way
 from cell.record.run import read_run
 from cell.viz.moment import Moment, Words
 from cell.viz.rewatch import moments_of
@@ -51,9 +51,12 @@ STATES = {
 def viz_from_run(folder: Path) -> Path:
     """Write run.rrd again from the record of a run, and return its path.
 
-    Raises ConfigurationError for a folder that cannot be read as a run, or not be written.
+    Raises ConfigurationError for a folder that cannot be read as a run, or not be written, and
+    for a run under way, which writes its own.
     """
     run = read_run(folder)
+    if is_under_way(folder):
+        raise ConfigurationError(f"{folder}: is still under way; let it finish")
     stated = (run.header.model_extra or {}).get("strip_file")
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
