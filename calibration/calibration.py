@@ -25,7 +25,8 @@ class Calibration:
 
     `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s]
     how much later than its stamp an image shows the world, `date` ISO 8601, `camera` the identity
-    of the device that it belongs to, `id` the hash of all the rest.
+    of the device that it belongs to, `id` the hash of all of this but the date: calibrating the
+    twin again gives the same id.
     """
 
     lens: Lens
@@ -105,7 +106,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
     The old file, if any, stays until the new one is complete.
     """
-    part = path.with_name(f".{path.name}.part")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     file = _file(
         calibration.lens,
         calibration.homography,
@@ -156,5 +157,5 @@ def _file(
 
 
 def _identity(content: dict[str, Any]) -> str:
-    signed = {key: value for key, value in content.items() if key != "id"}
+    signed = {key: value for key, value in content.items() if key not in {"id", "date"}}
     return hashlib.sha256(json.dumps(signed, sort_keys=True).encode()).hexdigest()[:12]

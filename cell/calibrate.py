@@ -1,6 +1,9 @@
 """Calibration of a cell's camera, by the orchestrator, under its monitors."""
 
+import fcntl
 import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -31,27 +34,49 @@ NO_STRIP = StripFile(
 )  # the desk is bare while the camera is calibrated
 
 
-def calibration_of(settings: CellFile) -> Calibration:
+def calibration_of(settings: CellFile, tell: Callable[[str], None] = lambda _: None) -> Calibration:
     """The calibration that this cell uses.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run.
+    points and kept for the next run. Where it cannot be kept `tell` is told so.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
     path = kept_calibration(settings)
-    try:
-        return load_calibration(path)
-    except ConfigurationError:
-        return calibrate_anew(settings)[0]
+    with _alone(path):
+        try:
+            return load_calibration(path)
+        except ConfigurationError:
+            made = calibrate_now(settings)
+        try:
+            save_calibration(made, path)
+        except ConfigurationError as error:
+            tell(f"{error}; this calibration serves once, the next run calibrates again")
+    return made
 
 
 def calibrate_anew(settings: CellFile) -> tuple[Calibration, Path]:
     """Calibrate on the twin and keep the result for the runs to come, where it is told."""
     path = kept_calibration(settings)
-    made = calibrate(settings, open_cell(settings, NO_STRIP, Choice(), calibrating=True))
+    made = calibrate_now(settings)
     save_calibration(made, path)
     return made, path
+
+
+def calibrate_now(settings: CellFile) -> Calibration:
+    """A calibration of the twin, which is not kept."""
+    return calibrate(settings, open_cell(settings, NO_STRIP, Choice(), calibrating=True))
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While another process makes what is to lie at `path`, wait for it, where locks are had."""
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = held.enter_context(path.with_suffix(".lock").open("wb"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def kept_calibration(settings: CellFile) -> Path:
@@ -67,9 +92,9 @@ def calibrate(settings: CellFile, devices: Devices) -> Calibration:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
     knowledge = Knowledge(settings, NO_STRIP, Triangular(), lens=lens)
-    devices.connect()
-    devices.aids.hold_pointer(True)
     try:
+        devices.connect()
+        devices.aids.hold_pointer(True)
         outcome = Run(devices, knowledge, Unrecorded()).execute()
     finally:
         devices.close()
