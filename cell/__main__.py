@@ -6,17 +6,23 @@ from drivers.errors import CellError
 
 
 def main() -> None:
-    """Run the command line; an expected error is its message and its exit code."""
+    """Run the command line; an error is one line and its exit code, never a traceback."""
     from cell.cli.app import app
 
     try:
         app(standalone_mode=True)
     except CellError as error:
-        sys.stderr.write(f"cell: {error}\n")
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        sys.stderr.write("cell: interrupted\n")
-        sys.exit(130)
+        _end(error)
+    except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
+        from cell.unexpected import Unexpected
+
+        _end(Unexpected(error))
+
+
+def _end(error: CellError) -> None:
+    sys.stdout.flush()
+    sys.stderr.write(f"cell: {error}\n")
+    sys.exit(error.exit_code)
 
 
 if __name__ == "__main__":

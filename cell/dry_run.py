@@ -23,13 +23,15 @@ UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the model expects. Lengths [m]; `low` and `high` over the strip's spread."""
+    """What the model expects. Lengths [m]; `low` and `high` over the strip's spread, None where
+    no layers touch.
+    """
 
     strip: str
     policy: str
     displacement: float | None
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     reach: tuple[float, float, float, float]
 
     def line(self) -> dict[str, Any]:
@@ -47,14 +49,10 @@ class Prediction:
     def text(self) -> str:
         """For the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
-        expected = (
-            "no touch"
-            if self.displacement is None
-            else f"displacement {1e3 * self.displacement:+.1f} mm"
-        )
         return (
-            f"{self.strip} by {self.policy}: {expected} expected, {1e3 * self.low:+.1f} to "
-            f"{1e3 * self.high:+.1f} mm over what is not known of the strip\n"
+            f"{self.strip} by {self.policy}: {_displacement(self.displacement)} expected, "
+            f"{_displacement(self.low)} to {_displacement(self.high)} over what is not known of "
+            "the strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
         )
@@ -81,10 +79,14 @@ def predict(request: Request) -> Prediction:
         strip=strip.name,
         policy=request.policy,
         displacement=float(nominal) if np.isfinite(nominal) else None,
-        low=float(spread.min(initial=np.inf)),
-        high=float(spread.max(initial=-np.inf)),
+        low=float(spread.min()) if spread.size else None,
+        high=float(spread.max()) if spread.size else None,
         reach=reach,
     )
+
+
+def _displacement(value: float | None) -> str:
+    return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
 
 
 def _variants(strip: StripFile) -> list[StripFile]:
@@ -106,7 +108,7 @@ def _reach(folds: Folds) -> tuple[float, float, float, float]:
 def _check(reach: tuple[float, float, float, float], workspace: Workspace) -> None:
     x_min, x_max, z_min, z_max = reach
     (x_low, x_high), (z_low, z_high) = workspace.x, workspace.z
-    if x_min < x_low or x_max > x_high or z_min < z_low or z_max > z_high:
+    if not (x_low <= x_min <= x_max <= x_high and z_low <= z_min <= z_max <= z_high):
         raise ConfigurationError(
             f"path: x {x_min:.3f} to {x_max:.3f}, z {z_min:.3f} to {z_max:.3f} m leaves the "
             f"workspace, allowed x {x_low:.2f} to {x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m; "

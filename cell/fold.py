@@ -18,16 +18,21 @@ from cell.config.places import find_configs
 from cell.config.plant import load_plant
 from cell.devices import Devices
 from cell.opening import open_cell
+from cell.orchestrator.brakes import attempt
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Observer, Run
+from cell.orchestrator.stopped import INTERRUPTED_AT_ONCE, Stopped
+from cell.record.documents import replace_file
+from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.frames import Keep
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.result import FoldResult
 from cell.viz.watch import Mode, watching
+from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
@@ -55,27 +60,34 @@ def fold(
     request: Request,
     observers: Callable[[Path, StripFile], tuple[Observer, ...]] = lambda _folder, _strip: (),
     interrupted: Callable[[], bool] = lambda: False,
+    calibration: Calibration | None = None,
 ) -> FoldResult:
-    """Fold once. Raises CellError for what is wrong before the run; a run itself only ends."""
+    """Fold once, with `calibration` or the one that the cell uses.
+
+    Raises CellError for what is wrong before the run; a run itself only ends.
+    """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = open_cell(settings, strip, request.choice, calibrating=False)
-    calibration = calibration_of(settings)
+    calibration = calibration or calibration_of(settings)
+    _check_camera(calibration, devices)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration)
     keep = request.frames or settings.record.frames
     writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
-    save_calibration(calibration, writer.folder / "calibration.yaml")
+    save_calibration(calibration, writer.folder / CALIBRATION)
+    if request.checkpoint is not None:
+        replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
     recorder = Recorder(writer)
     knowledge = Knowledge(settings, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
         run = Run(devices, knowledge, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
-    truth = score(devices, recorder.origin, writer.folder if request.truth else None)
-    write_report(writer.folder)
+    truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
+    outcome = _completed(outcome, writer.folder, truth if request.truth else {})
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
 
 
@@ -89,16 +101,24 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
 
 def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
     """Execute `run`; whatever happens, the arm is let go and the record says how it ended."""
-    devices.connect()
     try:
+        devices.connect()
         outcome = run.execute()
-        recorder.finish(result_content(outcome))
     except KeyboardInterrupt:
-        recorder.finish({"outcome": "interrupted", "reason": "stopped at once from the keyboard"})
-        raise
+        outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
+    except CellError as error:
+        outcome = Outcome.of(Stopped.by(error), devices.clock.now())
     finally:
-        devices.close()
+        attempt(devices.close)
+    content = result_content(outcome)
+    try:
+        recorder.finish(content)
         recorder.close()
+    except KeyboardInterrupt:
+        recorder.finish(content)
+        raise
+    except Fault as fault:
+        return outcome.but(Stopped.by(fault))
     return outcome
 
 
@@ -130,6 +150,7 @@ def run_header(
         "camera_hz": settings.twin.camera.rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
+        **_weights(request.checkpoint),
         "seed": choice.seed,
         "drivers": {
             "arm": choice.arm or settings.drivers.arm,
@@ -143,20 +164,42 @@ def run_header(
     }
 
 
-def score(devices: Devices, origin: float, folder: Path | None) -> Mapping[str, Any]:
-    """The twin's truth, written beside the record into `folder`; nothing on hardware."""
-    if devices.plant is None:
-        return {}
-    truth = devices.plant.truth(origin)
-    if folder is not None:
-        write_truth(folder, truth)
-    return truth
+def _check_camera(calibration: Calibration, devices: Devices) -> None:
+    """A calibration serves the camera that it was made with and no other."""
+    if calibration.camera != devices.camera_identity:
+        raise ConfigurationError(
+            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
+            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
+        )
+
+
+def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any]) -> Outcome:
+    """The truth beside the record, on the twin, and the page; what fails is told in the outcome."""
+    try:
+        if truth:
+            write_truth(folder, truth)
+        write_report(folder)
+    except OSError as error:
+        return outcome.but(
+            Stopped("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
+        )
+    except CellError as error:
+        return outcome.but(Stopped("record", str(error), Fault.exit_code))
+    return outcome
 
 
 def _plant_hash(choice: Choice, strip: StripFile) -> str:
     plant = strip if choice.plant is None else load_plant(choice.plant)
     content = plant.model_dump(mode="json", by_alias=True)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _weights(checkpoint: Path | None) -> dict[str, Any]:
+    """Which weights replaced the committed ones, if any; a copy of them lies in the run."""
+    if checkpoint is None:
+        return {}
+    digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+    return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
 
 
 def _result(

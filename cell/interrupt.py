@@ -4,6 +4,14 @@ import signal
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from drivers.errors import CellError
+
+
+class Interrupted(CellError):
+    """Stopped from the keyboard before or after a fold, not in it."""
+
+    exit_code = 130
+
 
 class Interrupt:
     """While entered, counts SIGINT; the first is only remembered, later ones raise."""

@@ -9,18 +9,23 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 
 
+def check_drivers(settings: CellFile, choice: Choice) -> None:
+    """Refuse devices that this version cannot drive, with a ConfigurationError."""
+    arm = choice.arm or settings.drivers.arm
+    camera = choice.camera or settings.drivers.camera
+    if (arm, camera) != ("twin", "twin"):
+        raise ConfigurationError(
+            f"drivers: arm {arm!r} with camera {camera!r} is not available in this version; "
+            "allowed: arm twin with camera twin"
+        )
+
+
 def open_cell(
     settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
 ) -> Devices:
     """Devices as configured and chosen; on the twin without a plant the strip itself lies there."""
+    check_drivers(settings, choice)
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
-    arm = choice.arm or settings.drivers.arm
-    camera = choice.camera or settings.drivers.camera
-    if (arm, camera) == ("twin", "twin"):
-        from cell.twin import twin_devices
+    from cell.twin import twin_devices
 
-        return twin_devices(settings, strip, choice, calibrating=calibrating)
-    raise ConfigurationError(
-        f"drivers: arm {arm!r} with camera {camera!r} is not available in this version; "
-        "allowed: arm twin with camera twin"
-    )
+    return twin_devices(settings, strip, choice, calibrating=calibrating)

@@ -1,10 +1,11 @@
 """What a fold leaves: one line for a program, one for a person."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
+LINE = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
+LINE += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
 ROUNDED = {"displacement": 6, "displacement_true": 6}  # m
-ROUNDED |= {"edge_offset": 6, "edge_offset_true": 6}  # m
 ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 
@@ -32,8 +33,8 @@ class FoldResult:
     exit_code: int
 
     def line(self) -> dict[str, Any]:
-        """The object that `cell fold --json` prints."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        """The object that `cell fold --json` prints: the keys that programs agreed on, no more."""
+        values = {name: getattr(self, name) for name in LINE}
         for key, digits in ROUNDED.items():
             if values[key] is not None:
                 values[key] = round(values[key], digits)

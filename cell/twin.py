@@ -66,9 +66,15 @@ class TwinPlant:
 def twin_devices(
     settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
 ) -> Devices:
-    """The twin with the plant on its desk; effects of the rig begin after its calibration."""
-    plant = strip if choice.plant is None else load_plant(choice.plant)
-    lying, rig = _divided(plant)
+    """The twin with the plant on its desk; effects of the rig begin after its calibration.
+
+    Without a plant the twin is what the controller believes, accepted effects of the rig included.
+    """
+    if choice.plant is None:
+        plant, lying, rig = strip, strip, settings.effects
+    else:
+        plant = load_plant(choice.plant)
+        lying, rig = _divided(plant)
     if calibrating:
         world = settings.twin.world.model_copy(update={"strip": False})
         bare = settings.twin.model_copy(update={"world": world})

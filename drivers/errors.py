@@ -1,10 +1,18 @@
 """The one family of errors that the cell raises on purpose."""
 
+from typing import Any
+
 
 class CellError(Exception):
-    """Root of every expected error; `exit_code` is what the command line returns for it."""
+    """Root of every expected error; `exit_code` is what the command line returns for it.
+
+    Survives the way from one process to another, whatever its constructor takes.
+    """
 
     exit_code = 1
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), self.args), self.__dict__
 
 
 class ConfigurationError(CellError):
@@ -59,3 +67,9 @@ class Unsupported(CellError):
 
     def __init__(self, engine: str, part: str) -> None:
         super().__init__(f"the {engine} cannot simulate {part}; use the other engine")
+
+
+def _again(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
+    error = kind.__new__(kind)
+    error.args = arguments
+    return error

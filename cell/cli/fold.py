@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.options import Configs, Json, Runs
+from drivers.errors import CellError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -74,7 +75,7 @@ def fold(
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
-    from cell.batch import requests
+    from cell.batch import checked, requests
     from cell.choice import Choice
     from cell.fold import Request
 
@@ -90,42 +91,61 @@ def fold(
         truth=not no_truth,
         viz=viz.value,
     )
+    wanted = checked(requests(base, plant or [], repeat))
     if dry_run:
         _predict(base, as_json=as_json)
         return
-    wanted = requests(base, plant or [], repeat)
     code = 0
-    for result in _results(wanted, jobs, quiet=as_json):
-        _tell(result, as_json=as_json)
-        code = max(code, result.exit_code)
+    try:
+        for result in _results(wanted, jobs, quiet=as_json):
+            _tell(result, as_json=as_json)
+            code = max(code, result.exit_code)
+    except CellError as error:
+        sys.stderr.write(f"cell: {error}\n")
+        code = max(code, error.exit_code)
     sys.exit(code)
 
 
 def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
     from cell.batch import side_by_side
+    from cell.calibrate import calibration_of
+    from cell.config.places import find_configs
     from cell.fold import fold as fold_once
     from cell.interrupt import Interrupt
     from cell.progress import progress
 
+    settings = find_configs(wanted[0].configs).cell()
     if jobs > 1 and len(wanted) > 1:
-        yield from side_by_side(wanted, jobs)
+        calibration = calibration_of(settings, _remark)
+        with Interrupt() as interrupted:
+            yield from side_by_side(wanted, jobs, interrupted, calibration)
         return
     for request in wanted:
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
-            yield fold_once(request, shown, interrupted)
+            calibration = calibration_of(settings, _remark)
+            result = fold_once(request, shown, interrupted, calibration)
+        yield result
+        if interrupted():
+            return
 
 
 def _tell(result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps(result.line()) + "\n")
+        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
+        if result.exit_code != 0:
+            _remark(f"{result.run}: {result.outcome}: {result.reason}")
     else:
         sys.stdout.write(f"{result.sentence()}\n  record: {result.run}\n")
     sys.stdout.flush()
+
+
+def _remark(text: str) -> None:
+    sys.stderr.write(f"cell: {text}\n")
 
 
 def _predict(request: "Request", *, as_json: bool) -> None:
     from cell.dry_run import predict
 
     prediction = predict(request)
-    text = json.dumps(prediction.line()) if as_json else prediction.text()
+    text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()
     sys.stdout.write(text + "\n")
