@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from drivers.errors import ConfigurationError
 from drivers.strip.file import paper_damping_minimum
@@ -67,6 +68,15 @@ def test_finished_run_is_not_folded_again(tmp_path: Path) -> None:
     search = Search(SETTINGS, Journal(tmp_path / "feedback.jsonl", SETTINGS))
     assert list(search.run(lambda *_: pytest.fail("folded again"), depth)) == []
     np.testing.assert_array_equal(first.weights, search.weights)
+
+
+def test_run_goes_on_the_same_with_another_number_of_threads(tmp_path: Path) -> None:
+    with threadpool_limits(1):
+        alone = train(tmp_path / "alone", 99)
+        train(tmp_path / "moved", 6)
+    with threadpool_limits(2):
+        again = train(tmp_path / "moved", 99)
+    np.testing.assert_array_equal(alone.weights, again.weights)
 
 
 def test_journal_of_other_settings_is_refused(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from cmaes import CMA
+from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -33,13 +34,18 @@ class Progress:
 
 
 class Search:
-    """Asks and tells; `weights` are the optimiser's mean where it validated best so far."""
+    """Asks and tells; `weights` are the optimiser's mean where it validated best so far.
+
+    The optimiser's linear algebra keeps to one thread: its rounding depends on their number, and
+    a training may go on where there are more or fewer.
+    """
 
     def __init__(self, settings: TrainingSettings, journal: Journal) -> None:
         self.settings = settings
         self.weights: Array = first_weights(np.random.default_rng(settings.seed))
         self.validated = np.inf
         self._journal = journal
+        self._blas = ThreadpoolController()
         self._optimiser = CMA(
             mean=self.weights.copy(),
             sigma=settings.sigma,
@@ -83,18 +89,20 @@ class Search:
         asked = self._ask()
         if _digest(asked) != line["asked"]:
             raise ConfigurationError(
-                f"{self._journal.path}: was written by other numerical libraries; "
-                "begin again in another output folder"
+                f"{self._journal.path}: was written by other numerical libraries or another kind "
+                "of processor; go on there, or begin again in another output folder"
             )
         self._tell(asked, np.array(line["costs"]))
         if line["validated"] is not None:
             self._keep(line["validated"])
 
     def _ask(self) -> Array:
-        return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
+        with self._blas.limit(limits=1, user_api="blas"):
+            return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
 
     def _tell(self, asked: Array, told: Array) -> None:
-        self._optimiser.tell([(x, float(c)) for x, c in zip(asked, told, strict=True)])
+        with self._blas.limit(limits=1, user_api="blas"):
+            self._optimiser.tell([(x, float(c)) for x, c in zip(asked, told, strict=True)])
 
     def _keep(self, validated: float) -> None:
         if validated < self.validated:
