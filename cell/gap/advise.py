@@ -53,7 +53,7 @@ def advise(
         response = np.nan_to_num((other[i].mean - raw[i].mean) / planned.scales[i])
         sigma = _separation(response, jacobians[i], known, planned, i)
         pair = (first.model.name, model.name)
-        found.append(Advice(experiment, pair, sigma / by.scale / np.sqrt(by.inefficiency)))
+        found.append(Advice(experiment, pair, sigma / by.scale / by.inefficiency**0.5))
     return sorted(found, key=lambda a: -a.rate)
 
 

@@ -66,7 +66,7 @@ def _terms(probed: Sequence[Probed]) -> list[_Term]:
     """Each parameter of each term at its smallest probe."""
     found = []
     for p in probed:
-        for vector, response in zip(p.candidate.probes[0], p.responses[0].T, strict=True):
+        for vector, response in zip(p.groups[0], p.responses[0].T, strict=True):
             k = int(np.argmax(np.abs(vector)))
             parameter = p.candidate.parameters[k]
             words = f"{p.candidate.sentence} ({parameter.name})"

@@ -8,7 +8,7 @@ from cell.gap.compare import Yardstick
 from cell.gap.projection import Projection
 from cell.gap.screen import Probed
 
-SURE = 5.0  # sigma after the base is refitted: shown in all but one case of a hundred
+SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is sure of it
 
 
 def detectable(
@@ -24,7 +24,7 @@ def detectable(
 def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
     best: tuple[float, float] | None = None
     candidate = probed.candidate
-    for group, responses in zip(candidate.probes, probed.responses, strict=True):
+    for group, responses in zip(probed.groups, probed.responses, strict=True):
         form = about.form(about.weighed(responses))
         for i, vector in enumerate(group):
             power = form.curvature[i, i] / by.inefficiency
@@ -36,5 +36,5 @@ def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
             size = (vector[moved[0]] - p.start) * SURE / sigma
             rank = abs(np.log(sigma / SURE))
             if best is None or rank < best[0]:
-                best = (rank, p.shown(p.start + size))
+                best = (float(rank), p.shown(float(p.start + size)))
     return None if best is None else best[1]

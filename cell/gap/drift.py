@@ -34,18 +34,19 @@ def drift(estimate: Estimate) -> Drift | None:
     index = np.array([run.index for run in runs], dtype=float)
     if len(set(conditions)) == len(conditions) or np.ptp(index) == 0.0:
         return None
-    about = projection(estimate, robustly=False)
+    about = projection(estimate)
     count = len(estimate.shared)
     owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
     columns = stacked(estimate)[:, :count] * (index - index.mean())[owner][:, None]
+    columns = about.weighed(columns)
     form = about.form(columns)
     free = np.full(count, np.inf)
     limits = quadratic.Bounds(-free, free, np.zeros(count), np.zeros(count))
     rates = quadratic.bounded_step(form, np.zeros(count), limits)
-    corrected = about.residual + about.left(columns) @ rates
+    corrected = (about.residual + about.left(columns) @ rates) / about.weight
     parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
     inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
-    unit = max([1.0, *inflation.values()]) ** 2
+    unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
     p = float(stats.chi2.sf(2.0 * quadratic.decrease(form, rates) / unit, count))
     return Drift(_words(estimate, form, rates), p, inflation)
 

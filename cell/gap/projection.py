@@ -13,8 +13,9 @@ from drivers.types import Array
 class Projection:
     """The quadratic model about an estimate, in robustly weighted units of its dispersion.
 
-    `residual` (N,) of all runs, `jacobian` (N, u) of the free unknowns, `inverse` (u, u) of
-    their curvature with priors, `weight` (N,) that brings whitened residuals to these units.
+    `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
+    free unknowns, `inverse` (u, u) of their curvature with priors, `weight` (N,) that brings
+    whitened residuals to these units.
     """
 
     residual: Array
@@ -53,7 +54,9 @@ def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
     jacobian = jacobian[:, free]
     curvature = jacobian.T @ jacobian + np.diag(limits.precision[free])
     inverse = quadratic.covariance(quadratic.Normal(np.zeros(len(curvature)), curvature))
-    return Projection(r * weight, jacobian, inverse, weight)
+    pull = (limits.precision * (z - limits.mean))[free]
+    settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
+    return Projection(settled, jacobian, inverse, weight)
 
 
 def stacked(estimate: Estimate) -> Array:

@@ -10,6 +10,7 @@ from cell.gap import robust
 from cell.gap.model import Evidence, Model, Point
 from drivers.types import Array
 
+Mask = NDArray[np.bool_]
 RIDGE = 1e-9  # relative; keeps directions that nothing determines where they are
 
 
@@ -106,27 +107,47 @@ def with_prior(data: Normal, z: Array, limits: Bounds) -> Normal:
 def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
     """Step (size,) to the minimum of the quadratic model within the bounds, by active set.
 
-    Unknowns that the step would carry over a bound are put on it and leave the system (Bertsekas
-    1982, Projected Newton methods).
+    Unknowns that the step would carry over a bound are put on it and leave the system; held ones
+    come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
     """
     diagonal = np.diag(equations.curvature)
     ridged = equations.curvature + np.diag(RIDGE * diagonal + 1e-300)
-    step = np.zeros_like(z)
-    free = diagonal > 0.0
-    held = (z <= limits.low) & (equations.gradient > 0) | (z >= limits.high) & (
-        equations.gradient < 0
-    )
-    free &= ~held
+    low, high = limits.low - z, limits.high - z
+    free = (diagonal > 0.0) & ~_pushed_out(equations.gradient, np.zeros_like(z), low, high)
+    step, best, least = np.zeros_like(z), np.zeros_like(z), 0.0
+    for _ in range(len(z) + 3):
+        step, free = _within(equations.gradient, ridged, free, step, low, high)
+        slope = equations.gradient + ridged @ step
+        value = 0.5 * float(step @ (equations.gradient + slope))
+        if value < least:
+            best, least = step, value
+        back = ~free & (diagonal > 0.0) & (low < high) & ~_pushed_out(slope, step, low, high)
+        if not back.any():
+            break
+        pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
+        free[int(np.argmax(pull))] = True
+    return best
+
+
+def _within(
+    gradient: Array, curvature: Array, free: Mask, step: Array, low: Array, high: Array
+) -> tuple[Array, Mask]:
+    """Minimum over the free unknowns, those that leave their bounds held there; who is free."""
+    step, free = step.copy(), free.copy()
     while free.any():
-        right = equations.gradient[free] + ridged[np.ix_(free, ~free)] @ step[~free]
-        step[free] = -_solved(ridged[np.ix_(free, free)], right)
-        target = z + step
-        over = free & ((target < limits.low) | (target > limits.high))
+        right = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
+        step[free] = -_solved(curvature[np.ix_(free, free)], right)
+        over = free & ((step < low) | (step > high))
         if not over.any():
             break
-        step[over] = np.clip(target, limits.low, limits.high)[over] - z[over]
+        step[over] = np.clip(step, low, high)[over]
         free &= ~over
-    return step
+    return step, free
+
+
+def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
+    """Which unknowns stand on a bound with a slope that holds them there."""
+    return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
 
 
 def _solved(matrix: Array, right: Array) -> Array:

@@ -171,7 +171,7 @@ def _remains(found: Findings, verdict: Verdict) -> str:
     )
     parts.append(
         "<p class='note'>The smallest size of each effect that these runs would have shown "
-        f"(5 sigma after the base is refitted):</p><table>{rows}</table>"
+        f"(8 sigma after the base is refitted):</p><table>{rows}</table>"
     )
     return "".join(parts)
 

@@ -20,9 +20,14 @@ DEAD = 1e-6  # whitened response below which an effect changes nothing
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """Responses of a candidate's groups of probes: one array (N, members) each, whitened."""
+    """Responses of a candidate's groups of probes: one array (N, members) each, whitened.
+
+    The first group are the secants at the null, one parameter at a time, the others the
+    candidate's own probes.
+    """
 
     candidate: Candidate
+    groups: tuple[tuple[Array, ...], ...]
     responses: tuple[Array, ...]
 
     @property
@@ -43,7 +48,8 @@ class Score:
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     """Responses of a candidate's probes at the refitted base; yields simulations."""
     model = Model(base.model.base, (*base.model.effects, candidate))
-    vectors = [np.array(v) for group in candidate.probes for v in group]
+    groups = (_secants(candidate), *(tuple(map(np.array, g)) for g in candidate.probes))
+    vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
     asked = [
         request(model, run, np.concatenate([base.shared, v]), own)
@@ -60,10 +66,20 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
         ]
         columns.append(np.concatenate(parts))
     responses, at = [], 0
-    for group in candidate.probes:
+    for group in groups:
         responses.append(np.array(columns[at : at + len(group)]).T)
         at += len(group)
-    return Probed(candidate, tuple(responses))
+    return Probed(candidate, groups, tuple(responses))
+
+
+def _secants(candidate: Candidate) -> tuple[Array, ...]:
+    """The null with one parameter moved by its step, each."""
+    moved = []
+    for i, p in enumerate(candidate.parameters):
+        vector = candidate.null
+        vector[i] += p.step if p.start + p.step <= p.high else -p.step
+        moved.append(vector)
+    return tuple(moved)
 
 
 def score(about: Projection, probed: Sequence[Probed]) -> Score:
@@ -86,33 +102,47 @@ def _choices(sizes: Sequence[int]) -> list[tuple[int, ...]]:
 
 
 def _mixed(about: Projection, probed: Sequence[Probed], choice: tuple[int, ...]) -> Score:
-    columns, low = [], []
+    columns, low, high = [], [], []
     for p, group in zip(probed, choice, strict=True):
         columns.append(p.responses[group])
-        low += [_lowest(p.candidate, np.array(v)) for v in p.candidate.probes[group]]
+        for vector in p.groups[group]:
+            reach = _reach(p.candidate, vector) if group == 0 else FARTHEST
+            high.append(reach)
+            low.append(-reach if _mirrored(p.candidate, vector) else 0.0)
     responses = about.weighed(np.concatenate(columns, axis=1))
     form = about.form(responses)
     k = len(low)
-    limits = quadratic.Bounds(np.array(low), np.full(k, FARTHEST), np.zeros(k), np.zeros(k))
+    limits = quadratic.Bounds(np.array(low), np.array(high), np.zeros(k), np.zeros(k))
     amounts = quadratic.bounded_step(form, np.zeros(k), limits)
     gain = quadratic.decrease(form, amounts)
     return Score(tuple(p.candidate.name for p in probed), gain, _values(probed, choice, amounts))
 
 
-def _lowest(candidate: Candidate, vector: Array) -> float:
-    """-FARTHEST where the mirrored probe is within bounds, else 0."""
+def _reach(candidate: Candidate, vector: Array) -> float:
+    """Times a secant to the bound: it stands for the response at null."""
+    moved = vector - candidate.null
+    ends = [
+        abs((p.high if d > 0 else p.low) - p.start) / abs(d)
+        for p, d in zip(candidate.parameters, moved, strict=True)
+        if d != 0.0
+    ]
+    return min(ends, default=FARTHEST)
+
+
+def _mirrored(candidate: Candidate, vector: Array) -> bool:
+    """Whether the mirrored probe is within bounds, so that both signs are possible."""
     mirrored = 2.0 * candidate.null - vector
     low = np.array([p.low for p in candidate.parameters])
     high = np.array([p.high for p in candidate.parameters])
-    return -FARTHEST if bool(((mirrored >= low) & (mirrored <= high)).all()) else 0.0
+    return bool(((mirrored >= low) & (mirrored <= high)).all())
 
 
 def _values(probed: Sequence[Probed], choice: tuple[int, ...], amounts: Array) -> dict[str, Array]:
     values, at = {}, 0
     for p, group in zip(probed, choice, strict=True):
         value = p.candidate.null
-        for vector in p.candidate.probes[group]:
-            value = value + amounts[at] * (np.array(vector) - p.candidate.null)
+        for vector in p.groups[group]:
+            value = value + amounts[at] * (vector - p.candidate.null)
             at += 1
         low = np.array([q.low for q in p.candidate.parameters])
         high = np.array([q.high for q in p.candidate.parameters])

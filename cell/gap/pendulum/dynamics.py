@@ -115,14 +115,10 @@ def _drag(chain: Swings, s: Array, c: Array, omega: Array) -> Array:
     vx, vy = np.zeros_like(omega[0]), np.zeros_like(omega[0])
     for k in range(len(omega)):
         half = 0.5 * chain.length[k]
-        along = vx * c[k] - vy * s[k]
-        resultant, torque = np.zeros_like(half), np.zeros_like(half)
-        for point, weight in zip(POINTS, WEIGHTS, strict=True):
-            arm = half * (1.0 + point)
-            v = along + arm * omega[k]
-            f = (-weight * half) * chain.drag * np.abs(v) * v
-            resultant += f
-            torque += f * arm
+        arms = half * (1.0 + POINTS)[:, None]
+        v = vx * c[k] - vy * s[k] + arms * omega[k]
+        f = (-half * chain.drag) * WEIGHTS[:, None] * np.abs(v) * v
+        resultant, torque = f.sum(axis=0), (f * arms).sum(axis=0)
         forces[k] += torque
         for i in range(k):
             forces[i] += resultant * chain.length[i] * (c[i] * c[k] + s[i] * s[k])

@@ -1,0 +1,360 @@
+"""The gap engine on a subject of plain curves: it knows nothing of strips or pendulums."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from cell.gap import quadratic, robust
+from cell.gap.batch import Counter, alone, together
+from cell.gap.compare import holm
+from cell.gap.crossvalidation import folds
+from cell.gap.decide import verdict as decide
+from cell.gap.fit import held_out
+from cell.gap.investigate import Findings, investigate
+from cell.gap.lack_of_fit import pure_error
+from cell.gap.model import Model, Point, evidence
+from cell.gap.refit import Estimate, refit
+from cell.gap.starts import undetermined
+from cell.gap.subject import (
+    Candidate,
+    Experiment,
+    Library,
+    Parameter,
+    Quantity,
+    Request,
+    Residuals,
+    Run,
+    Samples,
+)
+from cell.gap.tape import Tape
+from cell.gap.verdict import Verdict
+from drivers.types import Array
+
+T = np.linspace(0.0, 1.0, 60)
+SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}
+Law = Callable[[Array, float, int], Array]
+
+
+def bump(t: Array, speed: float, _: int) -> Array:
+    return speed * np.exp(-(((t - 0.5) / 0.12) ** 2))
+
+
+def wave(t: Array, speed: float, _: int) -> Array:
+    return np.sin(9.0 * t) / speed
+
+
+def nothing(t: Array, _: float, __: int) -> Array:
+    return np.zeros_like(t)
+
+
+LAWS: Mapping[str, Law] = {"bump": bump, "twin": bump, "wave": wave, "dead": nothing}
+
+
+def candidate(name: str, *, signed: bool = True) -> Candidate:
+    p = Parameter("size", "m", 0.0, -5.0 if signed else 0.0, 5.0, 1e-3, 1.0)
+    return Candidate(name, f"there is a {name}", "strip", (p,), (((0.01,),), ((0.1,),)))
+
+
+@dataclass
+class Curves:
+    """y = offset + slope t (+ effects) + each run's own shift; `truth` adds what is hidden."""
+
+    truth: Law
+    names: Sequence[str] = ("bump", "wave", "dead")
+    noise: float = 0.01
+    seed: int = 0
+    repeats: int = 2
+    scatter: float = 0.0
+    name: str = "curves"
+    notes: Sequence[str] = ()
+    runs: list[Run] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        for index in range(self.repeats * len(SPEEDS)):
+            condition = list(SPEEDS)[index % len(SPEEDS)]
+            y = 0.2 + 0.5 * T + 0.03 * rng.standard_normal() + self.noise * rng.standard_normal(60)
+            y = y + self.scatter * rng.standard_normal() * T**2
+            self.runs.append(
+                self.run(index, condition, y + self.truth(T, SPEEDS[condition], index))
+            )
+
+    def run(self, index: int, condition: str, y: Array) -> Run:
+        words = np.full(60, "angle")
+        phase = np.where(T < 0.5, "lift", "fall")
+        samples = Samples(
+            words, phase, np.full(60, "middle"), words, T, np.full(60, self.noise),
+            np.full(60, self.noise), np.zeros(60), np.zeros(60, dtype=np.int64),
+        )  # fmt: skip
+        shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
+        return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
+
+    @property
+    def library(self) -> Library:
+        base = (
+            Parameter("offset", "m", 0.0, -10.0, 10.0, 1e-4, 1.0),
+            Parameter("slope", "m/s", 0.0, -10.0, 10.0, 1e-4, 1.0),
+        )
+        quantity = Quantity("angle_mrad", 1e3, "mrad")
+        return Library(base, tuple(map(candidate, self.names)), {"angle": quantity})
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = []
+        for q in requests:
+            condition, y = q.run.content
+            simulated = q.base[0] + q.base[1] * T + q.local[0]
+            for name, values in q.effects.items():
+                simulated = simulated + values[0] * LAWS[name](T, SPEEDS[condition], 0)
+            found.append(Residuals(y - simulated, (y - simulated) ** 2))
+        return found
+
+    def experiments(self) -> Sequence[Experiment]:
+        return [Experiment("fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60)))]
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], None]:
+        return {"base": dict(base), "effects": dict(effects), "source": source}, None
+
+
+def judged(subject: Curves) -> tuple[Findings, Verdict]:
+    held = held_out(subject.runs)
+    simulate = Counter(subject.simulate)
+    found = investigate(subject, held, simulate, lambda stage, share: None)
+    return found, decide(found, 0.0, simulate.total)
+
+
+def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
+    library, runs = subject.library, evidence(subject.runs)
+    model = Model(library.base, tuple(c for c in library.candidates if c.name in names))
+    start = Point(np.array([p.start for p in model.parameters]), runs.start())
+    return alone(subject.simulate, refit(model, runs, start))
+
+
+def hidden(law: Law, size: float) -> Law:
+    return lambda t, speed, index: size * law(t, speed, index)
+
+
+def test_base_is_refitted_to_its_true_values() -> None:
+    estimate = fitted(Curves(nothing))
+    assert estimate.shared[1] == pytest.approx(0.5, abs=0.01)
+    assert estimate.scale == pytest.approx(1.0, abs=0.1)
+
+
+def test_hidden_effect_is_named_with_an_interval_that_covers_it() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.05)))
+    assert verdict.verdict == "named"
+    (effect,) = verdict.effects
+    size = effect.parameters["size"]
+    assert effect.name == "bump"
+    assert size.low is not None
+    assert size.high is not None
+    assert size.low < 0.05 < size.high
+    assert verdict.gap.after["angle_mrad"] == pytest.approx(10.0, rel=0.1)
+    assert verdict.gap.shrink > 0.8
+    assert verdict.unexplained is None
+
+
+def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
+    kinds = [judged(Curves(nothing, seed=seed))[1] for seed in range(12)]
+    assert [v.verdict for v in kinds].count("no_gap") >= 11
+    assert not any(v.effects for v in kinds)
+    assert 0.0 < kinds[0].detectable["bump"] < 0.02
+
+
+def test_detectable_size_is_found_when_it_is_there() -> None:
+    size = judged(Curves(nothing))[1].detectable["bump"]
+    found = [judged(Curves(hidden(bump, size), seed=seed))[1] for seed in range(1, 6)]
+    assert [[e.name for e in v.effects] for v in found].count(["bump"]) >= 4
+
+
+def test_two_effects_are_found_together() -> None:
+    both: Law = lambda t, s, i: 0.05 * bump(t, s, i) - 0.04 * wave(t, s, i)  # noqa: E731
+    _, verdict = judged(Curves(both))
+    assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
+
+
+def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.05), names=("bump", "twin", "wave")))
+    assert verdict.verdict == "ambiguous"
+    assert verdict.ambiguous == [["bump", "twin"]]
+    assert verdict.effects == []
+
+
+def test_cause_outside_the_library_is_unexplained() -> None:
+    spike: Law = lambda t, s, i: 0.2 * np.exp(-(((t - 0.8) / 0.03) ** 2))  # noqa: E731
+    _, verdict = judged(Curves(spike))
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == []
+    assert verdict.unexplained is not None
+
+
+def test_proxy_whose_amplitude_drifts_between_conditions_is_not_named() -> None:
+    proxy: Law = lambda t, s, i: 0.1 * bump(t, 1.0, i) * (1.0 if s < 1.5 else -1.0)  # noqa: E731
+    found, verdict = judged(Curves(proxy, repeats=3))
+    assert verdict.verdict == "unexplained"
+    tests = found.judged.invariances["bump"]["bump"]
+    assert not tests.holds
+
+
+def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
+    drift: Law = lambda t, s, i: 0.02 * i * t  # noqa: E731
+    found, verdict = judged(Curves(drift))
+    assert verdict.verdict == "unexplained"
+    assert found.fitted.drift is not None
+    assert "slope" in found.fitted.drift.words
+
+
+def test_effect_without_response_changes_nothing() -> None:
+    found, verdict = judged(Curves(hidden(bump, 0.05)))
+    dead = next(p for p in found.screened.probed if p.candidate.name == "dead")
+    assert dead.dead
+    assert "dead" not in verdict.detectable
+
+
+def test_one_sided_effect_is_not_taken_with_the_wrong_sign() -> None:
+    subject = Curves(hidden(bump, -0.05))
+    library = subject.library
+    one = Library(library.base, (candidate("bump", signed=False),), library.quantities)
+    wrong = type("OneSided", (Curves,), {"library": property(lambda _: one)})
+    _, verdict = judged(wrong(hidden(bump, -0.05)))
+    assert verdict.effects == []
+    assert verdict.verdict == "unexplained"
+
+
+def test_strongest_place_is_where_the_effect_was_hidden() -> None:
+    late: Law = lambda t, s, i: np.where((t > 0.6) & (s > 2.5), 0.05, 0.0)  # noqa: E731
+    found, _ = judged(Curves(late))
+    first = found.fitted.places[0]
+    assert (first.phase, first.condition) == ("fall", "faster")
+    assert first.p < 0.01
+
+
+def test_scatter_between_repeats_raises_the_noise() -> None:
+    quiet = pure_error(fitted(Curves(nothing, repeats=4)))["angle"]
+    loud = pure_error(fitted(Curves(nothing, repeats=4, scatter=0.05)))["angle"]
+    assert quiet == pytest.approx(1.0)
+    assert loud > 2.0
+
+
+def test_conditions_are_never_split_between_folds() -> None:
+    runs = Curves(nothing, repeats=3).runs
+    for fold in folds(runs):
+        inside = {runs[i].condition for i in fold}
+        outside = {run.condition for i, run in enumerate(runs) if i not in fold}
+        assert not inside & outside
+    held = held_out(runs)
+    assert {r.condition for r in runs if r.name in held}.isdisjoint(
+        r.condition for r in runs if r.name not in held
+    )
+
+
+def test_direction_that_the_runs_cannot_determine_is_named() -> None:
+    subject = Curves(nothing)
+    for run in subject.runs:
+        shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
+        object.__setattr__(run, "local", (shift,))
+    weak = undetermined(fitted(subject))
+    assert [u.words for u in weak] == ["offset"]
+
+
+def test_same_verdict_whatever_runs_beside_a_fit() -> None:
+    subject = Curves(hidden(bump, 0.05))
+    library, runs = subject.library, evidence(subject.runs)
+    models = [Model(library.base, (c,)) for c in library.candidates]
+
+    def task(model: Model) -> object:
+        start = Point(np.array([p.start for p in model.parameters]), runs.start())
+        return refit(model, runs, start)
+
+    crowd = together(subject.simulate, [task(m) for m in models])
+    single = [alone(subject.simulate, task(m)) for m in models]
+    for a, b in zip(crowd, single, strict=True):
+        np.testing.assert_array_equal(a.shared, b.shared)
+
+
+def test_interrupted_fit_goes_on_without_simulating_again(tmp_path: Path) -> None:
+    subject = Curves(hidden(bump, 0.05))
+    held = held_out(subject.runs)
+
+    class Interrupted(Exception):
+        pass
+
+    calls = 0
+
+    def failing(requests: Sequence[Request]) -> list[Residuals]:
+        nonlocal calls
+        calls += 1
+        if calls > 12:
+            raise Interrupted
+        return subject.simulate(requests)
+
+    with pytest.raises(Interrupted):
+        investigate(subject, held, Tape(failing, tmp_path / "a" / "b"), lambda *_: None)
+    counted = Counter(subject.simulate)
+    tape = Tape(counted, tmp_path / "a" / "b")
+    resumed = decide(investigate(subject, held, tape, lambda *_: None), 0.0, tape.total)
+    _, whole = judged(subject)
+    assert resumed == whole
+    assert counted.total < tape.total
+    tape.erase()
+    assert not (tmp_path / "a").exists()
+
+
+def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(1, 10))
+        a, b = rng.standard_normal((20, n)), rng.standard_normal(20)
+        low = np.where(rng.random(n) < 0.6, 0.0, -np.inf)
+        high = np.where(rng.random(n) < 0.3, 0.05, np.inf)
+        zero = np.zeros(n)
+        form = quadratic.Normal(-a.T @ b, a.T @ a)
+        step = quadratic.bounded_step(form, zero, quadratic.Bounds(low, high, zero, zero))
+        best = lsq_linear(a, b, (low, high), method="bvls").x
+        np.testing.assert_allclose(step, best, atol=1e-6)
+
+
+def test_effects_that_cancel_alone_are_freed_together_from_their_bounds() -> None:
+    a = np.array([[1.0, -0.9], [0.0, 0.3], [0.1, 0.1]])
+    b = np.array([0.0, 0.6, 0.3])
+    form = quadratic.Normal(-a.T @ b, a.T @ a)
+    zero = np.zeros(2)
+    limits = quadratic.Bounds(zero, np.full(2, np.inf), zero, zero)
+    assert (quadratic.bounded_step(form, zero, limits) > 0.5).all()
+
+
+def test_holm_probabilities_are_the_textbook_ones() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
+    rng = np.random.default_rng(0)
+    runs = Curves(nothing).runs
+    long = [Run(r.name, r.condition, _samples(4000)) for r in runs]
+    walks = []
+    for _ in long:
+        x = np.zeros(4000)
+        for i in range(1, 4000):
+            x[i] = 0.6 * x[i - 1] + rng.standard_normal()
+        walks.append(x)
+    assert robust.inefficiency(long, walks) == pytest.approx(4.0, rel=0.1)
+    white = [rng.standard_normal(4000) for _ in long]
+    assert robust.inefficiency(long, white) == pytest.approx(1.0, abs=0.05)
+
+
+def test_wild_samples_do_not_move_the_fit() -> None:
+    subject = Curves(nothing)
+    for run in subject.runs:
+        run.content[1][::20] += 3.0
+    assert fitted(subject).shared[1] == pytest.approx(0.5, abs=0.02)
+
+
+def _samples(n: int) -> Samples:
+    words, ones = np.full(n, "angle"), np.ones(n)
+    return Samples(words, words, words, words, np.arange(n) * 1.0, ones, ones, 0.0 * ones,
+                   np.zeros(n, dtype=np.int64))  # fmt: skip
