@@ -91,11 +91,6 @@ def test_null_law_builds_the_very_same_chain(strip: StripFile, model: StripModel
     assert build(same, LINKS).to_xml() == build(model, LINKS).to_xml()
 
 
-def test_strip_not_as_long_as_stated_is_refused(model: StripModel) -> None:
-    with pytest.raises(Unsupported, match="not as long as stated"):
-        build(replace(model, stated_length=0.61), LINKS)
-
-
 def test_unknown_part_of_a_description_is_refused_unless_null(
     model: StripModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:

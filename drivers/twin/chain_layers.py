@@ -12,6 +12,7 @@ from drivers.types import Array
 THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
 FRICTION = 1.0  # of fabric on fabric, assumed; more than on a desk (paper, III-A)
 UPPER = 2  # collision class
+REACH = 0.0005  # m, how far layers that cling may part before they let go
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +37,11 @@ class Layers:
             upper=turned + int(back[0]) if len(back) else len(angle),
         )
 
-    def add(self, body: mujoco.MjsBody, node: int, spacing: float, gap: float) -> None:
-        """Give the link that begins at `node` its part in keeping midlines `gap` [m] apart.
+    def add(
+        self, body: mujoco.MjsBody, node: int, spacing: float, gap: float, cling: float
+    ) -> None:
+        """Give the link that begins at `node` its part in keeping midlines `gap` [m] apart, and
+        together against a pull of `cling` [N].
 
         Its body lies on the outer side of the fold and is thick, because a falling layer moves
         by more than the thickness of fabric within a step.
@@ -55,5 +59,7 @@ class Layers:
             bead.fromto = [0.0, 0.0, outside, spacing, 0.0, outside]
         else:
             return
+        if cling > 0:
+            bead.adhesion, bead.gap = cling, REACH
         bead.condim = 3
         bead.friction = [FRICTION, 0.0, 0.0]

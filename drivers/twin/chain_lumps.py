@@ -6,8 +6,11 @@ from typing import Self
 import numpy as np
 
 from drivers.strip.file import PAPER_LINEAR_DENSITY
-from drivers.strip.model import StripModel
+from drivers.strip.model import Mechanics, StripModel
 from drivers.types import Array
+
+AIR = 1.2  # kg/m^3
+RIGID = 3e3  # axial stiffness over weight from which a strip counts as inextensible
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,22 +20,33 @@ class Lumps:
     Dynamics do not change when masses, stiffnesses and forces share a factor; solver tolerances
     do. So every strip is built as heavy as the paper's: `scale` is that factor.
 
-    `mass` (n,) [kg] of the links. Of the hinges, all (n + 1,): `stiffness` [N m/rad], `damping`
-    [N m s/rad], `rest` [rad], `cubic` [N m/rad^3], and of the element of friction beside them
-    `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to slide. A hinge
-    stands for the strip between the middles of its two links; the first and the last one for
-    half a link, so that both clamps are of second order in the spacing.
+    Of the links, all (n,): `mass` [kg] and `drag` [N s^2/m^2], force over the square of the normal
+    speed. Of the hinges, all (n + 1,): `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic`
+    [N m s^2/rad^2], `rest` [rad], `cubic` [N m/rad^3]; of the element of friction beside them
+    `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to slide; `fading`
+    [N m/rad], what of the stiffness relaxes within `fading_time` [s]. A hinge stands for the
+    strip between the middles of its two links; the first and the last one for half a link, so
+    that both clamps are of second order in the spacing.
+    `cling` [N] holds a link to another one that it touches.
+    `along` [N/m] is the stiffness of a link along itself, `held` the largest that a chain steps.
     """
 
     spacing: float
     scale: float
     mass: Array
+    drag: Array
     stiffness: Array
     damping: Array
+    quadratic: Array
     rest: Array
     cubic: Array
     presliding: Array
     slip: Array
+    fading: Array
+    fading_time: float
+    cling: float
+    along: float
+    held: float
 
     @classmethod
     def of(cls, model: StripModel, links: int) -> Self:
@@ -40,22 +54,36 @@ class Lumps:
         strip, law = model.mechanics, model.mechanics.law
         nodes = np.linspace(0.0, strip.length, links + 1)
         middles = np.concatenate([[0.0], 0.5 * (nodes[:-1] + nodes[1:]), [strip.length]])
-        span = np.diff(middles)
+        span, spacing = np.diff(middles), strip.length / links
         mass = strip.total(strip.linear_density, nodes)
         scale = PAPER_LINEAR_DENSITY * strip.length / float(mass.sum())
         bare = strip.series(strip.rigidity, middles) / span
-        stiffness = bare * scale
+        share = _share_of_strip(bare, model.boundary.grip_compliance)
+        stiffness = bare * share * scale
+        weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
         return cls(
-            spacing=strip.length / links,
+            spacing=spacing,
             scale=scale,
             mass=mass * scale,
+            drag=np.full(links, _drag(strip) * spacing * scale),
             stiffness=stiffness,
-            damping=stiffness * bare * strip.total(strip.viscosity / strip.rigidity**2, middles),
+            damping=stiffness * share * bare * strip.total(_lag(strip), middles),
+            quadratic=stiffness * law.quadratic_damping / span,
             rest=strip.total(strip.rest_curvature, middles),
-            cubic=stiffness * law.cubic / span**2,
+            cubic=stiffness * (1.0 - law.relaxing) * law.cubic * share**3 / span**2,
             presliding=stiffness * law.stiffness_ratio,
-            slip=span * (law.yield_curvature / law.stiffness_ratio),
+            slip=span * (law.yield_curvature / law.stiffness_ratio) / share,
+            fading=stiffness * law.relaxing,
+            fading_time=law.relaxation_time,
+            cling=strip.adhesion * spacing * scale,
+            along=min(RIGID * weight, strip.stretch_stiffness) * scale / spacing,
+            held=RIGID * weight * scale / spacing,
         )
+
+    @property
+    def stretches(self) -> bool:
+        """Whether the strip gives way along itself by more than a chain can tell from rigid."""
+        return self.along < self.held
 
     def damping_at(self, h: float) -> Array:
         """Damping (n + 1,) [N m s/rad] to simulate with steps of `h` [s].
@@ -64,3 +92,24 @@ class Lumps:
         stiffness; what is left to add is the rest. This makes d of second order in the step.
         """
         return np.maximum(self.damping - h * self.stiffness, 0.0)
+
+
+def _lag(strip: Mechanics) -> Array:
+    """Damping of unlike pieces under one moment: D = K^2 int(viscosity / EI^2) ds."""
+    return strip.viscosity / strip.rigidity**2
+
+
+def _drag(strip: Mechanics) -> float:
+    """Force per length over the square of the normal speed [N s^2/m^3]."""
+    return 0.5 * AIR * strip.drag_coefficient * strip.width
+
+
+def _share_of_strip(stiffness: Array, compliance: float) -> Array:
+    """Share s (n + 1,) of the strip in each hinge's angle: at the last one the grip yields too.
+
+    Under one moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping
+    counts s^2, the cubic term against K' s^3.
+    """
+    share = np.ones_like(stiffness)
+    share[-1] = 1.0 / (1.0 + compliance * stiffness[-1])
+    return share

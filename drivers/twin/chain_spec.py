@@ -3,10 +3,12 @@
 from dataclasses import fields
 
 import mujoco
+import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
 from drivers.twin.chain_contact import SOLIMP, SOLREF, STEP, solid
+from drivers.twin.chain_joints import HINGE, SLIDE
 from drivers.twin.chain_layers import Layers
 from drivers.twin.chain_lumps import Lumps
 
@@ -14,9 +16,10 @@ GRIP_WEIGHT = 300.0  # 1/kg: a pull of 10 N stretches the grip by 0.07 mm
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
 KNOWN: dict[type, str] = {
-    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law",
-    BendingLaw: "cubic yield_curvature stiffness_ratio",
-    Boundary: "gravity",
+    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
+    " stretch_stiffness drag_coefficient adhesion",
+    BendingLaw: "cubic yield_curvature stiffness_ratio quadratic_damping relaxing relaxation_time",
+    Boundary: "gravity edge_friction grip_force grip_compliance",
 }
 
 
@@ -37,13 +40,14 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     for node in range(links + 1):
         place = [0.0, 0.0, 0.0] if node == 0 else [lumps.spacing, 0.0, 0.0]
         body = body.add_body(name=f"node{node}", pos=place)
+        _add_slide(body, model, lumps, node)
         _add_hinge(spec, body, lumps, node)
         _add_mass(body, lumps, node)
         if node > 0:
             solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
         if layers is not None:
-            layers.add(body, node, lumps.spacing, gap)
-    _add_grip(spec, links, model.stated_length)
+            layers.add(body, node, lumps.spacing, gap, lumps.cling)
+    _add_grip(spec, links, model.mechanics.length)
     _add_force_sensor(spec)
     return spec
 
@@ -61,8 +65,6 @@ def compiled(model: StripModel, links: int, layers: Layers | None = None) -> muj
 
 
 def _check(model: StripModel) -> None:
-    if abs(model.mechanics.length - model.stated_length) > 1e-9:
-        raise Unsupported("chain", "a strip that is not as long as stated")
     for part in (model.mechanics, model.mechanics.law, model.boundary):
         for field in fields(part):
             known = field.name in KNOWN[type(part)].split()
@@ -93,14 +95,27 @@ def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
     )
 
 
+def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
+    """Let the body at `node` move along the link before it, or at node 0 along the desk."""
+    loose = np.isfinite(model.boundary.edge_friction)
+    slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
+    if loose if node == 0 else lumps.stretches or slips:
+        body.add_joint(
+            name=f"{SLIDE}{node}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[1.0, 0.0, 0.0],
+            stiffness=[lumps.held if node == 0 else lumps.along, 0.0, 0.0],
+        )
+
+
 def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
-    name = f"hinge{node}"
+    name = f"{HINGE}{node}"
     body.add_joint(
         name=name,
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, -1.0, 0.0],
         stiffness=[lumps.stiffness[node], 0.0, lumps.cubic[node]],
-        damping=[lumps.damping_at(STEP)[node], 0.0, 0.0],
+        damping=[lumps.damping_at(STEP)[node], lumps.quadratic[node], 0.0],
         springref=lumps.rest[node],
     )
     if lumps.slip[node] > 0:

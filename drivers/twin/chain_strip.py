@@ -1,18 +1,26 @@
 """One strip as a MuJoCo chain: its state, its step, its layer_touch."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 
 from drivers.errors import SimulationNotFinite
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
+from drivers.twin.chain_contact import STEP
+from drivers.twin.chain_ends import Ends
 from drivers.twin.chain_grip import Grip
+from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_layers import Layers
+from drivers.twin.chain_loads import Loads
 from drivers.twin.chain_lumps import Lumps
+from drivers.twin.chain_slack import STILLING, brought_in
 from drivers.twin.chain_spec import compiled
 from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
+PULL = 2e-4  # m beyond a strip's reach: some three times its weight
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -27,14 +35,18 @@ class ChainStrip:
         self._description, self._links = model, links
         self._lumps = Lumps.of(model, links)
         self._load(compiled(model, links))
+        self._joints = Joints.of(self._model, links, self._lumps.spacing)
+        self._loads = Loads(self._lumps, self._joints)
+        self._ends = Ends.of(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
-        self._grip = Grip.at_rest(np.array([model.stated_length, 0.0, 0.0]))
+        self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
         self._held = True
         self._time = 0.0
         self._gap: Gap | None = None
         self.arc = np.linspace(0.0, model.mechanics.length, links + 1)
-        self.points = self._nodes()
+        self.points = self._joints.nodes(self._data.qpos)
         self.touch: Touch | None = None
+        self._bring_in()
 
     def release(self) -> None:
         """Let the grasped edge go."""
@@ -50,6 +62,8 @@ class ChainStrip:
         self._pace(h)
         for part in range(1, parts + 1):
             grip = self._grip.to(start + (pose - start) * (part / parts), h)
+            self._loads.renew(self._data, h)
+            self._ends.renew(self._model, self._data)
             if self.touch is None:
                 self._step_until_touch(grip, h)
             else:
@@ -62,6 +76,16 @@ class ChainStrip:
         along = self._data.site_xmat[0, :3] @ self._data.sensordata
         return float(along) / self._lumps.scale
 
+    def _bring_in(self) -> None:
+        """Take an edge that does not lie at the stated place there, and let the strip rest."""
+        for pose in brought_in(self._description):
+            grip = self._grip.to(pose, STEP)
+            self._loads.renew(self._data, STEP)
+            self._step(grip, STEP)
+            self._data.qvel[:] *= STILLING
+            self._grip = grip
+        self._grip = Grip.at_rest(self._grip.pose)
+
     def _step_until_touch(self, grip: Grip, h: float) -> None:
         """A step, and another one from the same start with solid layers when they meet in it."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE)
@@ -70,46 +94,50 @@ class ChainStrip:
         strip = self._description.mechanics
         self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap)
         after = (self._time + h, self._gap)
-        self.touch = touch_between(before, after, strip.touch_gap, strip.length)
-        if self.touch is not None:
-            layers = Layers.of(self._angles()[:-1])
+        touch = touch_between(before, after, strip.touch_gap, strip.length)
+        if touch is not None:
+            self.touch = replace(touch, to_fixed=touch.x - float(self.points[0, 0]))
+            layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
             self._load(compiled(self._description, self._links, layers))
             self._pace(h)
             mujoco.mj_setState(self._model, self._data, self._state, STATE)
+            self._ends.apply(self._model, self._data)
             self._step(grip, h)
 
     def _step(self, grip: Grip, h: float) -> None:
         if self._held:
-            x, z, pitch = grip.target(self._grip, h)
+            x, z, pitch = self._within_reach(grip.target(self._grip, h))
             self._data.mocap_pos[0] = x, 0.0, z
             self._data.mocap_quat[0] = np.cos(pitch / 2), 0.0, -np.sin(pitch / 2), 0.0
         mujoco.mj_step(self._model, self._data)
-        self.points = self._nodes()
+        self.points = self._joints.nodes(self._data.qpos)
         diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
         if diverged or not np.isfinite(self.points).all():
             raise SimulationNotFinite("chain", self._time + h)
 
+    def _within_reach(self, target: Array) -> Array:
+        """The target, no further from the fixed edge than a taut strip and `PULL` reach.
+
+        A weld that is off by more pulls so hard that the solver loses sight of the weight.
+        """
+        if self._lumps.stretches or self._ends.slide:
+            return target
+        way = target[:2] - self.points[0]
+        far, reach = float(np.hypot(*way)), self._joints.length(self._data.qpos) + PULL
+        if not reach < far < np.inf:
+            return target
+        return np.array([*(self.points[0] + way * (reach / far)), target[2]])
+
     def _pace(self, h: float) -> None:
         if self._model.opt.timestep != h:
             self._model.opt.timestep = h
-            self._model.dof_damping[:] = self._lumps.damping_at(h)
+            self._model.dof_damping[self._joints.hinges] = self._lumps.damping_at(h)
 
     def _load(self, model: mujoco.MjModel) -> None:
         # A strip that diverges is a fault with a name, not a line on the screen.
         mujoco.set_mju_user_warning(_unheard)
         self._model = model
         self._data = mujoco.MjData(model)
-
-    def _angles(self) -> Array:
-        """Angles (links + 1,) [rad] of links and tip from flat."""
-        return np.asarray(self._data.qpos.cumsum())
-
-    def _nodes(self) -> Array:
-        angles = self._angles()[:-1]
-        nodes = np.zeros((self._links + 1, 2))
-        nodes[1:, 0] = np.cos(angles)
-        nodes[1:, 1] = np.sin(angles)
-        return np.asarray(nodes.cumsum(axis=0) * self._lumps.spacing)
 
 
 def _unheard(_: str) -> None:

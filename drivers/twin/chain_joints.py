@@ -1,0 +1,79 @@
+"""Which coordinates of a chain are which, and what they say of its shape."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array
+
+HINGE, SLIDE = "hinge", "slide"  # and the number of their node
+
+Indices = NDArray[np.int_]
+
+
+@dataclass(frozen=True, slots=True)
+class Joints:
+    """Coordinates of a chain of n links, `spacing` [m] long at rest.
+
+    `hinges` (n + 1,) are those of the nodes; `slides` those by which the links `lengthened` grow
+    longer; `edge` moves the fixed edge along the desk, `grip` the end of the last link.
+    """
+
+    spacing: float
+    hinges: Indices
+    slides: Indices
+    lengthened: Indices
+    edge: int | None
+    grip: int | None
+
+    @classmethod
+    def of(cls, model: mujoco.MjModel, links: int, spacing: float) -> Self:
+        """Coordinates of a compiled chain."""
+        found = {model.joint(j).name: j for j in range(model.njnt)}
+        slides = {k: found[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in found}
+        stretching = [node for node in slides if node > 0]
+        return cls(
+            spacing=spacing,
+            hinges=np.array([found[f"{HINGE}{k}"] for k in range(links + 1)]),
+            slides=np.array([slides[node] for node in stretching], dtype=int),
+            lengthened=np.array(stretching, dtype=int) - 1,
+            edge=slides.get(0),
+            grip=slides.get(links),
+        )
+
+    def angles(self, position: Array) -> Array:
+        """Angles (n + 1,) [rad] of links and tip from flat."""
+        return np.asarray(position[self.hinges].cumsum())
+
+    def nodes(self, position: Array) -> Array:
+        """Nodes (n + 1, 2) [m] of x, z."""
+        angles = self.angles(position)[:-1]
+        steps = np.stack([np.cos(angles), np.sin(angles)], axis=1) * self._lengths(position)
+        start = position[self.edge] if self.edge is not None else 0.0
+        return np.concatenate([[(start, 0.0)], steps]).cumsum(axis=0)
+
+    def length(self, position: Array) -> float:
+        """Length of the chain [m]."""
+        return float(self._lengths(position).sum())
+
+    def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
+        """Speed (n,) [m/s] of the middle of each link along its normal, and normals (n, 2)."""
+        angles = self.angles(position)[:-1]
+        along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
+        turn = rate[self.hinges].cumsum()[:-1, None] * self._lengths(position) * normals
+        growth = np.zeros((len(angles), 1))
+        growth[self.lengthened, 0] = rate[self.slides]
+        ends = (turn + growth * along).cumsum(axis=0)
+        middles = ends - 0.5 * turn
+        if self.edge is not None:
+            middles[:, 0] += rate[self.edge]
+        return (middles * normals).sum(axis=1), normals
+
+    def _lengths(self, position: Array) -> Array:
+        lengths = np.full((len(self.hinges) - 1, 1), self.spacing)
+        lengths[self.lengthened, 0] += position[self.slides]
+        return lengths
