@@ -28,7 +28,7 @@ class Yardstick:
 
 def yardstick(models: Sequence[Validated]) -> Yardstick:
     """The yardstick of the model that fits best."""
-    best = min(models, key=lambda m: m.estimate.scale)
+    best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     runs = best.estimate.evidence.runs
     return Yardstick(best.estimate.scale, robust.inefficiency(runs, best.estimate.residuals))
 

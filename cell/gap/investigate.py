@@ -202,7 +202,7 @@ def _refit(
 
 def _unsettled(pool: Sequence[Validated]) -> bool:
     """Whether the best model of the pool still leaves more than noise."""
-    best = min(pool, key=lambda m: m.estimate.scale)
+    best = min(pool, key=lambda m: (m.estimate.scale, m.estimate.objective))
     noise = _noise(best.estimate, np.random.default_rng(1))
     allowed = lack_of_fit.slack(best.estimate.evidence, lack_of_fit.pure_error(best.estimate), {})
     return lack_of_fit.lack_of_fit(best.estimate, noise, allowed).p < LEVEL

@@ -7,6 +7,8 @@ import numpy as np
 
 from drivers.strip.rod.compiled import entry, kernel
 
+AROUND = 0.08  # m of the strip on each side of where a point should lie
+STRIDE = 4  # nodes
 WILD = 3.0  # robust standard deviations beyond which a value counts no more than that
 
 
@@ -52,10 +54,18 @@ def beside(shapes: Any, j: int, w: float, q: int, x: float, z: float) -> Any:
 
 
 @kernel
-def nearest(shapes: Any, j: int, w: float, low: int, high: int, x: float, z: float) -> int:
-    """The node of low..high that is nearest to (x, z)."""
-    best, least = low, math.inf
-    for q in range(low, high + 1):
+def nearest(shapes: Any, j: int, w: float, low: int, high: int, x: float, z: float) -> Any:
+    """The node of low..high that is nearest to (x, z): every STRIDE-th first, then around it."""
+    best = nearest_of(shapes, j, w, range(low, high + 1, STRIDE), x, z)
+    close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
+    return nearest_of(shapes, j, w, close, x, z)
+
+
+@kernel
+def nearest_of(shapes: Any, j: int, w: float, nodes: Any, x: float, z: float) -> Any:
+    """The one of `nodes` that is nearest to (x, z)."""
+    best, least = 0, math.inf
+    for q in nodes:
         px, pz = node(shapes, j, w, q)
         square = (px - x) ** 2 + (pz - z) ** 2
         if square < least:
@@ -63,15 +73,25 @@ def nearest(shapes: Any, j: int, w: float, low: int, high: int, x: float, z: flo
     return best
 
 
+@kernel
+def around(arc: Any, s: float) -> Any:
+    """First and last node within AROUND of the place s, however far beyond an end that is."""
+    last = len(arc) - 1
+    low = np.searchsorted(arc, min(s, arc[last]) - AROUND) - 1
+    high = np.searchsorted(arc, max(s, 0.0) + AROUND)
+    return max(low, 0), min(high, last)
+
+
 @entry
 def signed_distances(
-    points: Any, image: Any, places: Any, windows: Any, shapes: Any, found: Any
+    points: Any, image: Any, near: Any, places: Any, shapes: Any, arc: Any, found: Any
 ) -> None:
     """Distance (n,) [m] of each of points (n, 2) to the midline of its moment into `found`.
 
     Positive to the left of the way from the fixed to the grasped edge. Point p belongs to
     `image` (n,), which shows the world at `places` (m,), a fractional index into `shapes`
-    (k, nodes, 2); its foot lies on the nodes `windows` (n, 2). Segments count as arcs.
+    (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within AROUND of `near` (n,)
+    [m]. Segments count as arcs.
     """
     last = shapes.shape[1] - 1
     for p in range(len(points)):
@@ -79,7 +99,8 @@ def signed_distances(
         j = int(place)
         w = place - j
         x, z = points[p, 0], points[p, 1]
-        q = nearest(shapes, j, w, windows[p, 0], windows[p, 1], x, z)
+        low, high = around(arc, near[p])
+        q = nearest(shapes, j, w, low, high, x, z)
         best, found[p] = math.inf, 0.0
         for segment in (q - 1, q):
             if 0 <= segment < last:

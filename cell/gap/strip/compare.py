@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cell.gap.strip.layout import Layout, Part
 from cell.gap.strip.runs import Measured
@@ -11,11 +10,9 @@ from cell.gap.strip.simulation import SHAPES, Shown
 from cell.gap.subject import Residuals
 from drivers.strip.curve import group_means, signed_distances
 from drivers.strip.model import StripModel
-from drivers.strip.observation import seen_contact, seen_touch, shown_time, true_points
+from drivers.strip.observation import seen_contact, seen_time, seen_touch, shown_time, true_points
 from drivers.strip.shape import Touch
 from drivers.types import Array
-
-AROUND = 0.08  # m of the strip on each side of where a point should lie in which it is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,13 +44,13 @@ class Comparison:
         if len(order):
             time = np.asarray(shown_time(model.observation, images.stamps))
             points = true_points(model, images.points[order])
-            windows = _windows(shown.arc, images.s[order] / self.length, AROUND / self.length)
             signed_distances(
                 np.ascontiguousarray(points),
                 images.image[order],
+                images.s[order],
                 (time - shown.begin) / SHAPES,
-                windows,
                 shown.shapes,
+                shown.arc * self.length,
                 found,
             )
         return found
@@ -76,7 +73,7 @@ class Comparison:
         if shown.touch is None:
             return np.full(3, np.nan), np.full(3, np.nan)
         grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
-        stamp = self.run.touch.time
+        stamp = seen_time(model.observation, shown.touch.time)
         reported = np.array([np.interp(stamp, self.run.t, c) for c in self.run.poses.T])
         seen = seen_touch(model, shown.touch, grip, reported)
         mean = _event(self.run.touch) - _event(seen)
@@ -94,11 +91,3 @@ def averaged(values: Array, part: Part) -> tuple[Array, Array]:
     if len(part):
         group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)
     return mean, square
-
-
-def _windows(arc: Array, share: Array, around: float) -> NDArray[np.int64]:
-    """First and last node (n, 2) within `around` of the shares (n,) of the strip's length."""
-    last = len(arc) - 1
-    low = np.searchsorted(arc, np.clip(share - around, 0.0, 1.0 - around)) - 1
-    high = np.searchsorted(arc, np.clip(share + around, around, 1.0))
-    return np.stack([np.clip(low, 0, last), np.clip(high, 0, last)], axis=1)

@@ -15,7 +15,9 @@ from drivers.strip.model import StripModel, describe
 from drivers.strip.rod.motions import Way
 from drivers.types import Array, frozen
 
-TRUSTED = 0.25  # of the change that a finer rod makes: what an infinitely fine one may still change
+TRUSTED = (
+    1.0  # of the change that a finer rod makes: another engine, and a strip, may differ as much
+)
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
 LATER = 0.6  # s after the measured touch in which the model may still touch
 
