@@ -38,8 +38,7 @@ class Knowledge:
     @property
     def latency(self) -> float:
         """How much earlier than its stamp an image shows the world [s], as far as is known."""
-        measured = self.calibration.latency if self.calibration is not None else 0.0
-        return measured + self.settings.effects.get("camera_latency", {}).get("time", 0.0)
+        return self.calibration.latency if self.calibration is not None else 0.0
 
     def see_with(self, calibration: Calibration, appearance: Appearance) -> None:
         """Start to read images of this strip in this light."""

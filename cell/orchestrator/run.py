@@ -63,6 +63,7 @@ class Run:
         self._entered = 0.0
         self._phase: Phase = _nothing()
         self._started = False
+        self._rests = False
         self._command: Command | None = None
         self._stopped: Stopped | None = None
         self._brakes = Brakes(
@@ -78,7 +79,7 @@ class Run:
         self._doubtful_since: float | None = None
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT; when this returns or raises, the arm rests or was told to stop.
+        """Run to DONE or FAULT, and until the arm says that it rests or has had its time for it.
 
         Whatever goes wrong in a turn stops the arm first.
         """
@@ -87,7 +88,7 @@ class Run:
         start, tick = clock.now(), 0
         try:
             self._guarded(lambda: self._take(Event.START, start))
-            while not self._machine.over:
+            while not (self._machine.over and self._rests):
                 tick += 1
                 self._turn_at(start + tick * period)
         finally:
@@ -102,12 +103,16 @@ class Run:
 
     def _turn_at(self, due: float) -> None:
         """The turn of the loop at `due` [s]."""
-        if self._stopped is None and self._interrupted():
+        if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
-        if self._stopped is None:
+        if self._under_way:
             self._guarded(lambda: self._turn(due))
         else:
             self._brake(due)
+
+    @property
+    def _under_way(self) -> bool:
+        return self._stopped is None and not self._machine.over
 
     def _turn(self, due: float) -> None:
         self._devices.clock.wait_until(due)
@@ -118,6 +123,10 @@ class Run:
             now = replace(senses, state=self._machine.state, entered=self._entered)
             check_all(now, command, self._rules)
             self._send(command)
+        elif senses.arm.moving:  # the path ended, and nothing came after it
+            self._brakes.apply(senses.hand)
+        else:
+            self._rests = True
         self._recorder.tick(senses, time.perf_counter() - begun)
         self._show(lambda observer: observer.see(senses))
 
@@ -141,7 +150,8 @@ class Run:
             )
             attempt(lambda: self._recorder.tick(senses, float("nan")))
             self._show(lambda observer: observer.see(senses))
-        if self._brakes.ended(arm):
+        self._rests = self._brakes.ended(arm)
+        if self._rests and not self._machine.over:
             attempt(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
     def _take(self, event: Event, now: float) -> None:
