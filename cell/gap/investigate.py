@@ -20,7 +20,7 @@ from cell.gap.lack_of_fit import Misfit
 from cell.gap.model import Evidence, Model, evidence
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate
-from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs
+from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs, table
 from cell.gap.starts import Undetermined, refit_base, undetermined
 from cell.gap.subject import Experiment, Subject
 from cell.gap.where import Place, localise
@@ -159,11 +159,12 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     about = projection(base)
     by = yardstick([fitted.base])
     probed = together(simulate, [probe(base, c) for c in subject.library.candidates])
-    singles = ranked(about, probed)
+    known = table(about, probed)
+    singles = ranked(known)
     return Screened(
         tuple(probed),
         tuple(singles),
-        tuple(ranked_pairs(about, probed, search.PAIRS)),
+        tuple(ranked_pairs(known, search.PAIRS)),
         _screened_p(subject, singles, by),
         detectable(about, probed, by),
     )
@@ -217,14 +218,11 @@ def _judge(
 ) -> Judged:
     found = search.choose(pool)
     best = found.accepted.estimate
-    judged = [found.accepted, *[m for m in pool if len(m.model.effects) == 1]]
-    invariances = {
-        m.model.name: {
-            e.name: alone(simulate, invariance(m.estimate, e.name, found.by))
-            for e in m.model.effects
-        }
-        for m in judged
-    }
+    tested = [(m, e.name) for m in pool if _worth_testing(m, found) for e in m.model.effects]
+    results = together(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
+    invariances: dict[str, dict[str, Invariance]] = {}
+    for (m, e), result in zip(tested, results, strict=True):
+        invariances.setdefault(m.model.name, {})[e] = result
     tolerance = {k: q.tolerance for k, q in subject.library.quantities.items()}
     noise, inflation = _noise(best, rng), lack_of_fit.pure_error(best)
     strict = lack_of_fit.slack(best.evidence, inflation, {})
@@ -238,6 +236,10 @@ def _judge(
     return Judged(
         found, invariances, misfit, leftover, tuple(close), tuple(map(tuple, groups)), law
     )
+
+
+def _worth_testing(model: Validated, found: search.Found) -> bool:
+    return model is found.accepted or len(model.model.effects) == 1
 
 
 def _show(

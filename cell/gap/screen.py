@@ -2,9 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.gap import quadratic
 from cell.gap.batch import Task
@@ -14,6 +15,7 @@ from cell.gap.refit import Estimate
 from cell.gap.subject import Candidate
 from drivers.types import Array
 
+Columns = NDArray[np.int64]
 FARTHEST = 3.0  # times a probe to which its response is extrapolated
 DEAD = 1e-6  # whitened response below which an effect changes nothing
 
@@ -38,11 +40,15 @@ class Probed:
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Effects screened together: nats gained at `start`, their values by name."""
+    """Effects screened together: nats gained at `start`, their values by name.
+
+    `linear`: found by the secants at null, which a fit from null follows by itself.
+    """
 
     names: tuple[str, ...]
     gain: float
     start: dict[str, Array]
+    linear: bool = True
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
@@ -82,40 +88,79 @@ def _secants(candidate: Candidate) -> tuple[Array, ...]:
     return tuple(moved)
 
 
-def score(about: Projection, probed: Sequence[Probed]) -> Score:
+@dataclass(frozen=True, slots=True)
+class Table:
+    """All probes of all candidates against the refitted objective, computed once.
+
+    `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
+    """
+
+    probed: tuple[Probed, ...]
+    form: quadratic.Normal
+    columns: dict[tuple[str, int], Columns]
+
+
+def table(about: Projection, probed: Sequence[Probed]) -> Table:
+    """The table of every candidate that changes something."""
+    alive = tuple(p for p in probed if not p.dead)
+    columns: dict[tuple[str, int], Columns] = {}
+    at = 0
+    for p in alive:
+        for group, response in enumerate(p.responses):
+            columns[p.candidate.name, group] = np.arange(at, at + response.shape[1])
+            at += response.shape[1]
+    parts = [about.weighed(response) for p in alive for response in p.responses]
+    whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
+    return Table(alive, about.form(whole), columns)
+
+
+def ranked(known: Table) -> list[Score]:
+    """All candidates that change something, the most promising first."""
+    scores = [_score(known, (p,)) for p in known.probed]
+    return sorted(scores, key=lambda s: (-s.gain, s.names))
+
+
+def ranked_pairs(known: Table, among: int) -> list[Score]:
+    """Pairs of candidates, the most promising first.
+
+    Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
+    are screened over all candidates, not over the best single ones.
+    """
+    scores = [_score(known, pair) for pair in combinations(known.probed, 2)]
+    return sorted(scores, key=lambda s: (-s.gain, s.names))[:among]
+
+
+def _score(known: Table, members: Sequence[Probed]) -> Score:
     """Best mix of the probes of one or more candidates, over their groups.
 
     The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
     physics fixes the sign.
     """
-    best = Score(tuple(p.candidate.name for p in probed), 0.0, {})
-    for choice in _choices([len(p.responses) for p in probed]):
-        found = _mixed(about, probed, choice)
+    best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    for choice in product(*(range(len(p.groups)) for p in members)):
+        found = _mixed(known, members, choice)
         if found.gain > best.gain:
             best = found
     return best
 
 
-def _choices(sizes: Sequence[int]) -> list[tuple[int, ...]]:
-    grid = np.indices(tuple(sizes)).reshape(len(sizes), -1).T
-    return [tuple(map(int, row)) for row in grid]
-
-
-def _mixed(about: Projection, probed: Sequence[Probed], choice: tuple[int, ...]) -> Score:
-    columns, low, high = [], [], []
-    for p, group in zip(probed, choice, strict=True):
-        columns.append(p.responses[group])
-        for vector in p.groups[group]:
-            reach = _reach(p.candidate, vector) if group == 0 else FARTHEST
-            high.append(reach)
-            low.append(-reach if _mirrored(p.candidate, vector) else 0.0)
-    responses = about.weighed(np.concatenate(columns, axis=1))
-    form = about.form(responses)
-    k = len(low)
-    limits = quadratic.Bounds(np.array(low), np.array(high), np.zeros(k), np.zeros(k))
-    amounts = quadratic.bounded_step(form, np.zeros(k), limits)
-    gain = quadratic.decrease(form, amounts)
-    return Score(tuple(p.candidate.name for p in probed), gain, _values(probed, choice, amounts))
+def _mixed(known: Table, members: Sequence[Probed], choice: tuple[int, ...]) -> Score:
+    names = tuple(p.candidate.name for p in members)
+    chosen = list(zip(members, choice, strict=True))
+    at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
+    reach = [
+        _reach(p.candidate, vector) if group == 0 else FARTHEST
+        for p, group in chosen
+        for vector in p.groups[group]
+    ]
+    both = [_mirrored(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    high, zero = np.array(reach), np.zeros(len(at))
+    form = quadratic.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
+    limits = quadratic.Bounds(np.where(both, -high, 0.0), high, zero, zero)
+    amounts = quadratic.bounded_step(form, zero, limits)
+    return Score(
+        names, quadratic.decrease(form, amounts), _values(chosen, amounts), not any(choice)
+    )
 
 
 def _reach(candidate: Candidate, vector: Array) -> float:
@@ -132,36 +177,21 @@ def _reach(candidate: Candidate, vector: Array) -> float:
 def _mirrored(candidate: Candidate, vector: Array) -> bool:
     """Whether the mirrored probe is within bounds, so that both signs are possible."""
     mirrored = 2.0 * candidate.null - vector
-    low = np.array([p.low for p in candidate.parameters])
-    high = np.array([p.high for p in candidate.parameters])
+    low, high = _ends(candidate)
     return bool(((mirrored >= low) & (mirrored <= high)).all())
 
 
-def _values(probed: Sequence[Probed], choice: tuple[int, ...], amounts: Array) -> dict[str, Array]:
+def _ends(candidate: Candidate) -> tuple[Array, Array]:
+    parameters = candidate.parameters
+    return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+
+
+def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, Array]:
     values, at = {}, 0
-    for p, group in zip(probed, choice, strict=True):
+    for p, group in chosen:
         value = p.candidate.null
         for vector in p.groups[group]:
             value = value + amounts[at] * (vector - p.candidate.null)
             at += 1
-        low = np.array([q.low for q in p.candidate.parameters])
-        high = np.array([q.high for q in p.candidate.parameters])
-        values[p.candidate.name] = np.clip(value, low, high)
+        values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
     return values
-
-
-def ranked(about: Projection, probed: Sequence[Probed]) -> list[Score]:
-    """All candidates that change something, the most promising first."""
-    scores = [score(about, [p]) for p in probed if not p.dead]
-    return sorted(scores, key=lambda s: (-s.gain, s.names))
-
-
-def ranked_pairs(about: Projection, probed: Sequence[Probed], among: int) -> list[Score]:
-    """Pairs of candidates, the most promising first.
-
-    Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
-    are screened over all candidates, not over the best single ones.
-    """
-    alive = [p for p in probed if not p.dead]
-    scores = [score(about, list(pair)) for pair in combinations(alive, 2)]
-    return sorted(scores, key=lambda s: (-s.gain, s.names))[:among]

@@ -44,15 +44,17 @@ class Found:
 def fit_scores(
     simulate: Simulate, base: Estimate, scores: Sequence[Score], library: Sequence[Candidate]
 ) -> list[Validated]:
-    """Screened models refitted with the base, from null and from the screened values."""
+    """Screened models refitted with the base, from null and from where the screen found them."""
     tasks: list[Task[Estimate]] = []
-    for s in scores:
+    owner: list[int] = []
+    for i, s in enumerate(scores):
         model = with_effects(base.model, s.names, library)
-        for values in ({}, s.start):
+        for values in ({},) if s.linear else ({}, s.start):
             start = Point(model.joined(base.shared, values), base.point.local)
             tasks.append(refit(model, base.evidence, start))
-    estimates = together(simulate, tasks)
-    chosen = [best(estimates[i : i + 2]) for i in range(0, len(estimates), 2)]
+            owner.append(i)
+    fits = list(zip(owner, together(simulate, tasks), strict=True))
+    chosen = [best([e for k, e in fits if k == i]) for i in range(len(scores))]
     return together(simulate, [validate(e) for e in chosen])
 
 
@@ -74,7 +76,7 @@ def triples(pool: Sequence[Validated]) -> list[Score]:
     for name in [n for n in others if n not in head.model.names][:TRIPLES]:
         source = next(m for m in (*singles, *pairs) if name in m.model.names)
         start = {**values, name: source.model.split(source.estimate.shared)[1][name]}
-        found.append(Score((*sorted(head.model.names), name), 0.0, start))
+        found.append(Score((*sorted(head.model.names), name), 0.0, start, linear=False))
     return found
 
 

@@ -53,23 +53,26 @@ class Swings:
     compliance: Array | None = None
 
 
-Flow = Callable[[Swings, Array], Array]
-
-
 def swing(chain: Swings, angles: Array, rates: Array, step: float, steps: int) -> Array:
     """States (steps + 1, 2, n, B) of chains let go at `angles`, `rates` (n, B), by RK4."""
     states = np.empty((steps + 1, 2, *angles.shape))
     states[0, 0], states[0, 1] = angles, rates
+    before: Array | None = None
     for i in range(steps):
-        states[i + 1] = _rk4(_compliant, chain, states[i], step)
+        push = None if chain.compliance is None else _pivot(chain, states[i])
+        rise = np.zeros(()) if push is None or before is None else push - before
+        states[i + 1] = _rk4(chain, states[i], step, push, rise)
+        before = push
     return states
 
 
-def _rk4(flow: Flow, chain: Swings, y: Array, h: float) -> Array:
-    k1 = flow(chain, y)
-    k2 = flow(chain, y + (0.5 * h) * k1)
-    k3 = flow(chain, y + (0.5 * h) * k2)
-    k4 = flow(chain, y + h * k3)
+def _rk4(chain: Swings, y: Array, h: float, push: Array | None, rise: Array) -> Array:
+    """One step; the pivot's acceleration `push` goes on rising as it did in the last step."""
+    half, end = (None, None) if push is None else (push + 0.5 * rise, push + rise)
+    k1 = _rigid(chain, y, push)
+    k2 = _rigid(chain, y + (0.5 * h) * k1, half)
+    k3 = _rigid(chain, y + (0.5 * h) * k2, half)
+    k4 = _rigid(chain, y + h * k3, end)
     return y + (h / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
 
 
@@ -127,21 +130,20 @@ def _drag(chain: Swings, s: Array, c: Array, omega: Array) -> Array:
     return forces
 
 
-def _compliant(chain: Swings, y: Array) -> Array:
-    """First order in the compliance: the pivot follows the chain's pull without delay.
+def _pivot(chain: Swings, y: Array) -> Array:
+    """Acceleration of a compliant pivot (B,): to first order it follows the pull at once.
 
     u = -C X'' with X = sum b_i sin theta_i, so that its acceleration is -C (X'')'' along the
     rigid motion, differenced over +-REACH by midpoint steps.
     """
-    if chain.compliance is None:
-        return _rigid(chain, y)
     rigid = _rigid(chain, y)
     here = _pull(chain, y, rigid)
     around = np.zeros_like(here)
     for h in (REACH, -REACH):
         ahead = y + h * _rigid(chain, y + (0.5 * h) * rigid)
         around += _pull(chain, ahead, _rigid(chain, ahead))
-    return _rigid(chain, y, -chain.compliance * (around - 2.0 * here) / REACH**2)
+    compliance = np.zeros_like(here) if chain.compliance is None else chain.compliance
+    return -compliance * (around - 2.0 * here) / REACH**2
 
 
 def _pull(chain: Swings, y: Array, rate: Array) -> Array:
