@@ -1,6 +1,7 @@
 """A strip is folded end to end through images, and what they say agrees with what happened."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,12 @@ import yaml
 from cell.batch import side_by_side
 from cell.choice import Choice
 from cell.cli.app import app
-from cell.record.files import CALIBRATION, TRUTH
+from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.replay import replay
 from cell.resimulate import resimulate
+from drivers.errors import ConfigurationError
+from policies.checkpoint import load_checkpoint, save_checkpoint
+from policies.feedback import COMMITTED
 from tests.fold.folded import Folded, fold_and_keep, request_for
 
 MASKED = 0.13  # m of travel in which a taut lift makes the contact jump
@@ -90,10 +94,14 @@ def test_replay_decides_the_same_from_the_stored_images(denim: Folded) -> None:
     assert again.decisions > 200
 
 
-def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> None:
-    import shutil
+def most_images(_folder: str, names: list[str]) -> list[str]:
+    """All but the first and every twentieth."""
+    images = sorted(name for name in names if name.endswith(".png"))
+    return [name for i, name in enumerate(images) if i % 20]
 
-    copy = shutil.copytree(denim.result.run, tmp_path / "run")
+
+def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> None:
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
     path = copy / "run.yaml"
     header = yaml.safe_load(path.read_text())
     header["config"]["perception"]["contact_height"] = 0.002
@@ -101,15 +109,49 @@ def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> No
     assert replay(copy).differences
 
 
-def test_a_run_holds_nothing_of_the_plant_but_its_hash(tmp_path: Path) -> None:
-    plant = tmp_path / "secret.yaml"
+def test_replay_without_images_decides_again_on_what_was_seen(
+    denim: Folded, tmp_path: Path
+) -> None:
+    pictures = shutil.ignore_patterns("*.png")
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=pictures)
+    again = replay(copy)
+    assert (again.images, again.differences) == (0, ())
+    assert again.decisions > 200
+    events = copy / EVENTS
+    events.write_text(events.read_text().replace('"done": false', '"done": true', 1))
+    assert len(replay(copy).differences) == 1
+    events.write_text(events.read_text().replace('"direction"', '"dire', 1))
+    assert replay(copy).decisions == again.decisions - 1
+    events.write_text(events.read_text().replace('"direction"', '"turn"', 1))
+    with pytest.raises(ConfigurationError, match=r"events\.jsonl: the decision at"):
+        replay(copy)
+
+
+def test_the_head_of_a_run_holds_its_preflight(denim: Folded) -> None:
+    checks = denim.run.header.model_extra["preflight"]
+    assert {check["name"] for check in checks} >= {"contrast", "length"}
+    assert all(check["passed"] for check in checks)
+
+
+@pytest.fixture(scope="module")
+def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
+    """Another strip lies there than the controller believes, and the weights are not our own."""
+    place = tmp_path_factory.mktemp("secret")
+    plant = place / "secret.yaml"
     content = yaml.safe_load(Path("configs/strips/denim.yaml").read_text())
     content |= {"name": "zebrafish", "bending_length": 0.0213}
     plant.write_text(yaml.safe_dump(content))
-    folded = fold_and_keep(
-        request_for("denim", "triangular", tmp_path / "r", truth=False, choice=Choice(plant=plant))
-    )
-    folder = Path(folded.result.run)
+    weights = load_checkpoint(COMMITTED)
+    scaled = tuple(0.95 * weight for weight in weights.weights)
+    save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
+    asked = {"truth": False, "viz": "save", "choice": Choice(plant=plant)}
+    asked |= {"checkpoint": place / "own.json"}
+    return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
+
+
+def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
+    folded, folder = secret, Path(secret.result.run)
+    assert (folder / RECORDING).exists()
     assert not (folder / TRUTH).exists()
     assert len(folded.run.header.model_extra["plant_sha256"]) == 64
     for path in folder.rglob("*"):
@@ -120,6 +162,16 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(tmp_path: Path) -> None:
             assert b"secret.yaml" not in held, path
     stiffer = folded.truth.touch.displacement
     assert folded.result.displacement == pytest.approx(stiffer, abs=0.003)
+
+
+def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Path) -> None:
+    folder = Path(secret.result.run)
+    assert replay(folder).same
+    copy = shutil.copytree(folder, tmp_path / "run")
+    header = yaml.safe_load((copy / "run.yaml").read_text())
+    assert len(header.pop("checkpoint")["sha256"]) == 64
+    (copy / "run.yaml").write_text(yaml.safe_dump(header))
+    assert replay(copy).differences
 
 
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
@@ -157,5 +209,5 @@ def test_json_line_has_what_programs_read(denim: Folded) -> None:
     line = json.loads(json.dumps(denim.result.line()))
     keys = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
     keys += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
-    assert set(keys) <= set(line)
+    assert keys == list(line)
     assert app.info.name == "cell"
