@@ -5,7 +5,9 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from multiprocessing.process import BaseProcess
+from threading import Thread
 
 from cell.benchmark.parts.part import Part
 from cell.benchmark.results import Refused, Result
@@ -52,8 +54,18 @@ def _shift(parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, Result | No
 
 
 def _listen() -> None:
-    """A worker ends silently on Ctrl-C, except in a fold, which stops its arm first."""
+    """A worker ends silently on Ctrl-C, except in a fold, which stops its arm first.
+
+    It ends with its parent too, however that one died.
+    """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    Thread(target=_end_with, args=(parent_process(),), daemon=True).start()
+
+
+def _end_with(parent: BaseProcess | None) -> None:
+    if parent is not None:
+        parent.join()
+        os._exit(INTERRUPTED)
 
 
 def _measure(part: Part) -> Result:
