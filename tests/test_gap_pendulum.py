@@ -1,20 +1,16 @@
-"""The pendulum as a subject: its physics, its files, hidden effects, and swings really measured."""
+"""The pendulum as a subject: its physics and the files it reads."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from scipy.integrate import solve_ivp
 
-from cell.gap.fit import fit, open_subject
-from cell.gap.folders import find_runs
+from cell.gap.fit import fit
 from cell.gap.model import Model, Point, evidence, requests
 from cell.gap.pendulum.chain import stated, swings
 from cell.gap.pendulum.dynamics import swing
@@ -22,11 +18,9 @@ from cell.gap.pendulum.file import PendulumFile
 from cell.gap.pendulum.library import candidates
 from cell.gap.pendulum.runs import make_run
 from cell.gap.pendulum.subject import Pendulum
+from cell.gap.pendulum.synthetic import Made, make_swings, write_swings
 from drivers.errors import ConfigurationError
 from drivers.types import Array
-
-DATA = Path(__file__).parents[2] / "shared" / "data" / "pendulum"
-real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured pendulums in {DATA}")
 
 LINKS = (
     {"mass": 0.2, "length": 0.2, "com": 0.12, "inertia": 5e-4, "damping": 3e-4},
@@ -34,7 +28,7 @@ LINKS = (
     {"mass": 0.1, "length": None, "com": 0.1, "inertia": 2e-4, "damping": 5e-5},
 )
 SIGMA = 0.001
-Torque = Callable[[float, float], float]
+TORQUES = np.array([1e-3, 5e-4, 2e-4])
 
 
 def content(n: int, **changes: Any) -> dict[str, Any]:
@@ -60,29 +54,23 @@ def released(file: PendulumFile, lift: float = 0.5, **effects: list[float]) -> A
 # --- physics ---------------------------------------------------------------------------------
 
 
-def test_chain_moves_as_an_independent_engine_says() -> None:
-    file = pendulum(3)
-    bodies, close = "", ""
-    for i, link in enumerate(file.links):
-        above = file.links[i - 1].length if i else 0.0
-        inertia = link.inertia
-        bodies += (
-            f"<body pos='0 0 {-(above or 0.0)}'><joint type='hinge' axis='0 -1 0' "
-            f"damping='{link.damping}'/><inertial mass='{link.mass}' pos='0 0 {-link.com}' "
-            f"diaginertia='{inertia} {inertia} {inertia}'/>"
-        )
-        close += "</body>"
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><option integrator='RK4' timestep='0.001' gravity='0 0 -9.81'/><worldbody>"
-        f"{bodies}{close}</worldbody></mujoco>"
-    )
-    data = mujoco.MjData(model)
-    ours = released(file)
-    bend = ours[0, 0] - np.pi
-    data.qpos[:] = -np.diff(bend, prepend=0.0)
-    mujoco.mj_step(model, data, 1000)
-    theirs = np.pi - np.cumsum(data.qpos)
-    np.testing.assert_allclose(ours[-1, 0], theirs, atol=1e-4)
+@pytest.mark.parametrize(
+    ("effects", "law"),
+    [
+        ({}, None),
+        ({"dry_friction": [1e-3, 5e-4, 2e-4]}, lambda _, r, __: TORQUES * np.tanh(r / 0.02)),
+        ({"quadratic_damping": [1e-3, 5e-4, 2e-4]}, lambda _, r, __: TORQUES * np.abs(r) * r),
+        ({"wire_spring": [1e-2, 1e-2, 1e-2]}, lambda b, _, __: 1e-2 * b),
+    ],
+    ids=["plain", "dry", "quadratic", "spring"],
+)
+def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> None:
+    file, lift = pendulum(3), np.array([0.5, 0.65, -0.35])
+    (made,) = make_swings(file, [lift], 0.0, np.random.default_rng(0), law, span=1.0)
+    near = made.angles[:, 0]
+    chain = swings(file, stated(file)[None], [{k: np.array(v) for k, v in effects.items()}])
+    states = swing(chain, near[:, None], np.zeros((3, 1)), 0.002, 500)[:, 0, :, 0]
+    np.testing.assert_allclose(states[::5].T, made.angles, atol=1e-4)
 
 
 def test_energy_is_kept_without_losses() -> None:
@@ -118,118 +106,12 @@ def test_effect_at_null_changes_no_bit_and_otherwise_does(candidate: Any) -> Non
         assert np.array_equal(shown, without) == same
 
 
-# --- hidden effects, made by another integrator -----------------------------------------------
-
-
-def made(torque: Torque, seed: int, count: int = 8, damping: float = 2.5e-4) -> list[Array]:
-    """Swings of the single pendulum under an extra torque of angle and rate, by scipy."""
-    rng = np.random.default_rng(seed)
-    link = LINKS[0]
-    inertia = link["inertia"] + link["mass"] * link["com"] ** 2
-    weight = link["mass"] * link["com"] * 9.81
-    t = np.arange(0.0, 4.0, 0.01)
-
-    def slope(_: float, y: Array) -> list[float]:
-        bend, rate = y[0] - np.pi, y[1]
-        pull = weight * np.sin(y[0]) - damping * rate - torque(bend, rate)
-        return [rate, pull / inertia]
-
-    runs = []
-    for k in range(count):
-        lift = (0.2, 0.5, 0.9, 1.3)[k % 4] * (1.0 + 0.02 * rng.standard_normal())
-        y = solve_ivp(slope, (0.0, 4.0), [np.pi + lift, 0.0], "LSODA", t, rtol=1e-8, atol=1e-9).y
-        runs.append(np.stack([t, y[0] + SIGMA * rng.standard_normal(len(t))]))
-    return runs
-
-
-def written(folder: Path, runs: list[Array], file: dict[str, Any]) -> tuple[Path, Path]:
-    """Run folders and the pendulum file on disk."""
-    path = folder / "pendulum.yaml"
-    path.write_text(yaml.safe_dump(file))
-    for k, rows in enumerate(runs):
-        run = folder / "runs" / f"{k:02d}"
-        run.mkdir(parents=True)
-        head = {
-            "schema": 1, "pendulum": file["name"], "index": k, "sigma": {"angle": SIGMA},
-            "condition": f"lift {k % 4}",
-        }  # fmt: skip
-        (run / "run.yaml").write_text(yaml.safe_dump(head))
-        columns = {"t": rows[0]} | {f"theta_{i + 1}": r for i, r in enumerate(rows[1:])}
-        pq.write_table(pa.table(columns), run / "angles.parquet")
-    return path, folder / "runs"
-
-
-def dry(size: float) -> Torque:
-    return lambda _, rate: size * float(np.tanh(rate / 0.005))
-
-
-def none(_: float, __: float) -> float:
-    return 0.0
-
-
-@pytest.fixture(scope="module")
-def rubbing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
-    """A pendulum with dry friction, fitted: its file, its runs, the fit's folder."""
-    folder = tmp_path_factory.mktemp("rubbing")
-    file, runs = written(folder, made(dry(4e-4), 1), content(1))
-    fit([runs], file, folder / "out")
-    return file, runs, folder / "out"
-
-
-def test_hidden_dry_friction_is_named(rubbing: tuple[Path, Path, Path]) -> None:
-    verdict = json.loads((rubbing[2] / "verdict.json").read_text())
-    assert verdict["verdict"] == "named"
-    (effect,) = verdict["effects"]
-    assert effect["name"] == "dry_friction"
-    assert effect["parameters"]["torque_1"]["value"] == pytest.approx(4e-4, rel=0.05)
-    assert verdict["gap"]["after"]["angle_mrad"] == pytest.approx(1.0, rel=0.1)
-    assert verdict["gap"]["shrink"] > 0.8
-
-
-def test_accepted_effect_leaves_no_gap(rubbing: tuple[Path, Path, Path], tmp_path: Path) -> None:
-    file = tmp_path / "accepted.yaml"
-    file.write_text((rubbing[2] / "patch.yaml").read_text())
-    verdict = fit([rubbing[1]], file, tmp_path / "out")
-    assert verdict.verdict == "no_gap"
-    assert verdict.base["dry_friction.torque_1"].value == pytest.approx(4e-4, rel=0.05)
-
-
-def test_same_verdict_whatever_the_number_of_jobs(
-    rubbing: tuple[Path, Path, Path], tmp_path: Path
-) -> None:
-    two = fit([rubbing[1]], rubbing[0], tmp_path / "out", jobs=2)
-    one = json.loads((rubbing[2] / "verdict.json").read_text())
-    again = json.loads(two.to_json())
-    del one["runtime"], again["runtime"]
-    assert again == one
-
-
-def test_swings_with_nothing_hidden_show_no_gap(tmp_path: Path) -> None:
-    file, runs = written(tmp_path, made(none, 2), content(1))
-    verdict = fit([runs], file, tmp_path / "out")
-    assert verdict.verdict == "no_gap"
-    assert verdict.effects == []
-    assert 0.0 < verdict.detectable["dry_friction"] < 4e-4
-
-
-def test_drag_of_one_link_cannot_be_told_from_a_quadratic_hinge(tmp_path: Path) -> None:
-    file, runs = written(tmp_path, made(lambda _, w: 1e-4 * abs(w) * w, 3), content(1))
-    verdict = fit([runs], file, tmp_path / "out")
-    assert verdict.verdict == "ambiguous"
-    assert verdict.ambiguous == [["air_drag", "quadratic_damping"]]
-    assert not (tmp_path / "out" / "patch.yaml").exists()
-
-
-def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:
-    magnet: Torque = lambda a, _: 4e-3 * float(np.sin(12 * a) * np.exp(-((a / 0.15) ** 2)))  # noqa: E731
-    file, runs = written(tmp_path, made(magnet, 4), content(1))
-    verdict = fit([runs], file, tmp_path / "out")
-    assert verdict.verdict == "unexplained"
-    assert verdict.effects == []
-    assert verdict.unexplained is not None
-
-
 # --- files -----------------------------------------------------------------------------------
+
+
+def cosines(count: int) -> list[Made]:
+    t = np.arange(0.0, 1.0, 0.01)
+    return [Made(t, np.pi + 0.3 * np.cos(10.0 * t)[None], "c")] * count
 
 
 def broken(run: Path, fault: str) -> None:
@@ -266,8 +148,7 @@ def broken(run: Path, fault: str) -> None:
     ],
 )  # fmt: skip
 def test_bad_run_is_one_clear_line_and_no_verdict(tmp_path: Path, fault: str, word: str) -> None:
-    rows = [np.stack([np.arange(0, 1, 0.01), np.pi + 0.3 * np.cos(np.arange(0, 10, 0.1))])] * 3
-    file, runs = written(tmp_path, rows, content(1))
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
     broken(runs / "01", fault)
     with pytest.raises(ConfigurationError, match="01/") as caught:
         fit([runs], file, tmp_path / "out")
@@ -277,8 +158,7 @@ def test_bad_run_is_one_clear_line_and_no_verdict(tmp_path: Path, fault: str, wo
 
 
 def test_single_run_is_refused(tmp_path: Path) -> None:
-    rows = [np.stack([np.arange(0, 1, 0.01), np.full(100, np.pi)])]
-    file, runs = written(tmp_path, rows, content(1))
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(1), SIGMA)
     with pytest.raises(ConfigurationError, match="single run"):
         fit([runs / "00"], file, tmp_path / "out")
 
@@ -293,57 +173,7 @@ def test_single_run_is_refused(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_bad_pendulum_file_is_refused(tmp_path: Path, change: dict[str, Any], word: str) -> None:
-    rows = [np.stack([np.arange(0, 1, 0.01), np.full(100, np.pi + 0.1)])] * 3
-    file, runs = written(tmp_path, rows, content(1) | change)
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
+    file.write_text(yaml.safe_dump(content(1) | change))
     with pytest.raises(ConfigurationError, match=word):
         fit([runs], file, tmp_path / "out")
-
-
-# --- measured pendulums ------------------------------------------------------------------------
-
-FALSE = ("frame_tilt", "encoder_bias", "wire_spring", "pivot_compliance", "quadratic_damping")
-
-
-def check_triple(verdict: Any) -> None:
-    assert verdict.verdict == "named"
-    assert sorted(e.name for e in verdict.effects) == ["air_drag", "dry_friction"]
-    assert 1.5 < verdict.gap.before["angle_mrad"] < 3.0
-    assert verdict.gap.after["angle_mrad"] <= 0.9
-    assert verdict.gap.shrink_low > 0.4
-    (drag,) = (c for c in verdict.candidates if c.name == "air_drag")
-    for single in (c for c in verdict.candidates if c.name in FALSE):
-        assert single.elpd_gain < 0.2 * drag.elpd_gain
-
-
-@real
-def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
-    runs = [DATA / "triple" / "runs" / f"{k:02d}" for k in (0, 3, 6, 9, 12, 15, 18, 21, 24)]
-    check_triple(fit(runs, DATA / "triple" / "pendulum.yaml", tmp_path / "out"))
-
-
-@real
-@pytest.mark.slow
-def test_whole_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
-    triple = DATA / "triple"
-    check_triple(fit([triple / "runs"], triple / "pendulum.yaml", tmp_path / "out"))
-
-
-@real
-def test_single_pendulum_is_fitted_by_coulomb_and_quadratic_losses_and_names_no_other(
-    tmp_path: Path,
-) -> None:
-    single = DATA / "single"
-    verdict = fit([single / "runs"], single / "pendulum.yaml", tmp_path / "out")
-    assert not {e.name for e in verdict.effects} & {"frame_tilt", "wire_spring", "pivot_compliance"}
-    pairs = {c.name: c.p for c in verdict.candidates if " + " in c.name}
-    best = min(pairs, key=lambda name: pairs[name])
-    assert best in ("air_drag + dry_friction", "dry_friction + quadratic_damping")
-
-
-@real
-def test_measured_swings_are_read_whole() -> None:
-    subject = open_subject(
-        DATA / "triple" / "pendulum.yaml", find_runs([DATA / "triple" / "runs"]), 1
-    )
-    assert len(subject.runs) == 26
-    assert [run.index for run in subject.runs] == list(range(26))

@@ -16,7 +16,7 @@ from cell.gap.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
 STEPS = 20
-ENOUGH = 0.02  # nats that a further step must promise
+ENOUGH = 0.05  # nats that a further step must promise
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
 PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
 DAMPING = 1e-3
