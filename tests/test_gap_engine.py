@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,6 @@ from cell.gap.subject import (
     Run,
     Samples,
 )
-from cell.gap.tape import Tape
 from cell.gap.verdict import Verdict
 from drivers.types import Array
 
@@ -51,7 +49,7 @@ def nothing(t: Array, _: float, __: int) -> Array:
 LAWS: Mapping[str, Law] = {"bump": bump, "twin": bump, "wave": wave, "dead": nothing}
 
 
-def candidate(name: str, *, signed: bool = True) -> Candidate:
+def candidate(name: str, signed: bool) -> Candidate:
     p = Parameter("size", "m", 0.0, -5.0 if signed else 0.0, 5.0, 1e-3, 1.0)
     return Candidate(name, f"there is a {name}", "strip", (p,), (((0.01,),), ((0.1,),)))
 
@@ -66,6 +64,7 @@ class Curves:
     seed: int = 0
     repeats: int = 2
     scatter: float = 0.0
+    signed: bool = True
     name: str = "curves"
     notes: Sequence[str] = ()
     runs: list[Run] = field(default_factory=list)
@@ -97,7 +96,9 @@ class Curves:
             Parameter("slope", "m/s", 0.0, -10.0, 10.0, 1e-4, 1.0),
         )
         quantity = Quantity("angle_mrad", 1e3, "mrad")
-        return Library(base, tuple(map(candidate, self.names)), {"angle": quantity})
+        return Library(
+            base, tuple(candidate(name, self.signed) for name in self.names), {"angle": quantity}
+        )
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         found = []
@@ -214,11 +215,7 @@ def test_effect_without_response_changes_nothing() -> None:
 
 
 def test_one_sided_effect_is_not_taken_with_the_wrong_sign() -> None:
-    subject = Curves(hidden(bump, -0.05))
-    library = subject.library
-    one = Library(library.base, (candidate("bump", signed=False),), library.quantities)
-    wrong = type("OneSided", (Curves,), {"library": property(lambda _: one)})
-    _, verdict = judged(wrong(hidden(bump, -0.05)))
+    _, verdict = judged(Curves(hidden(bump, -0.05), signed=False))
     assert verdict.effects == []
     assert verdict.verdict == "unexplained"
 
@@ -272,34 +269,6 @@ def test_same_verdict_whatever_runs_beside_a_fit() -> None:
     single = [alone(subject.simulate, task(m)) for m in models]
     for a, b in zip(crowd, single, strict=True):
         np.testing.assert_array_equal(a.shared, b.shared)
-
-
-def test_interrupted_fit_goes_on_without_simulating_again(tmp_path: Path) -> None:
-    subject = Curves(hidden(bump, 0.05))
-    held = held_out(subject.runs)
-
-    class Interrupted(Exception):
-        pass
-
-    calls = 0
-
-    def failing(requests: Sequence[Request]) -> list[Residuals]:
-        nonlocal calls
-        calls += 1
-        if calls > 12:
-            raise Interrupted
-        return subject.simulate(requests)
-
-    with pytest.raises(Interrupted):
-        investigate(subject, held, Tape(failing, tmp_path / "a" / "b"), lambda *_: None)
-    counted = Counter(subject.simulate)
-    tape = Tape(counted, tmp_path / "a" / "b")
-    resumed = decide(investigate(subject, held, tape, lambda *_: None), 0.0, tape.total)
-    _, whole = judged(subject)
-    assert resumed == whole
-    assert counted.total < tape.total
-    tape.erase()
-    assert not (tmp_path / "a").exists()
 
 
 def test_wild_samples_do_not_move_the_fit() -> None:

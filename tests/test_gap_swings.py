@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ import yaml
 from cell.gap.accept import accept, undo
 from cell.gap.fit import fit
 from cell.gap.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.pendulum.subject import Pendulum
 from cell.gap.pendulum.synthetic import Law, make_swings, write_swings
+from cell.gap.subject import Request, Residuals
 from cell.gap.verdict import Verdict, read_verdict
 from drivers.errors import ConfigurationError
 
@@ -107,6 +110,32 @@ def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path)
     two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", jobs=2)
     one = read_verdict(rubbing / "out" / "verdict.json")
     texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, two)]
+    assert texts[0] == texts[1]
+
+
+def test_interrupted_fit_goes_on_where_it_stopped(
+    rubbing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupting(stage: str, share: float) -> None:
+        if stage == "judge":
+            raise KeyboardInterrupt
+
+    runs, file, out = [rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        fit(runs, file, out, progress=interrupting)
+    assert not (out / "verdict.json").exists()
+    simulated: list[int] = []
+    plain = Pendulum.simulate
+
+    def counting(self: Pendulum, requests: Sequence[Request]) -> list[Residuals]:
+        simulated.append(len(requests))
+        return plain(self, requests)
+
+    monkeypatch.setattr(Pendulum, "simulate", counting)
+    resumed = fit(runs, file, out)
+    assert sum(simulated) < 0.3 * resumed.simulations
+    one = read_verdict(rubbing / "out" / "verdict.json")
+    texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, resumed)]
     assert texts[0] == texts[1]
 
 
