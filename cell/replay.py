@@ -14,6 +14,7 @@ from calibration.perception.sight import Sight
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
+from cell.record.frames import INDEX
 from cell.record.run import Event, Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
@@ -86,8 +87,10 @@ def _look_again(
     """How many stored images were read again, and what differs from the recorded sights."""
     frames = run.frames()
     before = next(frames, None)
-    if before is None:
+    if before is None and run.frame_index():
         return 0, []
+    if before is None:
+        raise ConfigurationError(f"{run.folder / INDEX}: lists no image; it belongs to the run")
     if before.stamp >= 0:
         raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
     calibration = load_calibration(run.folder / CALIBRATION)

@@ -63,12 +63,14 @@ _StrictLoader.add_implicit_resolver(
 )
 
 
-def parse(content: Mapping[str, Any], model: type[S], origin: str) -> S:
+def parse(content: object, model: type[S], origin: str) -> S:
     """`content` as `model`; every problem named as `origin: key: reason` on one line each.
 
     Nothing is converted: text and truth values are no numbers. Read as JSON, because there a
     list is what tuples are given as.
     """
+    if not isinstance(content, Mapping):
+        raise ConfigurationError(f"{origin}: must be a mapping of keys to values")
     schema = content.get("schema", SCHEMA)
     if isinstance(schema, int) and schema > SCHEMA:
         raise ConfigurationError(

@@ -13,6 +13,7 @@ from cell.batch import side_by_side
 from cell.choice import Choice
 from cell.cli.app import app
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
+from cell.record.frames import INDEX
 from cell.replay import replay
 from cell.resimulate import resimulate
 from drivers.errors import ConfigurationError
@@ -124,6 +125,15 @@ def test_replay_without_images_decides_again_on_what_was_seen(
     assert replay(copy).decisions == again.decisions - 1
     events.write_text(events.read_text().replace('"direction"', '"turn"', 1))
     with pytest.raises(ConfigurationError, match=r"events\.jsonl: the decision at"):
+        replay(copy)
+
+
+def test_replay_does_not_take_lost_images_for_images_not_kept(
+    denim: Folded, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
+    (copy / INDEX).write_text("")
+    with pytest.raises(ConfigurationError, match="lists no image"):
         replay(copy)
 
 
