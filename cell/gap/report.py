@@ -7,9 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap import figures, shrink
+from cell.gap.compare import MARGIN
+from cell.gap.drawing import Drawing, Draws
 from cell.gap.investigate import Findings
+from cell.gap.search import MATERIAL
 from cell.gap.sentence import change, sentence
-from cell.gap.verdict import Compared, Measured, Verdict, write_text
+from cell.gap.verdict import Compared, Verdict, write_text
+from cell.gap.words import interval, number, probability, quantity, unit
 
 TITLES = {
     "named": "Named",
@@ -31,7 +35,8 @@ h2{font-size:1.05rem;margin:2.2rem 0 .4rem}
 table{border-collapse:collapse;font-size:.86rem;margin:.4rem 0}
 th,td{text-align:left;padding:.25rem .7rem .25rem 0;border-bottom:1px solid #e3e7ec;
 vertical-align:top}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+td.p{font-size:.92em}summary{cursor:pointer;font-size:.88rem}
 tr.best{background:#eaf2fb}
 svg{max-width:100%;height:auto}
 .note{color:#5b6470;font-size:.88rem}
@@ -87,7 +92,7 @@ def _where(found: Findings) -> str:
     first = strong[0]
     text = (
         f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of condition "
-        f"{first.condition}: {abs(first.z):.3g} sigma. {len(strong)} of {len(places)} places "
+        f"{first.condition}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} places "
         "disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
@@ -98,33 +103,45 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
     accepted = found.judged.found.accepted.model.name
     rows = "".join(_row(row, row.name == accepted) for row in verdict.candidates)
     note = (
-        "Nats gained in predicting runs that the fit had not seen; 4 are needed. p is "
-        "family-wise for single effects. Amplitude: whether one size serves all conditions."
+        "Nats gained in predicting runs that the fit had not seen; a further effect is taken "
+        f"for {MARGIN:.0f} nats, p below 0.01 over all candidates, and at least "
+        f"{100 * MATERIAL:.0f} % of the excess gap that was left. The last column but one tells "
+        "whether one size serves all conditions."
     )
     head = (
         "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"
         "<th class='n'>p<th class='n'>same amplitude, p<th>parameters (95 %)</tr>"
     )
     bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
-    return f"<p class='note'>{note}</p>{bars}<table>{head}{rows}</table>"
+    table = f"<details><summary>All numbers</summary><table>{head}{rows}</table></details>"
+    return f"<p class='note'>{note}</p>{bars}{_steps(found)}{table}"
 
 
 def _row(row: Compared, best: bool) -> str:
     parameters = "<br>".join(
-        f"{escape(name)} {_interval(value)}" for name, value in row.parameters.items()
+        f"{escape(name)} {escape(interval(value))}" for name, value in row.parameters.items()
     )
-    same = "" if row.invariance_p is None else f"{row.invariance_p:.2g}"
+    same = "" if row.invariance_p is None else probability(row.invariance_p)
     return (
         f"<tr{' class=best' if best else ''}><td>{escape(row.name)}"
-        f"<td class='n'>{row.elpd_gain:.1f}<td class='n'>{row.se:.1f}<td class='n'>{row.p:.2g}"
-        f"<td class='n'>{same}<td>{parameters}</tr>"
+        f"<td class='n'>{row.elpd_gain:.1f}<td class='n'>{row.se:.1f}"
+        f"<td class='n'>{probability(row.p)}<td class='n'>{same}<td class='p'>{parameters}</tr>"
     )
 
 
-def _interval(value: Measured) -> str:
-    if value.low is None or value.high is None:
-        return f"{value.value:.3g} {escape(value.unit)}"
-    return f"{value.value:.3g} [{value.low:.3g}, {value.high:.3g}] {escape(value.unit)}"
+def _steps(found: Findings) -> str:
+    """How the number of effects was decided, level by level."""
+    lines = []
+    for count, step in enumerate(found.judged.found.steps, start=1):
+        verb = "taken" if step.accepted else "not taken"
+        over = step.before.model.name
+        over = "the refitted base" if over == "base" else over
+        lines.append(
+            f"<li>{count} effect{'s' if count > 1 else ''}: {escape(step.model.model.name)} gains "
+            f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
+            f"{100 * step.removed:.0f} % of its excess gap: {verb}.</li>"
+        )
+    return f"<ol class='note'>{''.join(lines)}</ol>"
 
 
 def _shown(found: Findings, verdict: Verdict) -> str:
@@ -147,7 +164,15 @@ def _shown(found: Findings, verdict: Verdict) -> str:
         f"<p class='note'>Measured minus simulated in held-out run {escape(names[typical])}; "
         "the grey band is two sigma of one reading.</p>"
         + figures.residual_traces(before, after, typical, quantities)
+        + "".join(f"<p class='note'>{escape(d.title)}</p>{d.svg}" for d in _drawings(found))
     )
+
+
+def _drawings(found: Findings) -> Sequence[Drawing]:
+    """What the subject itself draws of its held-out runs, before and after."""
+    if not isinstance(found.subject, Draws):
+        return ()
+    return found.subject.drawings(found.shown.before, found.shown.after)
 
 
 def _remains(found: Findings, verdict: Verdict) -> str:
@@ -165,8 +190,9 @@ def _remains(found: Findings, verdict: Verdict) -> str:
         parts.append(f"<p>Not told apart by these runs: {escape(groups)}.</p>")
     if not parts:
         parts.append("<p>Nothing beyond the noise.</p>")
+    units = {c.name: c.parameters[0].unit for c in found.subject.library.candidates}
     rows = "".join(
-        f"<tr><td>{escape(name)}<td class='n'>{value:.2g}</tr>"
+        f"<tr><td>{escape(name)}<td class='n'>{escape(quantity(value, units[name]))}</tr>"
         for name, value in sorted(verdict.detectable.items())
     )
     parts.append(
@@ -194,9 +220,9 @@ def _next(verdict: Verdict) -> str:
 def _base(found: Findings, verdict: Verdict) -> str:
     stated = {p.name: p for p in found.subject.library.base}
     rows = "".join(
-        f"<tr><td>{escape(name)}<td class='n'>{stated[name].start:.4g}<td class='n'>"
-        f"{value.value:.4g}<td class='n'>{_ends(value.low, value.high)}"
-        f"<td>{escape(stated[name].unit)}</tr>"
+        f"<tr><td>{escape(name)}<td class='n'>{number(stated[name].start, 4)}<td class='n'>"
+        f"{number(value.value, 4)}<td class='n'>{_ends(value.low, value.high)}"
+        f"<td>{escape(unit(stated[name].unit))}</tr>"
         for name, value in verdict.base.items()
     )
     weak = found.fitted.weak
@@ -212,7 +238,7 @@ def _weak(words: Sequence[str]) -> str:
 
 
 def _ends(low: float | None, high: float | None) -> str:
-    return f"{low:.4g} to {high:.4g}" if low is not None and high is not None else ""
+    return f"{number(low, 4)} to {number(high, 4)}" if low is not None and high is not None else ""
 
 
 def _foot(verdict: Verdict) -> str:

@@ -3,6 +3,7 @@
 from cell.gap.compare import margin
 from cell.gap.investigate import Findings
 from cell.gap.verdict import Measured, Verdict
+from cell.gap.words import quantity
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:
@@ -55,14 +56,15 @@ def _unexplained(found: Findings, verdict: Verdict) -> str:
 def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
     parts = []
-    for quantity in found.subject.library.quantities.values():
-        if quantity.key not in verdict.gap.before:
+    for q in found.subject.library.quantities.values():
+        if q.key not in verdict.gap.before:
             continue
-        name, unit = quantity.key.rsplit("_", 1)[0], quantity.unit
-        before, after = verdict.gap.before[quantity.key], verdict.gap.after[quantity.key]
-        floor = verdict.gap.floor[quantity.key]
+        name = q.key.rsplit("_", 1)[0].replace("_", " ")
+        before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
+        floor = verdict.gap.floor[q.key]
         parts.append(
-            f"{name} was {before:.2f} {unit} off and is now {after:.2f} {unit} (noise {floor:.2f})"
+            f"{name} was {before:.2f} {q.unit} off and is now {after:.2f} {q.unit} "
+            f"(noise {floor:.2f})"
         )
     return "on held-out runs " + ", ".join(parts)
 
@@ -76,12 +78,12 @@ def sigmas(found: Findings) -> float:
 
 
 def _values(parameters: dict[str, Measured]) -> str:
-    return ", ".join(f"{v.value:.3g} {v.unit}" for v in parameters.values())
+    return ", ".join(quantity(v.value, v.unit) for v in parameters.values())
 
 
 def _smallest(found: Findings, name: str, value: float) -> str:
     candidate = next(c for c in found.subject.library.candidates if c.name == name)
-    return f"{name} {value:.2g} {candidate.parameters[0].unit}"
+    return f"{name} {quantity(value, candidate.parameters[0].unit)}"
 
 
 def _now(found: Findings, verdict: Verdict) -> str:
