@@ -24,6 +24,7 @@ from cell.gap.verdict import (
 MOST = 0.6  # of the excess gap that a named model has removed, where more than noise is left
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
+TELLING = 1.0  # sigma below which an experiment is not worth its minutes
 SURE = 0.999  # no confidence is stated above this
 
 
@@ -228,7 +229,7 @@ def _advice(found: Findings) -> list[Recommended]:
             minutes=a.experiment.minutes,
         )
         for a in found.advice
-        if a.sigma > 0.0
+        if a.sigma >= TELLING
     ]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from cell.gap import lack_of_fit, quadratic
-from cell.gap.projection import projection, stacked
+from cell.gap.projection import Projection, projection, stacked
 from cell.gap.refit import Estimate
 from drivers.types import Array
 
@@ -15,11 +15,13 @@ from drivers.types import Array
 class Drift:
     """Base parameters that change with the index: `words` of the surest one, `p` of them all.
 
-    `inflation` by channel is the scatter between repeats once the drift is taken out.
+    `removed` is the share of the misfit beyond noise that the drift accounts for, `inflation` by
+    channel the scatter between repeats once it is taken out.
     """
 
     words: str
     p: float
+    removed: float
     inflation: dict[str, float]
 
 
@@ -48,7 +50,14 @@ def drift(estimate: Estimate) -> Drift | None:
     inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
     unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
     p = float(stats.chi2.sf(2.0 * quadratic.decrease(form, rates) / unit, count))
-    return Drift(_words(estimate, form, rates), p, inflation)
+    return Drift(_words(estimate, form, rates), p, _removed(about, corrected), inflation)
+
+
+def _removed(about: Projection, corrected: Array) -> float:
+    """Share of the mean square beyond one that goes with the drift, in weighted units."""
+    before = float(np.mean(about.residual**2)) - 1.0
+    after = float(np.mean((corrected * about.weight) ** 2)) - 1.0
+    return 1.0 if before <= 0.0 else 1.0 - max(after, 0.0) / before
 
 
 def _words(estimate: Estimate, form: quadratic.Normal, rates: Array) -> str:

@@ -95,7 +95,8 @@ def residual_traces(
         quantity = quantities[str(s.quantity[mine][0])]
         band = 2.0 * quantity.factor * s.reading[mine]
         axis.fill_between(s.t[mine], -band, band, color="#e8ebef", lw=0)
-        for estimate, colour, word in ((before, BEFORE, "before"), (after, AFTER, "after")):
+        pair = ((before, BEFORE, "before"), (after, AFTER, "after"))
+        for estimate, colour, word in pair[: 1 if after is before else 2]:
             axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
                       lw=1.2, label=word)  # fmt: skip
         axis.set_ylabel(f"{s.channel[mine][0]} {s.zone[mine][0]}\n[{quantity.unit}]", fontsize=8)
@@ -110,7 +111,8 @@ def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
     axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
-    axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
+    if after is not before:
+        axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
     axis.set_xticks(at, names, rotation=30 if len(names) > 6 else 0)
     axis.set_ylabel("excess gap [noise]", fontsize=8)
     axis.legend(fontsize=8, frameon=False)

@@ -57,7 +57,7 @@ class Fitted:
     @property
     def drifts(self) -> bool:
         """Whether the specimen changes from run to run."""
-        return self.drift is not None and self.drift.p < LEVEL
+        return self.drift is not None and self.drift.p < LEVEL and self.drift.removed > 0.5
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,9 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
     )
     bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
     table = f"<details><summary>All numbers</summary><table>{head}{rows}</table></details>"
-    return f"<p class='note'>{note}</p>{bars}{_steps(found)}{table}"
+    silent = [p.candidate.name for p in found.screened.probed if p.dead]
+    dead = f"<p class='note'>Changes nothing in these runs: {', '.join(silent)}.</p>"
+    return f"<p class='note'>{note}</p>{bars}{_steps(found)}{dead if silent else ''}{table}"
 
 
 def _row(row: Compared, best: bool) -> str:
@@ -152,13 +154,12 @@ def _shown(found: Findings, verdict: Verdict) -> str:
         for key in gap.before
     )
     names = [run.name for run in before.evidence.runs]
-    was, now = (np.sqrt(np.maximum(shrink.run_squares(e) - 1.0, 0.0)) for e in (before, after))
+    was = np.sqrt(np.maximum(shrink.run_squares(before) - 1.0, 0.0))
+    now = was if after is before else np.sqrt(np.maximum(shrink.run_squares(after) - 1.0, 0.0))
     typical = int(np.argsort(was)[len(was) // 2])
     quantities = dict(found.subject.library.quantities)
     return (
-        f"<p>The gap shrank by {100 * gap.shrink:.0f} % "
-        f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]: "
-        f"{escape(change(found, verdict))}.</p>"
+        f"<p>{_shrank(found, verdict)}: {escape(change(found, verdict))}.</p>"
         "<table><tr><th>rms<th class='n'>before<th class='n'>after<th class='n'>noise</tr>"
         f"{rows}</table>{figures.run_bars(names, was, now)}"
         f"<p class='note'>Measured minus simulated in held-out run {escape(names[typical])}; "
@@ -166,6 +167,14 @@ def _shown(found: Findings, verdict: Verdict) -> str:
         + figures.residual_traces(before, after, typical, quantities)
         + "".join(f"<p class='note'>{escape(d.title)}</p>{d.svg}" for d in _drawings(found))
     )
+
+
+def _shrank(found: Findings, verdict: Verdict) -> str:
+    if found.shown.after is found.shown.before:
+        return "No effect was added"
+    gap = verdict.gap
+    ends = f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]"
+    return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
 
 def _drawings(found: Findings) -> Sequence[Drawing]:
@@ -204,7 +213,7 @@ def _remains(found: Findings, verdict: Verdict) -> str:
 
 def _next(verdict: Verdict) -> str:
     if not verdict.advice:
-        return "<p>No planned experiment would add to these runs.</p>"
+        return "<p>No planned experiment would tell more than these runs do.</p>"
     rows = "".join(
         f"<tr><td>{escape(a.experiment)}<td>{escape(a.separates[0])} from "
         f"{escape(a.separates[1])}<td class='n'>{a.expected_sigma:.1f}"

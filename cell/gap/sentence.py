@@ -30,10 +30,12 @@ def _ambiguous(found: Findings, verdict: Verdict) -> str:
     either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
     known = found.judged.found.accepted.model.names - {n for g in verdict.ambiguous for n in g}
     sure = f" beside {', '.join(sorted(known))}, which is sure" if known else ""
-    split = verdict.advice[0].experiment if verdict.advice else "none of the planned ones"
+    split = "No planned experiment would split them"
+    if verdict.advice:
+        split = f"The experiment that would split them: {verdict.advice[0].experiment}"
     return (
         f"Something is missing that these runs cannot tell apart: {either}{sure}; "
-        f"{change(found, verdict)}. The experiment that would split them: {split}."
+        f"{change(found, verdict)}. {split}."
     )
 
 
@@ -56,16 +58,20 @@ def _unexplained(found: Findings, verdict: Verdict) -> str:
 def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
     parts = []
+    changed = bool(found.judged.found.accepted.model.effects)
     for q in found.subject.library.quantities.values():
         if q.key not in verdict.gap.before:
             continue
         name = q.key.rsplit("_", 1)[0].replace("_", " ")
         before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
         floor = verdict.gap.floor[q.key]
-        parts.append(
-            f"{name} was {before:.2f} {q.unit} off and is now {after:.2f} {q.unit} "
-            f"(noise {floor:.2f})"
+        now = (
+            f"was {before:.2f} {q.unit} off and is now {after:.2f}"
+            if changed
+            else (f"is {before:.2f}")
         )
+        off = "" if changed else " off"
+        parts.append(f"{name} {now} {q.unit}{off} (noise {floor:.2f})")
     return "on held-out runs " + ", ".join(parts)
 
 
