@@ -30,9 +30,11 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """1 + 2 sum of autocorrelations: how many samples are worth one independent sample.
 
     Pooled over all series of all runs, summed by pairs of lags while they stay positive (Geyer
-    1992, Practical Markov chain Monte Carlo, initial positive sequence).
+    1992, Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
+    smaller than their scale, as a generous floor leaves them, count by their long-run variance.
     """
-    clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in _scaled(residuals)]
+    scaled = _scaled(residuals)
+    clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
         return 1.0
@@ -43,7 +45,8 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
         if pair <= 0.0:
             break
         total += 2.0 * pair
-    return max(1.0, float(total))
+    room = sum(len(r) * s * s for r, s in scaled)
+    return max(1.0, float(total * min(1.0, power / room)))
 
 
 def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:

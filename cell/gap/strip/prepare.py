@@ -1,6 +1,6 @@
 """Measured folds made ready for the engine: their samples, and what a finer rod shows otherwise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,40 +9,43 @@ from cell.gap.strip.compare import Comparison
 from cell.gap.strip.layout import Floors, layout
 from cell.gap.strip.runs import Measured, MeasuredRun
 from cell.gap.strip.simulation import FINE, Drive, Shown, Simulation
-from cell.gap.subject import Residuals, Run
+from cell.gap.subject import Parameter, Residuals, Run
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel, describe
 from drivers.strip.rod.motions import Way
 from drivers.types import Array, frozen
 
-TRUSTED = (
-    1.0  # of the change that a finer rod makes: another engine, and a strip, may differ as much
-)
+TRUSTED = 1.0  # of the change that a finer rod makes: another engine, or a strip, is as far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
 LATER = 0.6  # s after the measured touch in which the model may still touch
+SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run
+FARTHEST = 0.002  # m of slack that any run may have
+LENGTH, ERROR = "length_error", "error"
 
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A measured fold: the reported way that drives the model, how it is compared, `index`, and
-    what a finer rod shows more than the coarse one `finer` (n,), per sample.
+    """A measured fold: the reported way that drives the model, how it is compared, `index`.
+
+    Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
+    the residuals change by per metre of slack.
     """
 
     way: Way
     comparison: Comparison
     index: int
     finer: Array
+    slope: Array
 
     def drive(self, model: StripModel) -> Drive:
         """What is simulated of this fold with `model`."""
         height = self.comparison.run.contact_height
         observation = replace(model.observation, contact_height=height)
-        return Drive(replace(model, observation=observation), self.way)
+        return Drive.of(replace(model, observation=observation), self.way)
 
-    def residuals(self, drive: Drive, shown: Shown | None) -> Residuals:
-        """Measured minus simulated, as a fine rod would have it."""
-        found = self.comparison(drive.model, shown)
-        mean = found.mean - self.finer
+    def corrected(self, found: Residuals, slack: float) -> Residuals:
+        """Residuals as a fine rod would have them, of a strip longer by `slack` [m]."""
+        mean = found.mean - self.finer + slack * self.slope
         return Residuals(mean, found.square + mean**2 - found.mean**2)
 
 
@@ -51,21 +54,44 @@ def prepared(
 ) -> list[Run]:
     """The runs as the engine takes them; those without a sample are left out."""
     folds = [_fold(run.measured, strip, floors) for run in runs]
-    drives = [f.drive(describe(strip, index=f.index)) for f in folds]
+    stated = [f.drive(describe(strip, index=f.index)) for f in folds]
+    longer = [f.drive(describe(strip, _lengthened(strip), f.index)) for f in folds]
     fine = Simulation(FINE, jobs)
-    shown = zip(coarse(drives), fine(drives), strict=True)
-    ready = []
-    for run, fold, drive, (rough, exact) in zip(runs, folds, drives, shown, strict=True):
-        samples = fold.comparison.layout.samples
-        if not len(samples):
-            continue
-        change = fold.comparison(drive.model, rough).mean - fold.comparison(drive.model, exact).mean
-        finer = np.nan_to_num(change)
-        finer = np.where(np.abs(finer) < MOST * samples.floor, finer, 0.0)
-        samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
-        content = replace(fold, finer=frozen(finer))
-        ready.append(Run(run.name, run.condition, samples, index=fold.index, content=content))
-    return ready
+    shown = zip(coarse(stated), fine(stated), coarse(longer), strict=True)
+    found = []
+    for run, fold, drive, seen in zip(runs, folds, stated, shown, strict=True):
+        if len(fold.comparison.layout.samples):
+            found.append(_run(run, fold, drive.model, *seen))
+    return found
+
+
+def _run(
+    run: MeasuredRun,
+    fold: Fold,
+    model: StripModel,
+    rough: Shown | None,
+    exact: Shown | None,
+    slack: Shown | None,
+) -> Run:
+    samples = fold.comparison.layout.samples
+    means = [fold.comparison(model, shown).mean for shown in (rough, exact, slack)]
+    limit = MOST * samples.floor
+    finer, change = (_within(means[0] - means[1], limit), _within(means[2] - means[0], limit))
+    samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
+    content = replace(fold, finer=frozen(finer), slope=frozen(change / SLACK))
+    local = (Parameter("slack", "m", 0.0, -FARTHEST, FARTHEST, SLACK, SLACK),)
+    return Run(run.name, run.condition, samples, index=fold.index, local=local, content=content)
+
+
+def _within(change: Array, limit: Array) -> Array:
+    """`change` (n,), 0 where it is lost or beyond `limit`."""
+    known = np.nan_to_num(change)
+    return np.where(np.abs(known) < limit, known, 0.0)
+
+
+def _lengthened(strip: StripFile) -> Mapping[str, Mapping[str, float]]:
+    stated = strip.effects.get(LENGTH, {}).get(ERROR, 0.0)
+    return {LENGTH: {ERROR: stated + SLACK}}
 
 
 def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
@@ -73,4 +99,5 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     kept = run.t <= run.end + LATER
     way = Way(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length)
-    return Fold(way, comparison, run.index, np.zeros(len(chosen.samples)))
+    nothing = np.zeros(len(chosen.samples))
+    return Fold(way, comparison, run.index, nothing, nothing)

@@ -6,6 +6,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,20 +38,22 @@ COARSE, FINE = Grain(100, 0.005), Grain(200, 0.0025)
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A description along a reported gripper path."""
+    """A description along a reported gripper path; equal `key`, equal true motion."""
 
     model: StripModel
     way: Way
+    key: bytes
 
-    def key(self) -> bytes:
-        """Hash of all that the true motion depends on: not of how it is looked at."""
-        height = self.model.observation.contact_height
-        blind = replace(self.model, observation=Observation(contact_height=height))
+    @classmethod
+    def of(cls, model: StripModel, way: Way) -> Self:
+        """With a hash of all that the true motion depends on: not of how it is looked at."""
+        height = model.observation.contact_height
+        blind = replace(model, observation=Observation(contact_height=height))
         h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
-        for array in (self.way.t, self.way.poses):
+        for array in (way.t, way.poses):
             h.update(np.ascontiguousarray(array).tobytes())
-        h.update(bytes([self.way.hanging]))
-        return h.digest()
+        h.update(bytes([way.hanging]))
+        return cls(model, way, h.digest())
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +92,12 @@ class Simulation:
 
     def __call__(self, drives: Sequence[Drive]) -> list[Shown | None]:
         """What each of `drives` shows; None where the rod found no shape."""
-        keys = [drive.key() for drive in drives]
-        wanted = {k: d for k, d in zip(keys, drives, strict=True) if k not in self._known}
-        found = {k: self._known[k] for k in keys if k in self._known}
+        wanted = {d.key: d for d in drives if d.key not in self._known}
+        found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
         found |= self._simulated(wanted)
-        for key in dict.fromkeys(keys):
+        for key in dict.fromkeys(d.key for d in drives):
             self._remember(key, found[key])
-        return [found[key] for key in keys]
+        return [found[d.key] for d in drives]
 
     def _simulated(self, wanted: dict[bytes, Drive]) -> dict[bytes, Shown | None]:
         """Long motions together, so that lanes end together."""

@@ -14,7 +14,7 @@ from cell.gap.strip.simulation import COARSE, Simulation
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile, load_strip
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import Observation, StripModel, describe
 
 DESCRIBED = 4096  # descriptions that are kept
 Values = tuple[float, ...]
@@ -61,8 +61,15 @@ class Strip:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
+        seen: dict[tuple[str, bytes, Observation], Residuals] = {}
+        found = []
         shown = self._simulation(drives)
-        return [f.residuals(d, s) for f, d, s in zip(folds, drives, shown, strict=True)]
+        for request, fold, drive, motion in zip(requests, folds, drives, shown, strict=True):
+            look = request.run.name, drive.key, drive.model.observation
+            if look not in seen:
+                seen[look] = fold.comparison(drive.model, motion)
+            found.append(fold.corrected(seen[look], float(request.local[0])))
+        return found
 
     def experiments(self) -> Sequence[Experiment]:
         """Folds worth measuring next."""
