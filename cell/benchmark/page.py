@@ -162,7 +162,7 @@ def _motions(results: Results) -> Iterator[str]:
         "State, action and displacement",
         drawing(measures_figure(results), "state and action, and the lengths at the touch"),
         note="Feedback decides the direction φ from gripper x, z and desk contact x. At the "
-        "first touch l1 and l2 give the displacement.",
+        "first touch l₁ and l₂ give the displacement.",
     )
     yield section(
         "Feedback on one strip",

@@ -73,15 +73,16 @@ def _strips_table(told: Sequence[Row], count: int) -> Table:
     table = Table(
         box=SIMPLE_HEAD,
         pad_edge=False,
+        padding=(0, 1, 0, 0),
         title=f"{count} strip{_s(count)}, folded through images: displacement in mm",
         caption="error: seen − true, at most; differ: folds of one strip, most among them",
     )
     table.add_column("policy", no_wrap=True)
     for name in ("folds", "mean", "from", "to", "worst"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     table.add_column("on", no_wrap=True)
     for name in ("error", "differ"):
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", no_wrap=True)
     for row in told:
         s = row.strips
         numbers = [numeral(s.mean, signed=True), numeral(s.low, signed=True)]

@@ -106,7 +106,8 @@ def _strips(axes: Any, results: Results) -> None:
         folds = {fold.strip: fold for fold in results.folds(policy)}
         d = _d(tuple(folds[s] for s in strips if s in folds))
         places = [row for row, strip in enumerate(strips) if strip in folds]
-        axes.plot(d, places, **dot(policy), label=policy, zorder=4, clip_on=False)
+        mark = dot(policy)
+        axes.plot(d, places, **mark, label=policy, zorder=6 - 0.2 * mark["ms"], clip_on=False)
     axes.set_yticks(range(len(strips)), strips)
     axes.set_ylim(len(strips) + 0.05, -0.55)
     axes.tick_params(axis="y", labelcolor=INK, labelsize=9)

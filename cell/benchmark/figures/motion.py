@@ -75,7 +75,7 @@ def measures_figure(results: Results) -> str:
     found = evolution(results, "feedback")
     if found is None or found.touch_x is None or found.displacement is None:
         return ""
-    with canvas(WIDTH, 2.75) as figure:
+    with canvas(WIDTH, 3.2) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         _state(left, found)
         _lengths(right, found, found.touch_x, found.displacement)
