@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import Fault
+from drivers.strip.model import Observation
 from drivers.twin.camera import TwinCamera
 from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.look import StripLook
@@ -50,7 +51,7 @@ def world() -> RecordedWorld:
 
 
 def connected(world: RecordedWorld, clock: FixedClock, latency: float = 0.0) -> TwinCamera:
-    camera = TwinCamera(world, clock, SETTINGS, LOOK, seed=1, latency=latency)
+    camera = TwinCamera(world, clock, SETTINGS, LOOK, 1, Observation(camera_latency=latency))
     camera.connect()
     return camera
 

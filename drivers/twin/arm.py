@@ -1,5 +1,6 @@
 """The twin's arm: a servo in simulated time that trails its commands and measures with noise."""
 
+from collections import deque
 from math import exp, hypot
 from types import TracebackType
 from typing import Self
@@ -24,6 +25,8 @@ class TwinArm:
 
     Commands and measurements pass through the robot's own frame, as they do on hardware. The
     servo runs from the start, whether anybody is connected or not: it holds the arm still.
+    The arm truly was where it reports to be `delay` [s] before it says so; a negative one has the
+    gripper come there later.
     """
 
     def __init__(
@@ -33,6 +36,7 @@ class TwinArm:
         settings: ArmSettings,
         installation: Installation,
         rng: np.random.Generator,
+        delay: float = 0.0,
     ) -> None:
         """At rest where the gripper of `world` is, with the noise of `rng`."""
         start = world.gripper
@@ -48,6 +52,9 @@ class TwinArm:
         self._stamp = clock.now()
         self._actual = [start.x, start.z, start.pitch]
         self._rate = [0.0, 0.0, 0.0]
+        self._delay = delay
+        still = (*self._actual, *self._rate)
+        self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))
         self._connected = False
         self._closed = False
         clock.every(TICK, self._tick, Turn.SERVO)
@@ -66,7 +73,7 @@ class TwinArm:
             arrival=self._clock.now(),
             source=SOURCE,
             pose=self._measured(),
-            velocity=Velocity(*self._rate),
+            velocity=Velocity(*self._reported()[3:]),
             commanded=self._profile.pose,
             moving=self._profile.moving or not self._settled,
             expired=self._profile.expired,
@@ -112,8 +119,11 @@ class TwinArm:
         if self._ticks % NOISE_BLOCK == 0:
             self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
         self._trail(self._profile.tick())
+        self._past.append((*self._actual, *self._rate))
+        self._past.popleft()
         pose = self._cell_in_robot.to_robot(*self._actual)
-        self._world.follow(now, Pose(*self._cell_in_robot.to_cell(pose)))
+        arrives = now - min(self._delay, 0.0)
+        self._world.follow(arrives, Pose(*self._cell_in_robot.to_cell(pose)))
 
     def _trail(self, command: list[float]) -> None:
         """Follow the command with a first-order lag."""
@@ -121,17 +131,24 @@ class TwinArm:
         self._actual = [a + s for a, s in zip(self._actual, step, strict=True)]
         self._rate = [s / TICK for s in step]
 
+    def _reported(self) -> list[float]:
+        """Pose and rate (6,) of which the arm knows by now."""
+        ticks = max(self._delay, 0.0) / TICK
+        whole = int(ticks)
+        newer, older = self._past[-1 - whole], self._past[-2 - whole]
+        return [n + (ticks - whole) * (o - n) for n, o in zip(newer, older, strict=True)]
+
     @property
     def _settled(self) -> bool:
         commanded = self._profile.pose
-        x, z, pitch = self._actual
+        x, z, pitch, *_ = self._reported()
         behind = hypot(commanded.x - x, commanded.z - z, commanded.pitch - pitch)
         return behind <= SETTLED
 
     def _measured(self) -> Pose:
         """What the robot reports of itself, brought back into the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
-        x, z, pitch = self._actual
+        x, z, pitch, *_ = self._reported()
         pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])
         pose[:3, 3] += noise[:3]
         return Pose(*self._cell_in_robot.to_cell(pose))

@@ -7,14 +7,17 @@ import numpy as np
 
 from drivers.errors import Fault
 from drivers.protocols import Clock
+from drivers.strip.model import Observation
 from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.types import Frame
 
 SOURCE = "twin camera"
 NANO = 9  # digits of a second that the clock knows
+AS_CALIBRATED = Observation()
 
 
 class Visible(Protocol):
@@ -29,8 +32,11 @@ class TwinCamera:
     """Satisfies `drivers.protocols.Camera` for a simulated world.
 
     Frame k is exposed about k / rate, its stamp, and known `transport_delay` later. Only frames
-    that are read are rendered. `latency` [s] is an untold one: the frame shows the world that
-    much before its stamp; a negative one delays the frame until the world has been there.
+    that are read are rendered. What happened to it since its calibration is untold: `observation`
+    has it moved, so that places appear scaled and shifted, has lint or glare where the strip leaves
+    the desk, and frames show the world `camera_latency` [s] before their stamps; a negative one
+    delays them until the world has been there. The desk stands `desk_height` [m] higher than it
+    did. Scenes are over the true desk.
     """
 
     def __init__(
@@ -40,15 +46,16 @@ class TwinCamera:
         settings: CameraSettings,
         look: StripLook,
         seed: int,
-        *,
-        latency: float = 0.0,
+        observation: Observation = AS_CALIBRATED,
+        desk_height: float = 0.0,
     ) -> None:
         self._world = world
         self._clock = clock
         self._settings = settings
-        self._renderer = Renderer(settings, look, seed)
-        self._latency = latency
-        self._delay = settings.transport_delay + max(0.0, -latency)
+        optics = _optics(settings, observation, desk_height)
+        self._renderer = Renderer(settings, look, seed, optics, observation.contact_bias)
+        self._latency = observation.camera_latency
+        self._delay = settings.transport_delay + max(0.0, -self._latency)
         self._newest: Frame | None = None
         self._connected = False
 
@@ -102,3 +109,10 @@ class TwinCamera:
         offsets = (np.arange(count) + 0.5) / count - 0.5
         moments = middle + offsets * self._settings.exposure
         return [self._world.scene(max(float(moment), 0.0)) for moment in moments]
+
+
+def _optics(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
+    """The camera where it stands now: measured = (1 + scale) (true + desk height) + shift."""
+    shift = observation.shift_x, observation.shift_z
+    moved = Optics.of(settings).displaced(observation.scale, shift)
+    return moved.displaced(0.0, (0.0, desk_height))

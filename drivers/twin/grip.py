@@ -1,18 +1,17 @@
-"""How the strip's edge sits between the fingers."""
+"""How the strip's edge sits between the fingers, and where those truly are."""
 
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, hypot, sin
 from typing import Self
 
+from drivers.strip.grip_path import LIFT_TRAVEL, true_poses
+from drivers.strip.model import Rig
 from drivers.types import Pose
 
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A rigid hold: the edge at `along`, `across` [m] in the hand's frame, turned by `turn` [rad].
-
-    What a hand does to the edge that it holds (an offset, a tilt, compliance, slip) belongs here.
-    """
+    """A rigid hold: the edge `along`, `across` [m] in the hand's frame, turned by `turn` [rad]."""
 
     along: float
     across: float
@@ -33,3 +32,33 @@ class Grip:
             hand.z + s * self.along + c * self.across,
             hand.pitch + self.turn,
         )
+
+
+class Bearings:
+    """Where the gripper truly is over the true desk, from where the arm believes that it is.
+
+    The offsets of `rig` grow as in `grip_path`: from nothing where the strip is grasped.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self._start: Pose | None = None
+        self._share = 0.0
+
+    def grasp(self, believed: Pose) -> None:
+        """The strip is taken here: from now on offsets grow with the distance."""
+        self._start = believed
+
+    def passed(self, believed: Pose) -> Pose:
+        """The true pose of a gripper that has come to `believed`."""
+        if self._start is not None:
+            away = hypot(believed.x - self._start.x, believed.z - self._start.z)
+            self._share = max(self._share, min(away / LIFT_TRAVEL, 1.0))
+        return self.true(believed)
+
+    def true(self, believed: Pose) -> Pose:
+        """The true pose, offsets grown as far as they are."""
+        if self._share == 0:
+            return believed
+        x, z, pitch = true_poses(self._rig, believed.as_array(), self._share).tolist()
+        return Pose(x, z, pitch)

@@ -55,7 +55,8 @@ def open_twin(
     chain = Chain(settings.world.links)
     world = World(model, chain, settings.world, home, settings.hand.opening)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
-    arm = TwinArm(world, clock, settings.arm, installation, np.random.default_rng(arm_seed))
+    rng = np.random.default_rng(arm_seed)
+    arm = TwinArm(world, clock, settings.arm, installation, rng, model.rig.delay)
     hand = TwinHand(world, clock, settings.hand)
     camera = TwinCamera(
         world,
@@ -63,7 +64,8 @@ def open_twin(
         settings.camera,
         StripLook.of(plant),
         seed,
-        latency=model.observation.camera_latency,
+        model.observation,
+        model.rig.desk_height,
     )
     clock.every(settings.world.step, world.advance, Turn.WORLD)
     return Twin(clock=clock, arm=arm, hand=hand, camera=camera, world=world)

@@ -1,4 +1,4 @@
-"""The twin's desk: a strip, the hand over it, and what both did."""
+"""The twin's desk: a strip, the hand over it, and what both did, over the true desk."""
 
 from collections import deque
 from dataclasses import replace
@@ -12,7 +12,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
 from drivers.twin.fingers import Fingers
-from drivers.twin.grip import Grip
+from drivers.twin.grip import Bearings, Grip
 from drivers.twin.history import History
 from drivers.twin.scene import Scene
 from drivers.twin.settings import WorldSettings
@@ -31,8 +31,9 @@ class Plant(Stepper, Protocol):
 class World:
     """One strip on the desk, followed by whatever arm is connected through its stamped poses.
 
-    The strip lies flat and still until it is grasped. It moves in steps of `settings.step`, as
-    far as the poses of the gripper are known. The world has no clock: `advance` is told the time.
+    Where the gripper truly is follows from those and the rig of `model`. The strip lies flat and
+    still until it is grasped, then as the plant starts it: its edge at x = L. It moves in steps of
+    `settings.step`, as far as the gripper is known. The world has no clock: `advance` is told.
     """
 
     def __init__(
@@ -46,11 +47,12 @@ class World:
         self._path: deque[tuple[float, Pose]] = deque([(0.0, start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
+        self._bearings = Bearings(model.rig)
         self._grip: Grip | None = None
         self._grasped_at: float | None = None
         plant.reset([model])
         self._arc = frozen(plant.arc()[0])
-        self._points = frozen(plant.shapes()[0])
+        self._points = frozen(np.stack([self._arc, np.zeros_like(self._arc)], axis=1))
         self._seen: list[Observables] = []
         self._record: list[tuple[float, Pose, Pose, Array]] = []
         self._history = History(settings.step, settings.memory)
@@ -64,10 +66,10 @@ class World:
     @property
     def gripper(self) -> Pose:
         """The newest true pose of the gripper."""
-        return self._path[-1][1]
+        return self._bearings.true(self._path[-1][1])
 
     def follow(self, stamp: float, pose: Pose) -> None:
-        """The gripper truly was at `pose` at `stamp` [s]; what is not newer changes nothing."""
+        """The arm believes to be at `pose` at `stamp` [s]; what is not newer changes nothing."""
         if stamp > self._path[-1][0]:
             self._path.append((stamp, pose))
 
@@ -76,7 +78,7 @@ class World:
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
-            hand = self._hand_at(self.time)
+            hand = self._bearings.passed(self._hand_at(self.time))
             if self._grasped_at is not None:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))
@@ -94,11 +96,12 @@ class World:
         self._pointer = held
 
     def edge_within(self, reach: float, lean: float) -> bool:
-        """Whether the strip's edge lies within `reach` [m] and `lean` [rad] of the gripper."""
+        """Whether the strip lies within `reach` [m] and `lean` [rad] of a gripper near x = L."""
         if not self._settings.strip or self._pointer:
             return False
         hand, edge = self.gripper, self._edge()
-        distance = float(np.hypot(edge.x - hand.x, edge.z - hand.z))
+        place = min(edge.x, self.model.stated_length)
+        distance = float(np.hypot(place - hand.x, edge.z - hand.z))
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
@@ -108,7 +111,10 @@ class World:
                 "grasp_not_simulated",
                 "the twin grasps a strip once; start another run for another grasp",
             )
-        self._grip = Grip.between(self.gripper, self._edge())
+        stated = Pose(self.model.stated_length, 0.0, 0.0)
+        self._grip = Grip.between(self.gripper, stated)
+        self._bearings.grasp(self.gripper)
+        self._points = frozen(self._plant.shapes()[0])
         self._grasped_at = self.time
 
     def detach(self) -> None:

@@ -54,6 +54,14 @@ class Optics:
             _inverse(settings.distortion, 0.6 * diagonal / settings.focal),
         )
 
+    def displaced(self, scale: float, shift: tuple[float, float]) -> Self:
+        """The same camera elsewhere, to which p appears where 1 + scale times p plus `shift` did.
+
+        `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.
+        """
+        moved = (self.centre - (shift[0], 0.0, shift[1])) / (1.0 + scale)
+        return replace(self, centre=np.asarray(moved))
+
     def project(self, points: Array) -> Array:
         """Pixels (..., 2) of points (..., 3) of the cell frame [m]."""
         seen = (points - self.centre) @ self.rotation.T

@@ -8,6 +8,7 @@ from drivers.errors import ConfigurationError
 from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.curve import Curve, exposed
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
+from drivers.twin.renderer.lint import draw_lint
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, seen, weave
@@ -26,10 +27,18 @@ class Renderer:
     What stands still is drawn here, once. `render` is a pure function of its arguments.
     """
 
-    def __init__(self, settings: CameraSettings, look: StripLook, seed: int) -> None:
+    def __init__(
+        self,
+        settings: CameraSettings,
+        look: StripLook,
+        seed: int,
+        optics: Optics | None = None,
+        contact_bias: float = 0.0,
+    ) -> None:
+        """`optics` are those of its settings unless given; see `lint` for `contact_bias` [m]."""
         self._settings = settings
         self._look = look
-        self._optics = Optics.of(settings)
+        self._optics = optics or Optics.of(settings)
         rng = np.random.default_rng((seed, 0xC0))
         empty = stage(settings, self._optics, look, rng)
         self._sharp, self._light = empty.image, empty.light
@@ -39,6 +48,7 @@ class Renderer:
         self._noise = noise_bank(settings.width, settings.height, settings.noise, seed)
         self._colour = bgr(look.colour)
         self._gripper = bgr(settings.surroundings.gripper) * settings.gain
+        self._contact_bias = contact_bias
         self._spacing = PITCH * settings.distance / settings.focal
 
     def render(self, scenes: Sequence[Scene], sequence: int) -> Image:
@@ -63,6 +73,8 @@ class Renderer:
             if curve is not None:
                 self._shadow.cast(part, window.origin, shadow_profile(curve))
             self._draw(part, window, middle, clouds, hand)
+            if curve is not None:
+                self._draw_lint(part, window, middle)
             window.put(blurred(part, self._settings.lens_blur), image)
         self._noise.apply(image, sequence)
         return image
@@ -74,6 +86,12 @@ class Renderer:
             faces(curve, picture, self._optics, self._look, self._weave),
             near_edge(curve, picture, self._weave),
         )
+
+    def _draw_lint(self, part: Image, window: Window, scene: Scene) -> None:
+        optics = self._optics.seen_from(window.origin)
+        glow = float(np.median(window.of(self._light)))
+        look = (self._colour * glow, self._look.thickness)
+        draw_lint(part, window.of(self._sharp), scene, optics, self._contact_bias, look)
 
     def _draw(
         self,
