@@ -24,9 +24,9 @@ class Calibration:
     """One camera at one place, looking at the plane of the strip's near edge.
 
     `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s]
-    how much later than its stamp an image shows the world, `date` ISO 8601, `camera` the identity
-    of the device that it belongs to, `id` the hash of all of this but the date: calibrating the
-    twin again gives the same id.
+    how much earlier than its stamp an image shows the world, `contact_bias` [m] by how much
+    contact_x is off besides, `date` ISO 8601, `camera` the identity of the device that it belongs
+    to, `id` the hash of all of this but the date: calibrating the twin again gives the same id.
     """
 
     lens: Lens
@@ -37,6 +37,7 @@ class Calibration:
     date: str
     camera: str
     id: str
+    contact_bias: float = 0.0
 
     def to_plane(self, pixels: Array) -> Array:
         """(n, 2) raw image points [px] -> (n, 2) x, z [m] in the plane of the near edge."""
@@ -58,10 +59,12 @@ class CalibrationFile(Settings):
     residual_mm: NotNegative
     homography: MatrixFile
     lens: CameraFile
+    contact_bias: float = 0.0
 
     def content(self) -> dict[str, Any]:
         """Plain mapping for YAML."""
-        return self.model_dump(mode="json", by_alias=True)
+        left_out = None if self.contact_bias else {"contact_bias"}
+        return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:
         """The calibration; contents that do not match their id are a ConfigurationError."""
@@ -82,6 +85,7 @@ class CalibrationFile(Settings):
             date=self.date,
             camera=self.camera,
             id=self.id,
+            contact_bias=self.contact_bias,
         )
 
 
@@ -93,10 +97,17 @@ def calibrated(
     date: str,
     camera: str,
     latency: float = 0.0,
+    contact_bias: float = 0.0,
 ) -> Calibration:
     """A calibration of its parts, with its id."""
     file = _file(
-        lens, homography, residual_mm=residual_mm, latency=latency, date=date, camera=camera
+        lens,
+        homography,
+        residual_mm=residual_mm,
+        latency=latency,
+        date=date,
+        camera=camera,
+        contact_bias=contact_bias,
     )
     return file.calibration("calibration")
 
@@ -114,6 +125,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         latency=calibration.latency,
         date=calibration.date,
         camera=calibration.camera,
+        contact_bias=calibration.contact_bias,
     )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -141,6 +153,7 @@ def _file(
     latency: float,
     date: str,
     camera: str,
+    contact_bias: float,
 ) -> CalibrationFile:
     content = {
         "schema": 1,
@@ -151,6 +164,7 @@ def _file(
         "residual_mm": residual_mm,
         "homography": MatrixFile.of(homography.matrix),
         "lens": CameraFile.of(lens, camera),
+        "contact_bias": contact_bias,
     }
     unsigned = CalibrationFile.model_validate(content)
     return unsigned.model_copy(update={"id": _identity(unsigned.content())})

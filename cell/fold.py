@@ -16,6 +16,7 @@ from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.plant import load_plant
+from cell.correction import corrected_calibration
 from cell.devices import Devices
 from cell.opening import open_cell
 from cell.orchestrator.brakes import attempt
@@ -73,6 +74,7 @@ def fold(
     devices = open_cell(settings, strip, request.choice, calibrating=False)
     calibration = calibration or calibration_of(settings)
     _check_camera(calibration, devices)
+    calibration = corrected_calibration(calibration, settings, strip)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration)
     keep = request.frames or settings.record.frames
@@ -113,12 +115,13 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
     content = result_content(outcome)
     try:
         recorder.finish(content)
-        recorder.close()
     except KeyboardInterrupt:
         recorder.finish(content)
         raise
     except Fault as fault:
-        return outcome.but(Stopped.by(fault))
+        outcome = outcome.but(Stopped.by(fault))
+    finally:
+        attempt(recorder.close)
     return outcome
 
 

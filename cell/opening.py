@@ -4,6 +4,7 @@ import cv2
 
 from cell.choice import Choice
 from cell.config.cell import CellFile
+from cell.correction import corrected_devices
 from cell.devices import Devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -23,9 +24,13 @@ def check_drivers(settings: CellFile, choice: Choice) -> None:
 def open_cell(
     settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
 ) -> Devices:
-    """Devices as configured and chosen; on the twin without a plant the strip itself lies there."""
+    """Devices as configured and chosen, effects of the rig that the cell file has inverted.
+
+    On the twin without a plant the strip itself lies there.
+    """
     check_drivers(settings, choice)
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
     from cell.twin import twin_devices
 
-    return twin_devices(settings, strip, choice, calibrating=calibrating)
+    devices = twin_devices(settings, strip, choice, calibrating=calibrating)
+    return devices if calibrating else corrected_devices(devices, settings, strip)

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.config.cell import CellFile
+from cell.correction import as_recorded
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
+from drivers.strip.model import StripModel, describe
 from drivers.strip.rod.engine import Rod
 
 STEP = 0.005  # s
@@ -45,10 +47,18 @@ def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
     if len(ticks.t) < 2:
         raise ConfigurationError(f"{folder}: ticks.parquet: holds no motion to simulate")
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    motion = simulate(Rod(SEGMENTS), describe(_strip(run)), ticks.t, poses, dt=STEP, shapes=shapes)
+    motion = simulate(Rod(SEGMENTS), _model(run), ticks.t, poses, dt=STEP, shapes=shapes)
     measured = None if run.result is None else run.result.displacement
     simulated = None if motion.touch is None else motion.touch.displacement
     return Resimulation(measured, simulated, motion)
+
+
+def _model(run: Run) -> StripModel:
+    """The strip in the run's cell; a laboratory's run knows no cell."""
+    config = (run.header.model_extra or {}).get("config")
+    if config is None:
+        return describe(_strip(run))
+    return as_recorded(parse(config, CellFile, f"{run.folder}/run.yaml: config"), _strip(run))
 
 
 def _strip(run: Run) -> StripFile:

@@ -55,6 +55,8 @@ class Perception:
         )
         self._zones = zones(calibration, strip.length, settings.shadow_height)
         self._scale = _scale(calibration)
+        self._rest = appearance.rest_height
+        self._contact_bias = settings.contact_bias + calibration.contact_bias
 
     def look(self, frame: Frame, gripper: Pose) -> Sight:
         """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
@@ -70,7 +72,7 @@ class Perception:
         return Sight(
             stamp=frame.stamp,
             sequence=frame.sequence,
-            contact_x=contact.x - self._settings.contact_bias,
+            contact_x=contact.x - self._contact_bias,
             contact_confidence=contact.confidence,
             profile=curve.points,
             profile_confidence=curve.confidence,
@@ -114,7 +116,7 @@ class Perception:
         if len(curve.points) == 0:
             return (NAN, NAN), None
         x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
-        whole = np.vstack([np.column_stack([x, np.zeros_like(x)]), curve.points])
+        whole = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
         return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
 
     def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:

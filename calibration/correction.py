@@ -1,0 +1,37 @@
+"""What happened to camera and desk since their calibration, taken back: effects inverted."""
+
+import numpy as np
+
+from calibration.calibration import Calibration, calibrated
+from calibration.homography import Homography
+from drivers.strip.model import Observation, StripModel
+from drivers.strip.observation import true_points
+
+AS_CALIBRATED = Observation()
+
+
+def corrected(calibration: Calibration, model: StripModel) -> Calibration:
+    """The calibration with which images show what is true, by the effects that `model` has.
+
+    Places, contact_x and stamps, all over the true desk. Without such effects it is the very same;
+    with some it is one of its own, with its own id.
+    """
+    observation, plain = model.observation, AS_CALIBRATED
+    if observation == plain and model.rig.desk_height == 0:
+        return calibration
+    return calibrated(
+        calibration.lens,
+        Homography.of(_truth_of(model) @ calibration.homography.matrix),
+        residual_mm=calibration.residual_mm,
+        date=calibration.date,
+        camera=calibration.camera,
+        latency=calibration.latency + observation.camera_latency,
+        contact_bias=calibration.contact_bias
+        + observation.contact_bias / (1.0 + observation.scale),
+    )
+
+
+def _truth_of(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """`true_points` as a matrix (3, 3) on homogeneous places."""
+    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
+    return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
