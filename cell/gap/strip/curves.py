@@ -60,14 +60,22 @@ def images_of(
 
 def believable(curve: Array, sigma: float) -> NDArray[np.bool_]:
     """Which points (n,) of a curve (n, 2) lie near the running median of their neighbours."""
-    if len(curve) < WINDOW:
+    if len(curve) <= WINDOW:
         return np.ones(len(curve), dtype=bool)
-    half = WINDOW // 2
-    padded = np.pad(curve, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
-    middle = np.median(sliding_window_view(padded, WINDOW, axis=0), axis=-1)
+    off = np.hypot(*(curve - running_median(curve)).T)
     spacing = float(np.median(np.hypot(*np.diff(curve, axis=0).T)))
-    off = np.hypot(*(curve - middle).T)
     return np.asarray(off < OFF * sigma + spacing)
+
+
+def running_median(curve: Array) -> Array:
+    """Medians (n, 2) of WINDOW points about each point, carried on straight to both ends."""
+    half = WINDOW // 2
+    inner = np.median(sliding_window_view(curve, WINDOW, axis=0), axis=-1)
+    reach = min(half, len(inner) - 1)
+    ahead = np.arange(1, half + 1)[:, None]
+    first = inner[0] - ahead[::-1] * (inner[reach] - inner[0]) / reach
+    last = inner[-1] + ahead * (inner[-1] - inner[-1 - reach]) / reach
+    return np.concatenate([first, inner, last])
 
 
 def _to_grip(curve: Array, gripper: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.probes import places, sizes
+from cell.gap.strip.terms import TERMS
 from cell.gap.subject import Candidate, Library, Parameter, Quantity
 from drivers.errors import Unsupported
 from drivers.strip.effects import registry
@@ -30,6 +31,7 @@ def library(strip: StripFile, floors: Floors) -> Library:
     return Library(
         base=(*_base(strip), *_accepted(strip)),
         candidates=tuple(candidate(e, strip) for e in fresh if simulated(e, strip)),
+        terms=tuple(term.candidate() for term in TERMS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),

@@ -32,7 +32,7 @@ def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
         "hem_mass": (0.05 * mass,),
         "length_error": (0.0005, 0.003),
         "ageing": (0.003, 0.03),
-        "end_slip": (2.0, 0.4),
+        "end_slip": (10.0, 1.0),
         "grip_slip": (5.0 * weight, weight),
         "desk_tilt": (0.003, 0.02),
         "desk_height": (0.0005, 0.003),

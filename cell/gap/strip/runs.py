@@ -59,21 +59,26 @@ class MeasuredRun:
     measured: Measured
     notes: tuple[str, ...]
 
+    @property
+    def usable(self) -> bool:
+        """Whether it went on long enough to be compared."""
+        return len(self.measured.t) > 0
+
 
 def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
-    """The usable runs among `folders`, in the order in which they were taken.
+    """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
 
     Raises ConfigurationError, in one line, for whatever cannot be trusted.
     """
     found = find_runs(folders)
     read = [_read(f, n, strip) for f, n in zip(found, run_names(found), strict=True)]
-    usable = [run for run in read if len(run.measured.t)]
-    if len(usable) < 2:
+    usable = sum(run.usable for run in read)
+    if usable < 2:
         raise ConfigurationError(
-            f"{found[0].parent}: {len(usable)} of {len(read)} runs can be used; at least two are "
+            f"{found[0].parent}: {usable} of {len(read)} runs can be used; at least two are "
             "needed, better ten"
         )
-    return sorted(usable, key=lambda run: (run.measured.index, run.name))
+    return sorted(read, key=lambda run: (run.measured.index, run.name))
 
 
 def _read(folder: Path, name: str, strip: StripFile) -> MeasuredRun:

@@ -5,12 +5,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import cast
 
+from cell.gap.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.library import file_values, library
 from cell.gap.strip.patch import patched
 from cell.gap.strip.prepare import Fold, prepared
 from cell.gap.strip.runs import MeasuredRun, read_runs
 from cell.gap.strip.simulation import COARSE, Simulation
+from cell.gap.strip.terms import with_terms
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile, load_strip
@@ -35,12 +37,13 @@ class Strip:
     ) -> None:
         self.file = strip
         self.notes = tuple(note for run in runs for note in run.notes)
+        self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
         self._library = library(strip, self._floors)
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._described = lru_cache(DESCRIBED)(self._describe)
-        self._runs = prepared(runs, strip, self._floors, self._simulation, jobs)
+        self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs)
 
     @property
     def name(self) -> str:
@@ -72,8 +75,13 @@ class Strip:
         return found
 
     def experiments(self) -> Sequence[Experiment]:
-        """Folds worth measuring next."""
-        return []
+        """The standard folds, as they would come out for the strip as stated."""
+        runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
+        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs)
+        asked = {run.name: run for run in runs}
+        return [
+            Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
+        ]
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
@@ -98,8 +106,10 @@ class Strip:
             else:
                 numbers[p.name] = value
         strip = self.file.model_copy(update={**numbers, "effects": kept})
-        added = {name: file_values(registry()[name], values) for name, values in effects}
-        return describe(strip, {k: v for k, v in added.items() if v is not None}, index)
+        known = [(registry()[name], values) for name, values in effects if name in registry()]
+        added = {e.name: file_values(e, values) for e, values in known}
+        model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
+        return with_terms(model, {name: values[0] for name, values in effects})
 
 
 def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
