@@ -56,6 +56,28 @@ BROKEN = {
 }
 
 
+AHEAD = {
+    "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=10.5)),
+    "image_stale": replace(GOOD, frame=replace(FRAME, stamp=40.0)),
+}
+MOVING = {State.GRASP, State.LIFT, State.FOLD, State.TOUCHED, State.LAY, State.RELEASE}
+WATCHED = {
+    "arm_pose_not_finite": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "arm_state_stale": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "setpoint_expired": {State.LIFT, State.FOLD, State.LAY},
+    "overspeed": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "tracking_error": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "workspace": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "force": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "grip_lost": {State.LIFT, State.FOLD, State.TOUCHED, State.LAY},
+    "image_stale": MOVING,
+    "image_frozen": MOVING,
+    "low_confidence": {State.LIFT, State.FOLD},
+    "state_overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+}
+
+
 def test_nothing_trips_on_a_good_tick() -> None:
     check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), RULES)
 
@@ -71,6 +93,20 @@ def test_monitor_stops_before_the_command(name: str) -> None:
     with pytest.raises(Fault) as stopped:
         check_all(BROKEN[name], Hold(), rules)
     assert stopped.value.name == name
+
+
+@pytest.mark.parametrize("name", AHEAD)
+def test_a_stamp_of_the_future_hides_nothing(name: str) -> None:
+    with pytest.raises(Fault) as stopped:
+        check_all(AHEAD[name], Hold(), RULES)
+    assert stopped.value.name == name
+
+
+@pytest.mark.parametrize("name", WATCHED)
+def test_each_monitor_watches_in_its_states(name: str) -> None:
+    """Those of the arm wherever it may move, those of images wherever they are relied on."""
+    watching = {monitor.name: set(monitor.states) for monitor in MONITORS}
+    assert watching[name] == WATCHED[name]
 
 
 @pytest.mark.parametrize(

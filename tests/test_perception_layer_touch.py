@@ -81,6 +81,13 @@ def test_gap_that_only_dips_is_no_touch() -> None:
     assert _watch(lambda t: 0.0012 + 0.2 * abs(t - 0.5))[0] is None
 
 
+def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
+    stops = 0.7
+    touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))
+    assert touch is not None
+    assert told > stops
+
+
 def test_layers_never_seen_apart_are_no_touch() -> None:
     assert _watch(lambda _: 0.0009)[0] is None
 
