@@ -82,7 +82,7 @@ def test_gap_that_only_dips_is_no_touch() -> None:
 
 
 def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
-    stops = 0.7
+    stops = 0.58
     touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))
     assert touch is not None
     assert told > stops
