@@ -52,7 +52,7 @@ class TwinCamera:
         self._world = world
         self._clock = clock
         self._settings = settings
-        optics = _optics(settings, observation, desk_height)
+        optics = optics_now(settings, observation, desk_height)
         self._renderer = Renderer(settings, look, seed, optics, observation.contact_bias)
         self._latency = observation.camera_latency
         self._delay = settings.transport_delay + max(0.0, -self._latency)
@@ -111,7 +111,7 @@ class TwinCamera:
         return [self._world.scene(max(float(moment), 0.0)) for moment in moments]
 
 
-def _optics(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
+def optics_now(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
     """The camera where it stands now: measured = (1 + scale) (true + desk height) + shift."""
     shift = observation.shift_x, observation.shift_z
     moved = Optics.of(settings).displaced(observation.scale, shift)
