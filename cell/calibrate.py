@@ -15,11 +15,12 @@ from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
 from cell.devices import Aids, Devices
+from cell.interrupt import Interrupted
 from cell.opening import open_cell
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.run import Run
 from cell.orchestrator.unrecorded import Unrecorded
-from drivers.errors import CellError, ConfigurationError
+from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.strip.file import StripFile
 from policies.triangular import Triangular
 
@@ -34,11 +35,16 @@ NO_STRIP = StripFile(
 )  # the desk is bare while the camera is calibrated
 
 
-def calibration_of(settings: CellFile, tell: Callable[[str], None] = lambda _: None) -> Calibration:
+def calibration_of(
+    settings: CellFile,
+    tell: Callable[[str], None] = lambda _: None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Calibration:
     """The calibration that this cell uses.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run. Where it cannot be kept `tell` is told so.
+    points and kept for the next run. Where it cannot be kept `tell` is told so. Raises
+    Interrupted when `interrupted` while it is made.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
@@ -47,7 +53,7 @@ def calibration_of(settings: CellFile, tell: Callable[[str], None] = lambda _: N
         try:
             return load_calibration(path)
         except ConfigurationError:
-            made = calibrate_now(settings)
+            made = calibrate_now(settings, interrupted)
         try:
             save_calibration(made, path)
         except ConfigurationError as error:
@@ -55,17 +61,20 @@ def calibration_of(settings: CellFile, tell: Callable[[str], None] = lambda _: N
     return made
 
 
-def calibrate_anew(settings: CellFile) -> tuple[Calibration, Path]:
+def calibrate_anew(
+    settings: CellFile, interrupted: Callable[[], bool] = lambda: False
+) -> tuple[Calibration, Path]:
     """Calibrate on the twin and keep the result for the runs to come, where it is told."""
     path = kept_calibration(settings)
-    made = calibrate_now(settings)
+    made = calibrate_now(settings, interrupted)
     save_calibration(made, path)
     return made, path
 
 
-def calibrate_now(settings: CellFile) -> Calibration:
+def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
     """A calibration of the twin, which is not kept."""
-    return calibrate(settings, open_cell(settings, NO_STRIP, Choice(), calibrating=True))
+    devices = open_cell(settings, NO_STRIP, Choice(), calibrating=True)
+    return calibrate(settings, devices, interrupted)
 
 
 @contextmanager
@@ -86,8 +95,14 @@ def kept_calibration(settings: CellFile) -> Path:
     return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
 
 
-def calibrate(settings: CellFile, devices: Devices) -> Calibration:
-    """Lens and map to the plane, made now; raises CellError when millimetres do not suffice."""
+def calibrate(
+    settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
+) -> Calibration:
+    """Lens and map to the plane, made now.
+
+    Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
+    Interrupted when the operator did.
+    """
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
@@ -95,11 +110,13 @@ def calibrate(settings: CellFile, devices: Devices) -> Calibration:
     try:
         devices.connect()
         devices.aids.hold_pointer(True)
-        outcome = Run(devices, knowledge, Unrecorded()).execute()
+        outcome = Run(devices, knowledge, Unrecorded(), interrupted=interrupted).execute()
     finally:
         devices.close()
+    if outcome.exit_code == Interrupted.exit_code:
+        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
     if outcome.exit_code != 0 or knowledge.touches is None:
-        raise CellError(f"calibration failed: {outcome.name}: {outcome.reason}")
+        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
     return _assembled(lens, knowledge.touches, devices.camera_identity)
 
 

@@ -8,7 +8,7 @@ from drivers.errors import CellError
 
 
 class Interrupted(CellError):
-    """Stopped from the keyboard before or after a fold, not in it."""
+    """Stopped from the keyboard, though not in a fold, which records that itself."""
 
     exit_code = 130
 

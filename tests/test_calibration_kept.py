@@ -15,7 +15,8 @@ from cell.choice import Choice
 from cell.config.cell import CellFile
 from cell.config.places import BESIDE, Configs
 from cell.fold import Request, fold
-from drivers.errors import ConfigurationError
+from cell.interrupt import Interrupted
+from drivers.errors import ConfigurationError, Fault
 
 SETTINGS = Configs(BESIDE).cell()
 
@@ -39,7 +40,7 @@ def count(monkeypatch) -> list[CellFile]:
     """Every calibration that was made, which here takes no time."""
     calls: list[CellFile] = []
 
-    def make(settings: CellFile) -> Calibration:
+    def make(settings: CellFile, interrupted: object) -> Calibration:
         calls.append(settings)
         return made()
 
@@ -79,7 +80,7 @@ def test_where_it_cannot_be_kept_it_serves_once_and_that_is_said(cache, count) -
 
 
 def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
-    def make(settings: CellFile) -> Calibration:
+    def make(settings: CellFile, interrupted: object) -> Calibration:
         lock = kept_calibration(settings).with_suffix(".lock")
         with lock.open("wb") as another, pytest.raises(BlockingIOError):
             fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -120,3 +121,20 @@ def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) 
     with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
         fold(request, calibration=alien)
     assert not (tmp_path / "runs").exists()
+
+
+def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
+    monkeypatch.setattr(cell.calibrate, "lens_from_boards", lambda settings, aids: made().lens)
+    with pytest.raises(Interrupted, match="interrupted") as stopped:
+        calibration_of(SETTINGS, interrupted=lambda: True)
+    assert stopped.value.exit_code == 130
+    assert not kept_calibration(SETTINGS).exists()
+
+
+def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> None:
+    limits = SETTINGS.monitors.model_copy(update={"tracking_error": 1e-9})
+    monkeypatch.setattr(cell.calibrate, "lens_from_boards", lambda settings, aids: made().lens)
+    with pytest.raises(Fault, match="tracking_error") as stopped:
+        calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
+    assert stopped.value.exit_code == 4
+    assert not kept_calibration(SETTINGS).exists()

@@ -32,7 +32,7 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
             return end
 
         monkeypatch.setattr("cell.fold.fold", fold)
-        monkeypatch.setattr("cell.calibrate.calibration_of", lambda settings, tell: None)
+        monkeypatch.setattr("cell.calibrate.calibration_of", lambda *_: None)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
         with pytest.raises(SystemExit) as ended:

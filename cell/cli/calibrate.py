@@ -17,8 +17,10 @@ def calibrate(
     from calibration.calibration import save_calibration
     from cell.calibrate import calibrate_anew
     from cell.config.places import find_configs
+    from cell.interrupt import Interrupt
 
-    made, path = calibrate_anew(find_configs(configs).cell())
+    with Interrupt() as interrupted:
+        made, path = calibrate_anew(find_configs(configs).cell(), interrupted)
     if out is not None:
         save_calibration(made, out)
     sys.stdout.write(

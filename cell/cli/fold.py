@@ -116,13 +116,13 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
 
     settings = find_configs(wanted[0].configs).cell()
     if jobs > 1 and len(wanted) > 1:
-        calibration = calibration_of(settings, _remark)
         with Interrupt() as interrupted:
+            calibration = calibration_of(settings, _remark, interrupted)
             yield from side_by_side(wanted, jobs, interrupted, calibration)
         return
     for request in wanted:
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
-            calibration = calibration_of(settings, _remark)
+            calibration = calibration_of(settings, _remark, interrupted)
             result = fold_once(request, shown, interrupted, calibration)
         yield result
         if interrupted():

@@ -8,7 +8,7 @@ from drivers.settings import Settings
 class FoldSettings(Settings):
     """Numbers of the fold itself; lengths [m], speeds [m/s], times [s]."""
 
-    control_rate: float = Field(100.0, ge=50, le=200)  # Hz, monitors and commands
+    control_rate: float = Field(100.0, ge=100, le=200)  # Hz; records promise 100 rows a second
     speed: float = Field(
         0.10, ge=0.005, le=0.16
     )  # on the path; faster, the lift out-turns the hand
