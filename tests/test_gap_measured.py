@@ -3,10 +3,15 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from cell.gap.batch import alone
 from cell.gap.fit import fit, open_subject
 from cell.gap.folders import find_runs
+from cell.gap.model import Model, Point, evidence
+from cell.gap.refit import refit
+from cell.gap.shrink import rms, unseen
 
 DATA = Path(__file__).parents[2] / "shared" / "data" / "pendulum"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured pendulums in {DATA}")
@@ -48,6 +53,31 @@ def test_single_pendulum_is_fitted_by_coulomb_and_quadratic_losses_and_names_no_
     pairs = {c.name: c.p for c in verdict.candidates if " + " in c.name}
     best = min(pairs, key=lambda name: pairs[name])
     assert best in ("air_drag + dry_friction", "dry_friction + quadratic_damping")
+
+
+@real
+def test_error_in_sample_ranks_a_false_cause_that_held_out_runs_refuse() -> None:
+    """Quadratic hinges lower the error of the runs that they are fitted to, and only of those."""
+    triple = DATA / "triple"
+    subject = open_subject(triple / "pendulum.yaml", find_runs([triple / "runs"]), 1)
+    library = subject.library
+    seen = evidence(subject.runs[6::3])
+    unseen_runs = evidence(subject.runs[:6:2])
+    start = Point(np.array([p.start for p in library.base]), seen.start())
+    base = alone(subject.simulate, refit(Model(library.base), seen, start))
+
+    def errors(name: str) -> tuple[float, float]:
+        effects = tuple(c for c in library.candidates if c.name == name)
+        model = Model(library.base, effects)
+        point = Point(model.joined(base.shared, {}), base.point.local)
+        found = alone(subject.simulate, refit(model, seen, point))
+        other = unseen(subject.simulate, found, unseen_runs)
+        return tuple(rms(e, library.quantities)["angle_mrad"] for e in (found, other))
+
+    plain, quadratic, drag = errors("none"), errors("quadratic_damping"), errors("air_drag")
+    assert quadratic[0] < plain[0]
+    assert quadratic[1] > plain[1]
+    assert drag[1] < 0.7 * plain[1]
 
 
 @real
