@@ -176,9 +176,14 @@ def _reach(candidate: Candidate, vector: Array) -> float:
 
 def _mirrored(candidate: Candidate, vector: Array) -> bool:
     """Whether the mirrored probe is within bounds, so that both signs are possible."""
-    mirrored = 2.0 * candidate.null - vector
+    mirrored = np.where(_shapes(candidate), vector, 2.0 * candidate.null - vector)
     low, high = _ends(candidate)
     return bool(((mirrored >= low) & (mirrored <= high)).all())
+
+
+def _shapes(candidate: Candidate) -> NDArray[np.bool_]:
+    """Which parameters are no amounts (k,)."""
+    return np.array([p.shape for p in candidate.parameters])
 
 
 def _ends(candidate: Candidate) -> tuple[Array, Array]:
@@ -189,9 +194,10 @@ def _ends(candidate: Candidate) -> tuple[Array, Array]:
 def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, Array]:
     values, at = {}, 0
     for p, group in chosen:
-        value = p.candidate.null
+        value, shapes = p.candidate.null, _shapes(p.candidate)
         for vector in p.groups[group]:
-            value = value + amounts[at] * (vector - p.candidate.null)
+            scaled = value + amounts[at] * (vector - p.candidate.null)
+            value = np.where(shapes, vector, scaled)
             at += 1
         values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
     return values

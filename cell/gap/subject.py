@@ -18,7 +18,8 @@ class Parameter:
 
     `start` is the stated value, for an effect its null. `spread` is the standard deviation of
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
-    so that a null at infinity is a zero here.
+    so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
+    not how much of it there is: a probe keeps its own whatever its amount.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Parameter:
     step: float
     spread: float = float("inf")
     inverse: bool = False
+    shape: bool = False
 
     def shown(self, value: float) -> float:
         """`value` as files state it."""

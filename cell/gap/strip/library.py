@@ -25,12 +25,15 @@ WIDE = 0.5  # of its default: the spread of a number that shapes an effect
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
-def library(strip: StripFile, floors: Floors) -> Library:
-    """Base parameters, candidates and quantities of `strip`; its own effects are base."""
+def library(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Library:
+    """Base parameters, candidates and quantities of `strip`; its own effects are base.
+
+    The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
+    """
     fresh = [e for e in registry().values() if e.name not in strip.effects]
     return Library(
         base=(*_base(strip), *_accepted(strip)),
-        candidates=tuple(candidate(e, strip) for e in fresh if simulated(e, strip)),
+        candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=tuple(term.candidate() for term in TERMS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
@@ -45,7 +48,7 @@ def library(strip: StripFile, floors: Floors) -> Library:
 
 def simulated(effect: Effect, strip: StripFile) -> bool:
     """Whether the rod can represent the effect."""
-    vector = _probes(effect, strip, effect.parameters)[0][0]
+    vector = _probes(effect, strip, 0.0)[0][0]
     try:
         check([describe(strip, {effect.name: file_values(effect, vector) or {}})])
     except Unsupported:
@@ -76,14 +79,14 @@ def _accepted(strip: StripFile) -> list[Parameter]:
     return found
 
 
-def candidate(effect: Effect, strip: StripFile) -> Candidate:
+def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
     """The effect as the engine tries it."""
     return Candidate(
         name=effect.name,
         sentence=effect.sentence,
         of=effect.of,
         parameters=tuple(_parameters(effect, strip, effect.parameters)),
-        probes=_probes(effect, strip, effect.parameters),
+        probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
     )
 
@@ -110,19 +113,22 @@ def _shape(p: Number, strip: StripFile) -> Parameter:
     """A number that says where or how an effect is, not how much."""
     if p.name == PLACE:
         low, high = max(p.low, 0.0), min(p.high, strip.length)
-        return Parameter(p.name, p.unit, 0.5 * (low + high), low, high, 0.002, high - low)
+        middle = 0.5 * (low + high)
+        return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
-    return Parameter(p.name, p.unit, start, p.low, p.high, 0.02 * start, WIDE * start)
+    step, spread = 0.02 * start, WIDE * start
+    return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
 
 
 def _probes(
-    effect: Effect, strip: StripFile, numbers: Sequence[Number]
+    effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of vectors, one a size and a shape; a group has one vector for each amount."""
-    switch = effect.parameters[0]
+    switch, numbers = effect.parameters[0], effect.parameters
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
-    tried = [_tried(p, v, strip) for p, v in zip(numbers, start, strict=True)]
+    spots = places(strip, lifted)
+    tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
     for size, shape in product(sizes(effect, strip), product(*shapes)):
@@ -132,10 +138,10 @@ def _probes(
     return tuple(groups)
 
 
-def _tried(p: Number, start: float, strip: StripFile) -> tuple[float, ...]:
+def _tried(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
     """Values of a number at which an effect is screened."""
     if p.name == PLACE:
-        return tuple(map(float, places(p, strip)))
+        return spots
     return TIMES if p.unit == "s" and p.null is None and p.default is None else (start,)
 
 

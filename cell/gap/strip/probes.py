@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from drivers.strip.effects.effect import Effect, Parameter
+from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from drivers.types import Array
 
-PLACES = 10  # at which an effect of one place is tried
+APART = 0.6  # bending lengths between the places at which an effect of one place is tried
 BENT = 50.0  # 1/m, a sharp bend of a fold
 UNKNOWN = (0.01, 0.1)  # of its range, for an effect that nothing is known of here
 
@@ -28,7 +27,7 @@ def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
         "pre_curl": (0.5, 5.0),
         "crease": (0.3,),
         "stiffness_gradient": (0.2, 0.8),
-        "seam": (0.6, 3.0),
+        "seam": (1.8,),
         "hem_mass": (0.05 * mass,),
         "length_error": (0.0005, 0.003),
         "ageing": (0.003, 0.03),
@@ -51,8 +50,12 @@ def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
     return tuple(float(np.clip(value, switch.low, switch.high)) for value in found)
 
 
-def places(parameter: Parameter, strip: StripFile) -> Array:
-    """Positions along the strip [m] to try: even, the ends a little inside."""
-    low, high = max(parameter.low, 0.0), min(parameter.high, strip.length)
-    margin = (high - low) / (2 * PLACES)
-    return np.linspace(low + margin, high - margin, PLACES)
+def places(strip: StripFile, lifted: float) -> tuple[float, ...]:
+    """Positions along the strip [m] to try, from where it leaves the desk, `lifted` [m], on.
+
+    A bend shows an effect of one place while it passes, so that probes farther apart than about
+    a bending length miss what lies between them.
+    """
+    begin = max(0.0, lifted - APART * strip.bending_length)
+    count = max(2, round((strip.length - begin) / (APART * strip.bending_length)))
+    return tuple(map(float, np.linspace(begin, strip.length, 2 * count + 1)[1::2]))

@@ -5,6 +5,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import cast
 
+import numpy as np
+
 from cell.gap.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.library import file_values, library
@@ -18,6 +20,7 @@ from drivers.strip.effects import registry
 from drivers.strip.file import StripFile, load_strip
 from drivers.strip.model import Observation, StripModel, describe
 
+QUANTILE = 0.02
 DESCRIBED = 4096  # descriptions that are kept
 Values = tuple[float, ...]
 
@@ -39,7 +42,7 @@ class Strip:
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        self._library = library(strip, self._floors)
+        self._library = library(strip, self._floors, _lifted(self._measured))
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._described = lru_cache(DESCRIBED)(self._describe)
@@ -110,6 +113,12 @@ class Strip:
         added = {e.name: file_values(e, values) for e, values in known}
         model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
         return with_terms(model, {name: values[0] for name, values in effects})
+
+
+def _lifted(runs: Sequence[MeasuredRun]) -> float:
+    """From where on the strip leaves the desk [m], wild readings aside; 0 where nobody saw it."""
+    seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
+    return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
 def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
