@@ -1,6 +1,7 @@
 """`cell train`: the same weights however often it is killed, an honest judgement, clear errors."""
 
 import fcntl
+import inspect
 import json
 import os
 import signal
@@ -73,6 +74,16 @@ def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     assert judged[0]["evaluations"] == judged[1]["evaluations"]
     assert [e["engine"] for e in line["evaluations"]] == ["rod", "chain"]
     assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
+
+
+def test_command_trains_by_default_as_the_settings_say() -> None:
+    from cell.cli.train import train
+
+    offered = inspect.signature(train).parameters
+    fields = TrainingSettings.model_fields
+    shared = set(offered) & set(fields)
+    assert shared == {"seed", "generations", "population", "strips"}
+    assert all(offered[name].default == fields[name].default for name in shared)
 
 
 def test_committed_weights_keep_their_displacement_on_the_chain() -> None:

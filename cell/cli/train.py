@@ -20,7 +20,7 @@ def train(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and settings, same weights.")] = 0,
     generations: Annotated[int, typer.Option(min=1, help="Generations of CMA-ES.")] = 300,
-    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 24,
+    population: Annotated[int, typer.Option(min=4, help="Candidates a generation.")] = 48,
     strips: Annotated[
         int, typer.Option(min=1, help="Strips a side of the paper's range that each folds.")
     ] = 4,

@@ -12,7 +12,7 @@ class TrainingSettings(Settings):
 
     seed: int = Field(0, ge=0)
     generations: int = Field(300, ge=1)
-    population: int = Field(24, ge=4)
+    population: int = Field(48, ge=4)
     sigma: float = Field(0.05, gt=0)
     strips: int = Field(4, ge=1)
     speed: float = Field(0.1, gt=0)
