@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -86,7 +86,8 @@ def fold(
     knowledge = Knowledge(settings, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
-        run = Run(devices, knowledge, recorder, watchers, interrupted)
+        blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
+        run = Run(blind, knowledge, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {})

@@ -5,7 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from cell.fold import conduct
+import cell.fold
+from cell.choice import Choice
+from cell.config.places import BESIDE
+from cell.fold import Request, conduct, fold
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.record.files import is_under_way
@@ -13,6 +16,7 @@ from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
 from tests.record.conftest import HEADER
+from tests.test_calibration_kept import made
 
 DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
 
@@ -111,3 +115,20 @@ def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder: Recorder, monk
     assert "No space left" in outcome.reason
     assert read_run(recorder.folder).result is None
     assert not is_under_way(recorder.folder)
+
+
+def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> None:
+    seen: list[SimpleNamespace] = []
+
+    def blind(devices: SimpleNamespace, *_: object) -> SimpleNamespace:
+        seen.append(devices)
+        return SimpleNamespace(execute=lambda: DONE)
+
+    monkeypatch.setattr(cell.fold, "Run", blind)
+    facts = {"frames": "none", "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
+    request = Request(strip="denim", policy="triangular", choice=Choice(), runs=tmp_path, **facts)
+    result = fold(request, calibration=made())
+    assert (result.outcome, result.exit_code) == ("path_done", 1)
+    assert seen[0].plant is None
+    assert seen[0].aids is None
+    assert (Path(result.run) / "truth.yaml").exists()
