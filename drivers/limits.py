@@ -14,11 +14,14 @@ UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
-    """Largest magnitudes on one axis: [m/s, m/s^2, m/s^3], or the same in rad."""
+    """Largest magnitudes on one axis: [m/s, m/s^2, m/s^3], or the same in rad.
 
-    velocity: float = Field(gt=0)
-    acceleration: float = Field(gt=0)
-    jerk: float = Field(gt=0)
+    None can be set so high that it limits nothing.
+    """
+
+    velocity: float = Field(gt=0, le=3)
+    acceleration: float = Field(gt=0, le=25)
+    jerk: float = Field(gt=0, le=12500)
 
 
 class MotionLimits(Settings):
@@ -28,8 +31,8 @@ class MotionLimits(Settings):
     far as the robot's 2.6 rad/s allow, so that a lift stays on its line.
     """
 
-    x: AxisLimits = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
-    z: AxisLimits = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
+    x: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
+    z: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
     pitch: AxisLimits = AxisLimits(velocity=2.6, acceleration=16.0, jerk=1500.0)
 
     @property
@@ -55,15 +58,17 @@ def _ordered(span: tuple[float, float]) -> tuple[float, float]:
     return span
 
 
-Span = Annotated[tuple[float, float], AfterValidator(_ordered)]
+Along = Annotated[float, Field(ge=-3, le=3)]
+Above = Annotated[float, Field(ge=-0.05, le=2)]
+Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
 
 
 class Workspace(Settings):
     """The box that the gripper stays in: [low, high] of x, z [m] and pitch [rad], cell frame."""
 
-    x: Span = (-0.15, 0.85)
-    z: Span = (-0.01, 0.5)
-    pitch: Span = (-0.2, pi + 0.2)
+    x: Annotated[tuple[Along, Along], AfterValidator(_ordered)] = (-0.15, 0.85)
+    z: Annotated[tuple[Above, Above], AfterValidator(_ordered)] = (-0.01, 0.5)
+    pitch: Annotated[tuple[Turned, Turned], AfterValidator(_ordered)] = (-0.2, pi + 0.2)
 
     @property
     def low(self) -> tuple[float, float, float]:

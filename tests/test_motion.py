@@ -5,13 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cell.monitors import MonitorLimits
 from drivers.errors import ConfigurationError, Fault
-from drivers.limits import MotionLimits, Workspace
+from drivers.limits import AxisLimits, MotionLimits, Workspace
 from drivers.motion import EXPIRY, TICK, MotionProfile
 from drivers.settings import parse
 from drivers.types import STILL, Pose, Velocity
 
-LIMITS = MotionLimits()
+FAST = AxisLimits(velocity=0.5, acceleration=4.0, jerk=100.0)
+LIMITS = MotionLimits(x=FAST, z=FAST)
 BOX = Workspace(x=(0.0, 0.6), z=(0.0, 0.4), pitch=(0.0, 3.0))
 MIDDLE = Pose(0.3, 0.2, 1.0)
 FASTEST = np.array([axis.velocity for axis in LIMITS.axes])
@@ -227,3 +229,27 @@ def test_no_limit_can_be_left_out(content: dict, reason: str) -> None:
 def test_workspace_of_no_extent_is_refused() -> None:
     with pytest.raises(ConfigurationError, match=r"cell.yaml: x: needs low < high"):
         parse({"x": [0.5, 0.5]}, Workspace, "cell.yaml")
+
+
+@pytest.mark.parametrize(
+    ("model", "content"),
+    [
+        (AxisLimits, {"velocity": 1e9, "acceleration": 4.0, "jerk": 100.0}),
+        (AxisLimits, {"velocity": 0.2, "acceleration": 1e9, "jerk": 100.0}),
+        (AxisLimits, {"velocity": 0.2, "acceleration": 4.0, "jerk": 1e9}),
+        (AxisLimits, {"velocity": None, "acceleration": 4.0, "jerk": 100.0}),
+        (Workspace, {"x": [-1e9, 1e9]}),
+        (Workspace, {"z": [-0.5, 0.5]}),
+        (Workspace, {"z": None}),
+        (Workspace, {"pitch": [-100.0, 100.0]}),
+    ],
+)
+def test_no_limit_can_be_set_so_wide_that_it_limits_nothing(model, content) -> None:
+    with pytest.raises(ConfigurationError):
+        parse(content, model, "cell.yaml")
+
+
+def test_a_cell_file_that_states_no_limits_moves_below_what_monitors_allow() -> None:
+    limits, watched = MotionLimits(), MonitorLimits()
+    diagonal = np.hypot(limits.x.velocity, limits.z.velocity)
+    assert diagonal < watched.speed * watched.overspeed
