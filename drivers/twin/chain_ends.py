@@ -85,6 +85,8 @@ class Ends:
 
     def renew(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Stick or slide in the step to come, from the state of `data`."""
+        if not self.slide:
+            return
         if self.edge is not None and data.ncon > 0:
             self.edge.limit = self.friction * (self.edge_weight + borne(model, data))
         for slide in (self.grip, self.edge):

@@ -51,13 +51,15 @@ class Joints:
     def nodes(self, position: Array) -> Array:
         """Nodes (n + 1, 2) [m] of x, z."""
         angles = self.angles(position)[:-1]
-        steps = np.stack([np.cos(angles), np.sin(angles)], axis=1) * self._lengths(position)
-        start = position[self.edge] if self.edge is not None else 0.0
-        return np.concatenate([[(start, 0.0)], steps]).cumsum(axis=0)
-
-    def length(self, position: Array) -> float:
-        """Length of the chain [m]."""
-        return float(self._lengths(position).sum())
+        nodes = np.zeros((len(self.hinges), 2))
+        nodes[1:, 0] = np.cos(angles)
+        nodes[1:, 1] = np.sin(angles)
+        if len(self.slides) == 0 and self.edge is None:
+            return np.asarray(nodes.cumsum(axis=0) * self.spacing)
+        nodes[1:] *= self._lengths(position)
+        if self.edge is not None:
+            nodes[0, 0] = position[self.edge]
+        return np.asarray(nodes.cumsum(axis=0))
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
         """Speed (n,) [m/s] of the middle of each link along its normal, and normals (n, 2)."""

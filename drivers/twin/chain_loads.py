@@ -16,23 +16,30 @@ class Loads:
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
         self._lumps, self._joints = lumps, joints
+        self._rubs, self._fades = bool(lumps.slip.any()), bool(lumps.fading.any())
+        self._blown = bool(lumps.drag.any())
         self._angle = lumps.rest * 0.0
         self._strain = lumps.rest * 0.0  # of the Maxwell elements [rad]
         self._elapsed = 0.0
 
     def renew(self, data: mujoco.MjData, h: float) -> None:
         """Forces for a step of `h` [s] from the state of `data`."""
+        if self._rubs or self._fades:
+            data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
+        if self._blown:
+            data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
+
+    def _moments(self, data: mujoco.MjData, h: float) -> Array:
+        """Moments (n + 1,) at the hinges."""
         lumps, hinges = self._lumps, self._joints.hinges
         moment = np.zeros(len(hinges))
-        if lumps.slip.any():
+        if self._rubs:
             # The engine takes the yarns' moment where the step would end. That damps like h times
             # their stiffness, even while they slide; its share at the present rate is taken back.
             moment += h * lumps.presliding * data.qvel[hinges]
-        if lumps.fading.any():
+        if self._fades:
             moment += self._faded(data.qpos[hinges], h)
-        data.qfrc_applied[hinges] = moment
-        if lumps.drag.any():
-            data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
+        return moment
 
     def _faded(self, angle: Array, h: float) -> Array:
         """Moments by which Maxwell elements have fallen short of springs.

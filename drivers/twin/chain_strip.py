@@ -1,5 +1,6 @@
 """One strip as a MuJoCo chain: its state, its step, its layer_touch."""
 
+import math
 from dataclasses import replace
 
 import mujoco
@@ -120,13 +121,10 @@ class ChainStrip:
 
         A weld that is off by more pulls so hard that the solver loses sight of the weight.
         """
-        if self._lumps.stretches or self._ends.slide:
+        far, reach = math.hypot(target[0], target[1]), self.arc[-1] + PULL
+        if self._lumps.stretches or self._ends.slide or not reach < far < math.inf:
             return target
-        way = target[:2] - self.points[0]
-        far, reach = float(np.hypot(*way)), self._joints.length(self._data.qpos) + PULL
-        if not reach < far < np.inf:
-            return target
-        return np.array([*(self.points[0] + way * (reach / far)), target[2]])
+        return target * (reach / far, reach / far, 1.0)
 
     def _pace(self, h: float) -> None:
         if self._model.opt.timestep != h:

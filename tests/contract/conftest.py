@@ -1,15 +1,17 @@
 """The implementations that the contracts run over: a new driver is one more entry here."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
 
 import drivers.clock
+from cell.corrected_arm import CorrectedArm
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.file import load_strip
+from drivers.strip.model import Rig
 from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
@@ -64,7 +66,13 @@ def _twin_bench() -> Bench:
     )
 
 
-BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench}
+def _corrected_bench() -> Bench:
+    twin = _twin_bench()
+    rig = Rig(grip_x=0.004, grip_z=-0.002, grip_tilt=0.05)
+    return replace(twin, arm=CorrectedArm(twin.arm, twin.hand, rig))
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench, "corrected": _corrected_bench}
 CLOCKS: dict[str, Callable[[], Clock]] = {"twin": TwinClock, "wall": WallClock}
 
 
