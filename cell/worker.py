@@ -10,7 +10,7 @@ from cell.fold import Request, fold
 from cell.interrupt import Interrupted
 from cell.result import FoldResult
 from cell.unexpected import Unexpected
-from drivers.errors import CellError
+from drivers.errors import CellError, Fault
 
 PATIENCE = 60.0  # s that a fold may take to end its record once it was told to stop
 STOP = "stop"
@@ -45,13 +45,13 @@ class Worker:
             self.pipe.send((number, request, calibration))
 
     def result(self) -> FoldResult | CellError:
-        """What came of its task; waits for it. A process that died is an error."""
+        """What came of its task; waits for it. A process that died is a Fault."""
         try:
             made: FoldResult | CellError = self.pipe.recv()
         except (EOFError, OSError):
             self._process.join()
             code = self._process.exitcode
-            made = CellError(f"a process that folded ended by itself, with code {code}")
+            made = Fault("process_died", f"the process of a fold ended by itself, code {code}")
         self.task = None
         return made
 

@@ -13,7 +13,7 @@ from cell.batch import requests, side_by_side
 from cell.choice import Choice
 from cell.fold import Request
 from cell.result import FoldResult
-from cell.worker import STOP, Told
+from cell.worker import STOP, Told, Worker
 from drivers.errors import (
     CellError,
     ConfigurationError,
@@ -65,6 +65,18 @@ def test_an_error_of_a_process_is_raised_here(tmp_path) -> None:
     with pytest.raises(ConfigurationError, match="silk"):
         list(side_by_side([wrong, wrong], jobs=2))
     assert not (tmp_path / "runs").exists()
+
+
+def test_a_process_that_dies_is_a_fault() -> None:
+    worker = Worker()
+    worker._process.kill()
+    worker.begin(0, request(Path("runs")), None)
+    died = worker.result()
+    worker.release()
+    worker.join()
+    assert isinstance(died, Fault)
+    assert (died.name, died.exit_code) == ("process_died", 4)
+    assert "-9" in died.reason
 
 
 def test_a_fold_in_a_process_is_told_to_stop_and_then_to_stop_at_once() -> None:

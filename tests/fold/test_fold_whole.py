@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,8 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
             held = path.read_bytes()
             assert b"zebrafish" not in held, path
             assert b"0.0213" not in held, path
+            for number in ("<d", ">d", "<f", ">f"):
+                assert struct.pack(number, 0.0213) not in held, path
             assert b"secret.yaml" not in held, path
     stiffer = folded.truth.touch.displacement
     assert folded.result.displacement == pytest.approx(stiffer, abs=0.003)
