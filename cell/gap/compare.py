@@ -19,18 +19,21 @@ class Yardstick:
     """What a nat is worth here: the dispersion and the inefficiency of the best model.
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
-    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9).
+    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9). `level` is the
+    mean square that it leaves, at most 1: a generous floor leaves less, and is not filled up.
     """
 
     scale: float
     inefficiency: float
+    level: float = 1.0
 
 
 def yardstick(models: Sequence[Validated]) -> Yardstick:
     """The yardstick of the model that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     runs = best.estimate.evidence.runs
-    return Yardstick(best.estimate.scale, robust.inefficiency(runs, best.estimate.residuals))
+    worth = robust.inefficiency(runs, best.estimate.residuals)
+    return Yardstick(best.estimate.scale, worth, min(1.0, mean_square(best.left_out)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,7 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
         p = _nested(model, other, by)
     else:
         p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    before, after = excess(other.left_out), excess(model.left_out)
+    before, after = (excess(m.left_out, by.level) for m in (other, model))
     removed = 1.0 - after / before if before > 0.0 else 0.0
     return Margin(gain, se, p, distance, removed)
 
@@ -79,10 +82,14 @@ def _distance(model: Validated, other: Validated, by: Yardstick) -> float:
     return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
 
 
-def excess(residuals: Sequence[Array]) -> float:
-    """sqrt(max(mean r^2 - 1, 0)), every run with equal weight."""
-    square = np.mean([np.mean(np.square(r)) for r in residuals])
-    return float(np.sqrt(max(square - 1.0, 0.0)))
+def excess(residuals: Sequence[Array], level: float) -> float:
+    """sqrt(max(mean r^2 / level - 1, 0)), every run with equal weight."""
+    return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
+
+
+def mean_square(residuals: Sequence[Array]) -> float:
+    """Mean r^2, every run with equal weight."""
+    return float(np.mean([np.mean(np.square(r)) for r in residuals]))
 
 
 def holm(p: Sequence[float]) -> list[float]:
