@@ -1,4 +1,4 @@
-"""Workers on this machine: processes, because half of a piece is Python, which threads share."""
+"""Workers on this machine: processes, for a third of a piece is Python, where threads queue."""
 
 import os
 import signal
