@@ -1,84 +1,131 @@
 """`cell gap`: where simulation and measurement disagree, and why."""
 
 import json
+import os
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cell.cli.gap_plan import plan
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
-    from cell.fold import Request
-    from cell.result import FoldResult
+    from cell.gap.verdict import Verdict
 
-gap = typer.Typer(help="Find where simulation and measurement disagree, and name the cause.")
+gap = typer.Typer(
+    help="Find where simulation and measured data disagree, name the missing effect, add it.",
+    no_args_is_help=True,
+)
+gap.command()(plan)
 
-
-@gap.callback()
-def _gap() -> None:
-    """Find where simulation and measurement disagree, and name the cause."""
+RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
+Subject = Annotated[Path, typer.Option("--strip", help="The strip file (or pendulum file).")]
+Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
 
 
 @gap.command()
-def plan(
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
-    plant: Annotated[
-        Path | None, typer.Option(help="Strip file that lies on the twin's desk.")
+def fit(
+    runs: RunFolders,
+    strip: Subject,
+    out: Annotated[Path, typer.Option("--out", help="Folder for verdict, report and patches.")],
+    hold_out: Annotated[
+        list[str] | None, typer.Option(help="A run that only judges; repeatable.")
     ] = None,
-    runs: Annotated[
-        Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")] = 0,
-    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
-    configs: Configs = None,
-    no_truth: Annotated[
-        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
-    ] = False,
+    jobs: Annotated[int, typer.Option(min=1, help="Simulations side by side.")] = 2,
     as_json: Json = False,
 ) -> None:
-    """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
-    from cell.choice import Choice
-    from cell.fold import Request
-    from cell.interrupt import Interrupt
-    from cell.plan import check_empty, folded, standard_requests, went_as_planned
+    """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
+    from cell.gap.fit import fit as judge
 
-    folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
-    check_empty(folder)
-    choice = Choice(plant=plant, seed=seed)
-    wanted = standard_requests(
-        Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
-    )
-    if dry_run:
-        _announce(wanted)
-        return
-    code = 0
-    with Interrupt() as interrupted:
-        for i, result in enumerate(folded(wanted, jobs, interrupted)):
-            _tell(i, len(wanted), wanted[i], result, as_json=as_json)
-            code = max(code, 0 if went_as_planned(result) else result.exit_code)
-    if not as_json:
-        sys.stdout.write(f"next: cell gap fit {folder} --strip FILE --out DIR\n")
-    sys.exit(code)
-
-
-def _announce(wanted: "tuple[Request, ...]") -> None:
-    from policies.registry import MOTION
-    from policies.standard import STANDARD
-
-    for i, request in enumerate(wanted):
-        name = request.policy.removeprefix(MOTION)
-        reveals = STANDARD[name].reveals
-        sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
-
-
-def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool) -> None:
+    with _progress(quiet=as_json) as shown:
+        verdict = judge(runs, strip, out, hold_out or (), shown, min(jobs, os.cpu_count() or 1))
     if as_json:
-        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
-    else:
-        sys.stdout.write(f"{i + 1}/{of}  {request.policy}: {result.outcome}  {result.run}\n")
-    sys.stdout.flush()
+        sys.stdout.write(verdict.to_json())
+        return
+    sys.stdout.write("\n".join([*_summary(verdict), f"  {out / 'report.html'}"]) + "\n")
+
+
+@gap.command()
+def accept(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
+    """Put what was named into the strip file, or into cell.yaml where it belongs to the cell."""
+    from cell.gap.accept import accept as put
+
+    accepted = put(fitted, strip, _cell_file(configs))
+    _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
+
+
+@gap.command()
+def undo(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
+    """Bring the files back as they were before the acceptance."""
+    from cell.gap.accept import undo as take_back
+
+    undone = take_back(fitted, strip, _cell_file(configs))
+    _tell("undone", undone.effects, undone.files, as_json=as_json)
+
+
+@gap.command()
+def advise(fitted: Fitted, as_json: Json = False) -> None:
+    """Say which experiment would tell most next."""
+    from cell.gap.verdict import read_verdict
+
+    verdict = read_verdict(fitted / "verdict.json")
+    if as_json:
+        advice = [item.model_dump(mode="json") for item in verdict.advice]
+        sys.stdout.write(json.dumps(advice) + "\n")
+        return
+    if not verdict.advice:
+        sys.stdout.write("no experiment is worth more than those that were made\n")
+    for item in verdict.advice:
+        sys.stdout.write(
+            f"{item.experiment}: separates {' from '.join(item.separates)} by "
+            f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
+        )
+
+
+def _summary(verdict: "Verdict") -> Iterator[str]:
+    """The verdict in a few lines."""
+    yield verdict.verdict.replace("_", " ")
+    for effect in verdict.effects:
+        values = ", ".join(
+            f"{name} {p.value:.4g} {p.unit} ({p.low:.4g} to {p.high:.4g})"
+            for name, p in effect.parameters.items()
+        )
+        yield f"  {effect.name}: {values}; confidence {effect.confidence:.2f}"
+    for names in verdict.ambiguous:
+        yield f"  cannot tell apart: {', '.join(names)}"
+    if verdict.unexplained is not None:
+        yield f"  unexplained: {verdict.unexplained.description}"
+    if verdict.effects:
+        yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %"
+
+
+def _cell_file(configs: Path | None) -> Path:
+    from cell.config.places import find_configs
+
+    return find_configs(configs).folder / "cell.yaml"
+
+
+def _tell(what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool) -> None:
+    if as_json:
+        facts = {what: list(effects), "files": [str(path) for path in files]}
+        sys.stdout.write(json.dumps(facts) + "\n")
+        return
+    sys.stdout.write(f"{what}: {', '.join(effects)}\n")
+    sys.stdout.writelines(f"  {path}\n" for path in files)
+
+
+@contextmanager
+def _progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    if quiet or not sys.stderr.isatty():
+        yield lambda _stage, _share: None
+        return
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda stage, share: bar.update(task, description=stage, completed=share)

@@ -1,0 +1,76 @@
+"""`cell gap plan`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.options import Configs, Json
+
+if TYPE_CHECKING:
+    from cell.fold import Request
+    from cell.result import FoldResult
+
+
+def plan(
+    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    plant: Annotated[
+        Path | None, typer.Option(help="Strip file that lies on the twin's desk.")
+    ] = None,
+    runs: Annotated[
+        Path | None, typer.Option("--runs", help="New folder of these runs [runs/NAME-plan].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of run 0; run i uses seed + i.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Runs side by side.")] = 1,
+    configs: Configs = None,
+    no_truth: Annotated[
+        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the records.")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say which runs would be made; move nothing.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
+    from cell.choice import Choice
+    from cell.fold import Request
+    from cell.interrupt import Interrupt
+    from cell.plan import check_empty, folded, standard_requests, went_as_planned
+
+    folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
+    check_empty(folder)
+    choice = Choice(plant=plant, seed=seed)
+    wanted = standard_requests(
+        Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
+    )
+    if dry_run:
+        _announce(wanted)
+        return
+    code = 0
+    with Interrupt() as interrupted:
+        for i, result in enumerate(folded(wanted, jobs, interrupted)):
+            _tell(i, len(wanted), wanted[i], result, as_json=as_json)
+            code = max(code, 0 if went_as_planned(result) else result.exit_code)
+    if not as_json:
+        sys.stdout.write(f"next: cell gap fit {folder} --strip FILE --out DIR\n")
+    sys.exit(code)
+
+
+def _announce(wanted: "tuple[Request, ...]") -> None:
+    from policies.registry import MOTION
+    from policies.standard import STANDARD
+
+    for i, request in enumerate(wanted):
+        name = request.policy.removeprefix(MOTION)
+        reveals = STANDARD[name].reveals
+        sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
+
+
+def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
+    else:
+        sys.stdout.write(f"{i + 1}/{of}  {request.policy}: {result.outcome}  {result.run}\n")
+    sys.stdout.flush()
