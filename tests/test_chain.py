@@ -155,6 +155,12 @@ def test_law_that_softens_without_end_diverges_by_name() -> None:
         fold(strip, triangular(LENGTH), links=30)
 
 
+def test_strip_too_soft_and_undamped_for_its_pull_diverges_by_name_instead_of_nonsense() -> None:
+    strip = middling(bending_length=0.012, retardation_time=0.004)
+    with pytest.raises(SimulationNotFinite):
+        fold(strip, circular(LENGTH), links=80)
+
+
 @pytest.mark.parametrize("call", [lambda: Chain(4), lambda: Chain().step(np.zeros((1, 3)), H)])
 def test_wrong_calls_are_refused(call: Callable[[], object]) -> None:
     with pytest.raises(ValueError, match=r"expected|allowed"):

@@ -13,7 +13,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain import Chain
 from drivers.types import Array
-from tests.effect_cases import PATHS, affected, bare, way
+from tests.effect_cases import PATHS, affected, bare, levels, way
 
 SEGMENTS, LINKS = 150, 100
 SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic
@@ -116,3 +116,12 @@ def test_engines_agree_on_an_effect(name: str, values: Values) -> None:
 @pytest.mark.parametrize(("name", "values"), CASES)
 def test_engines_agree_on_every_effect(name: str, values: Values, path: str) -> None:
     agree(name, values, path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", VALUES)
+def test_chain_stays_finite_over_the_range_of_every_parameter(name: str) -> None:
+    for values in levels(registry()[name]):
+        motion = fold(affected(name, **values), Chain(60), "triangular")
+        assert np.isfinite(motion.contact_x).all(), values
+        assert motion.touch is not None, values

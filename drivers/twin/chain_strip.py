@@ -22,6 +22,7 @@ from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
 PULL = 2e-4  # m beyond a strip's reach: some three times its weight
+WILD = np.pi  # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -113,7 +114,8 @@ class ChainStrip:
         mujoco.mj_step(self._model, self._data)
         self.points = self._joints.nodes(self._data.qpos)
         diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
-        if diverged or not np.isfinite(self.points).all():
+        turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
+        if diverged or not turn < WILD:
             raise SimulationNotFinite("chain", self._time + h)
 
     def _within_reach(self, target: Array) -> Array:
