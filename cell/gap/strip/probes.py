@@ -5,7 +5,7 @@ import numpy as np
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
 
-APART = 0.6  # bending lengths between the places at which an effect of one place is tried
+APART = 0.9  # bending lengths between the places at which an effect of one place is tried
 BENT = 50.0  # 1/m, a sharp bend of a fold
 UNKNOWN = (0.01, 0.1)  # of its range, for an effect that nothing is known of here
 

@@ -100,8 +100,11 @@ class Simulation:
         return [found[d.key] for d in drives]
 
     def _simulated(self, wanted: dict[bytes, Drive]) -> dict[bytes, Shown | None]:
-        """Long motions together, so that lanes end together."""
-        order = sorted(wanted, key=lambda k: (-wanted[k].way.t[-1] + wanted[k].way.t[0], k))
+        """Long motions together, so that lanes end together, and like models, as they are asked.
+
+        A lane that finds its shapes with effort makes the others of its vector wait.
+        """
+        order = sorted(wanted, key=lambda k: wanted[k].way.t[0] - wanted[k].way.t[-1])
         batches = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, Shown | None] = {}

@@ -11,6 +11,7 @@ from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
 SETTLED = 100.0  # rad/m: a correction by 1 um counts as one by 1e-4 rad
+UNTRIED = 2.0  # way of what slides before the first iteration of a step
 UNSETTLED = 0.1  # rad^2, what counts at most
 
 
@@ -66,12 +67,13 @@ def sliding(block: Any, r: int, taut: Any, stretch: Any) -> Any:
     """Tension of segment r, of which a part has slid, and its stiffness; level where it slides.
 
     What slid one way in the iteration before sticks in this one before it slides the other way:
-    else Newton's method would go back and forth between the two levels.
+    else Newton's method would go back and forth between the two levels. In the first iteration
+    of a step all sticks: tensions of extrapolated positions mean nothing.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
-    way = slides(block, r, taut)
-    turned = below(way * load(block.state, r, at.WAY), -0.5)
-    way = choose(turned, 0.0, way)
+    way, before = slides(block, r, taut), load(block.state, r, at.WAY)
+    way = choose(below(way * before, -0.5), 0.0, way)
+    way = choose(below(UNTRIED - 0.5, before), 0.0, way)
     store(block.state, r, at.WAY, way)
     level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
     moves = way * way
@@ -135,10 +137,10 @@ def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
 
 @kernel
 def predict_terms(block: Any, rate: Any, weights: Any) -> None:
-    """Bases of the Maxwell strains, and the drag of the step to come; everything sticks."""
+    """Bases of the Maxwell strains, and the drag of the step to come."""
     now, old = weights
     for r in range(1, block.state.shape[0] - 1):
-        store(block.state, r, at.WAY, 0.0)
+        store(block.state, r, at.WAY, UNTRIED)
         q, q1 = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
         store(block.work, r, at.BASE_MAXWELL, fma(now, q, old * q1))
     for r in range(at.FIRST, block.last + 1):
