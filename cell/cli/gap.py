@@ -40,13 +40,16 @@ def fit(
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
     from cell.gap.fit import fit as judge
+    from cell.gap.overlay import write_overlay
 
+    threads = min(jobs, os.cpu_count() or 1)
     with _progress(quiet=as_json) as shown:
-        verdict = judge(runs, strip, out, hold_out or (), shown, min(jobs, os.cpu_count() or 1))
+        verdict = judge(runs, strip, out, hold_out or (), shown, threads, write_overlay)
     if as_json:
         sys.stdout.write(verdict.to_json())
         return
-    sys.stdout.write("\n".join([*_summary(verdict), f"  {out / 'report.html'}"]) + "\n")
+    files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
+    sys.stdout.write("\n".join([*_summary(verdict), *files]) + "\n")
 
 
 @gap.command()
@@ -101,6 +104,8 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield f"  unexplained: {verdict.unexplained.description}"
     if verdict.effects:
         yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %"
+    for note in verdict.notes:
+        yield f"  note: {note}"
 
 
 def _cell_file(configs: Path | None) -> Path:

@@ -7,6 +7,7 @@ import numpy as np
 from cell.gap.compare import Yardstick
 from cell.gap.projection import Projection
 from cell.gap.screen import Probed
+from cell.gap.subject import Parameter
 
 SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is sure of it
 
@@ -14,15 +15,16 @@ SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is
 def detectable(
     about: Projection, probed: Sequence[Probed], by: Yardstick
 ) -> dict[str, float | None]:
-    """Smallest value of each effect's most telling parameter; None where it changes nothing.
+    """Smallest value of each effect's most telling parameter; None where none would show.
 
-    The response of the probe nearest to SURE, refitted base projected out, scaled to SURE.
+    The response of the probe nearest to SURE, refitted base projected out, scaled to SURE. An
+    effect that changes nothing, or whose size would lie beyond its bounds, shows at no size.
     """
     return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
 
 
 def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
-    best: tuple[float, float] | None = None
+    best: tuple[float, float | None] | None = None
     candidate = probed.candidate
     for group, responses in zip(probed.groups, probed.responses, strict=True):
         form = about.form(about.weighed(responses))
@@ -36,5 +38,10 @@ def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
             size = (vector[moved[0]] - p.start) * SURE / sigma
             rank = abs(np.log(sigma / SURE))
             if best is None or rank < best[0]:
-                best = (float(rank), p.shown(float(p.start + size)))
+                best = (float(rank), _possible(p, float(p.start + size)))
     return None if best is None else best[1]
+
+
+def _possible(p: Parameter, value: float) -> float | None:
+    """`value` as files state it, None beyond what is physically possible."""
+    return p.shown(value) if p.low <= value <= p.high else None

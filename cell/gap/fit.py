@@ -54,6 +54,7 @@ def fit(
     tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, held))
     found = investigate(subject, held, tape, progress)
     verdict = decide(found, time.monotonic() - began, tape.total)
+    verdict = verdict.model_copy(update={"notes": list(subject.notes)})
     progress("write", 0.97)
     _write(found, verdict, file, out)
     if overlay is not None:

@@ -8,12 +8,13 @@ import numpy as np
 
 from cell.gap import figures, shrink
 from cell.gap.compare import MARGIN
-from cell.gap.drawing import Drawing, Draws
+from cell.gap.drawing import replayed
 from cell.gap.investigate import Findings
 from cell.gap.search import MATERIAL
-from cell.gap.sentence import change, sentence
+from cell.gap.sentence import capital, change, label, sentence, smallest, undetectable
 from cell.gap.verdict import Compared, Verdict, write_text
-from cell.gap.words import interval, number, probability, quantity, unit
+from cell.gap.words import interval, number, probability, unit
+from drivers.types import Array
 
 TITLES = {
     "named": "Named",
@@ -103,17 +104,18 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
     accepted = found.judged.found.accepted.model.name
     rows = "".join(_row(row, row.name == accepted) for row in verdict.candidates)
     note = (
-        "Nats gained in predicting runs that the fit had not seen; a further effect is taken "
-        f"for {MARGIN:.0f} nats, p below 0.01 over all candidates, and at least "
-        f"{100 * MATERIAL:.0f} % of the excess gap that was left. The last column but one tells "
-        "whether one size serves all conditions."
+        "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
+        "55 times as likely). A further effect is taken for "
+        f"{MARGIN:.0f} nats, p below 0.01 over all candidates, and at least "
+        f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
     head = (
         "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"
         "<th class='n'>p<th class='n'>same amplitude, p<th>parameters (95 %)</tr>"
     )
     bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
-    table = f"<details><summary>All numbers</summary><table>{head}{rows}</table></details>"
+    same = "<p class='note'>Same amplitude: whether one size serves all conditions.</p>"
+    table = f"<details><summary>All numbers</summary>{same}<table>{head}{rows}</table></details>"
     silent = [p.candidate.name for p in found.screened.probed if p.dead]
     dead = f"<p class='note'>Changes nothing in these runs: {', '.join(silent)}.</p>"
     return f"<p class='note'>{note}</p>{bars}{_steps(found)}{dead if silent else ''}{table}"
@@ -143,30 +145,50 @@ def _steps(found: Findings) -> str:
             f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
             f"{100 * step.removed:.0f} % of its excess gap: {verb}.</li>"
         )
-    return f"<ol class='note'>{''.join(lines)}</ol>"
+    return f"<ul class='note'>{''.join(lines)}</ul>" if lines else ""
 
 
 def _shown(found: Findings, verdict: Verdict) -> str:
     gap, before, after = verdict.gap, found.shown.before, found.shown.after
+    words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.library.quantities.values()}
+    changed = after is not before
     rows = "".join(
-        f"<tr><td>{escape(key)}<td class='n'>{gap.before[key]:.3g}<td class='n'>"
-        f"{gap.after[key]:.3g}<td class='n'>{gap.floor[key]:.3g}</tr>"
+        f"<tr><td>{escape(words.get(key, 'excess [noise]'))}<td class='n'>{gap.before[key]:.3g}"
+        + (f"<td class='n'>{gap.after[key]:.3g}" if changed else "")
+        + f"<td class='n'>{gap.floor[key]:.3g}</tr>"
         for key in gap.before
     )
+    columns = "<th class='n'>before<th class='n'>after" if changed else "<th class='n'>gap"
     names = [run.name for run in before.evidence.runs]
     was = np.sqrt(np.maximum(shrink.run_squares(before) - 1.0, 0.0))
-    now = was if after is before else np.sqrt(np.maximum(shrink.run_squares(after) - 1.0, 0.0))
+    now = np.sqrt(np.maximum(shrink.run_squares(after) - 1.0, 0.0)) if changed else was
     typical = int(np.argsort(was)[len(was) // 2])
     quantities = dict(found.subject.library.quantities)
     return (
         f"<p>{_shrank(found, verdict)}: {escape(change(found, verdict))}.</p>"
-        "<table><tr><th>rms<th class='n'>before<th class='n'>after<th class='n'>noise</tr>"
-        f"{rows}</table>{figures.run_bars(names, was, now)}"
-        f"<p class='note'>Measured minus simulated in held-out run {escape(names[typical])}; "
+        f"<table><tr><th>rms{columns}<th class='n'>noise</tr>{rows}</table>"
+        + _excess(names, was, now)
+        + f"<p class='note'>Measured minus simulated in held-out run {escape(names[typical])}; "
         "the grey band is two sigma of one reading.</p>"
         + figures.residual_traces(before, after, typical, quantities)
-        + "".join(f"<p class='note'>{escape(d.title)}</p>{d.svg}" for d in _drawings(found))
+        + _drawn(found, names[typical])
     )
+
+
+def _excess(names: Sequence[str], was: Array, now: Array) -> str:
+    """What each held-out run leaves beyond noise."""
+    if not (was.any() or now.any()):
+        return "<p class='note'>No held-out run leaves more than noise.</p>"
+    note = "<p class='note'>What each held-out run leaves beyond noise; no bar: nothing.</p>"
+    return note + figures.run_bars(names, was, now)
+
+
+def _drawn(found: Findings, name: str) -> str:
+    """The curve of one held-out run, where the subject has curves."""
+    drawn = next((r for r in replayed(found, held_out_only=True) if r.name == name), None)
+    figure = "" if drawn is None else figures.midlines(drawn)
+    note = "The same run at four moments; overlay.rrd shows all runs in motion."
+    return f"<p class='note'>{note}</p>{figure}" if figure else ""
 
 
 def _shrank(found: Findings, verdict: Verdict) -> str:
@@ -177,13 +199,6 @@ def _shrank(found: Findings, verdict: Verdict) -> str:
     return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
 
-def _drawings(found: Findings) -> Sequence[Drawing]:
-    """What the subject itself draws of its held-out runs, before and after."""
-    if not isinstance(found.subject, Draws):
-        return ()
-    return found.subject.drawings(found.shown.before, found.shown.after)
-
-
 def _remains(found: Findings, verdict: Verdict) -> str:
     parts = []
     if verdict.unexplained is not None:
@@ -191,7 +206,7 @@ def _remains(found: Findings, verdict: Verdict) -> str:
         stable = "stable over the runs" if rest.stable else "not stable over the runs"
         share = f"{100 * found.judged.law.share:.0f} %" if found.judged.law else "none"
         parts.append(
-            f"<p>{escape(rest.description)}. A description, not a cause, {stable}: "
+            f"<p>{escape(capital(rest.description))}. A description, not a cause, {stable}: "
             f"<code>{escape(rest.law)}</code> (accounts for {share} of what remains).</p>"
         )
     if verdict.ambiguous:
@@ -199,16 +214,20 @@ def _remains(found: Findings, verdict: Verdict) -> str:
         parts.append(f"<p>Not told apart by these runs: {escape(groups)}.</p>")
     if not parts:
         parts.append("<p>Nothing beyond the noise.</p>")
-    units = {c.name: c.parameters[0].unit for c in found.subject.library.candidates}
+    return "".join(parts) + _detectable(found, verdict)
+
+
+def _detectable(found: Findings, verdict: Verdict) -> str:
     rows = "".join(
-        f"<tr><td>{escape(name)}<td class='n'>{escape(quantity(value, units[name]))}</tr>"
+        f"<tr><td>{escape(name)}<td class='n'>{escape(smallest(found, name, value))}</tr>"
         for name, value in sorted(verdict.detectable.items())
     )
-    parts.append(
+    silent = undetectable(found)
+    never = f"Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
+    return (
         "<p class='note'>The smallest size of each effect that these runs would have shown "
-        f"(8 sigma after the base is refitted):</p><table>{rows}</table>"
+        f"(8 sigma after the base is refitted). {escape(never)}</p><table>{rows}</table>"
     )
-    return "".join(parts)
 
 
 def _next(verdict: Verdict) -> str:

@@ -2,6 +2,7 @@
 
 from cell.gap.compare import margin
 from cell.gap.investigate import Findings
+from cell.gap.subject import Quantity
 from cell.gap.verdict import Measured, Verdict
 from cell.gap.words import quantity
 
@@ -23,7 +24,7 @@ def _named(found: Findings, verdict: Verdict) -> str:
         f"{sentences[e.name]} ({_values(e.parameters)})" for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
-    return _capital(text)
+    return capital(text)
 
 
 def _ambiguous(found: Findings, verdict: Verdict) -> str:
@@ -40,10 +41,12 @@ def _ambiguous(found: Findings, verdict: Verdict) -> str:
 
 
 def _no_gap(found: Findings, verdict: Verdict) -> str:
-    sizes = "; ".join(_smallest(found, k, v) for k, v in sorted(verdict.detectable.items()))
+    many = len(verdict.detectable)
+    sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
+    silent = undetectable(found)
+    never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
     return (
-        f"The model explains these runs down to their noise ({_now(found, verdict)}). "
-        f"An effect would have shown from this size on: {sizes}."
+        f"The model explains these runs down to their noise ({_now(found, verdict)}).{sizes}{never}"
     )
 
 
@@ -52,7 +55,7 @@ def _unexplained(found: Findings, verdict: Verdict) -> str:
     description = rest.description if rest is not None else ""
     accepted = found.judged.found.accepted.model
     tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
-    return _capital(f"{description}: no effect of the library accounts for it{tried}.")
+    return capital(f"{description}: no effect of the library accounts for it{tried}.")
 
 
 def change(found: Findings, verdict: Verdict) -> str:
@@ -62,7 +65,7 @@ def change(found: Findings, verdict: Verdict) -> str:
     for q in found.subject.library.quantities.values():
         if q.key not in verdict.gap.before:
             continue
-        name = q.key.rsplit("_", 1)[0].replace("_", " ")
+        name = label(q)
         before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
         floor = verdict.gap.floor[q.key]
         now = (
@@ -84,22 +87,38 @@ def sigmas(found: Findings) -> float:
 
 
 def _values(parameters: dict[str, Measured]) -> str:
-    return ", ".join(quantity(v.value, v.unit) for v in parameters.values())
+    return ", ".join(
+        f"{name.replace('_', ' ')} {quantity(v.value, v.unit)}" for name, v in parameters.items()
+    )
 
 
-def _smallest(found: Findings, name: str, value: float) -> str:
+def undetectable(found: Findings) -> list[str]:
+    """Effects that would have shown in these runs at no size that is physically possible."""
+    return sorted(name for name, size in found.screened.detectable.items() if size is None)
+
+
+def smallest(found: Findings, name: str, value: float) -> str:
+    """The size from which an effect would have shown; down to which, where less is more."""
     candidate = next(c for c in found.subject.library.candidates if c.name == name)
-    return f"{name} {quantity(value, candidate.parameters[0].unit)}"
+    first = candidate.parameters[0]
+    return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
+
+
+def label(of: Quantity) -> str:
+    """A quantity in words."""
+    words = of.key.rsplit("_", 1)[0].replace("_", " ")
+    return f"{words} time" if of.unit == "ms" else words
 
 
 def _now(found: Findings, verdict: Verdict) -> str:
     parts = [
-        f"{q.key.rsplit('_', 1)[0]} {verdict.gap.before[q.key]:.2f} {q.unit}"
+        f"{label(q)} {verdict.gap.before[q.key]:.2f} {q.unit}"
         for q in found.subject.library.quantities.values()
         if q.key in verdict.gap.before
     ]
     return ", ".join(parts)
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """`text` as a sentence begins."""
     return text[:1].upper() + text[1:]

@@ -65,6 +65,7 @@ def _shown(
     return {
         quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
         for name, values in squares.items()
+        if quantities[name].key
     }
 
 

@@ -126,6 +126,8 @@ class Residuals:
 class Quantity:
     """How a measured quantity's gap is shown: key in the verdict, factor from SI, its unit.
 
+    Without a key it is fitted like any other, and its gap is part of the excess only.
+
     `tolerance` [SI] is the rms that may remain after an effect was named: what a model of this
     subject is not trusted below.
     """

@@ -104,6 +104,7 @@ class Verdict(Entry):
     held_out: list[str]
     runtime: float
     simulations: int
+    notes: list[str] = Field(default_factory=list)
 
     def to_json(self) -> str:
         """Text of verdict.json."""

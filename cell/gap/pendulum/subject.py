@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 
+from cell.gap.drawing import Scene, Signal
 from cell.gap.folders import find_runs, run_names
 from cell.gap.pendulum.chain import fastest, swings
 from cell.gap.pendulum.dynamics import swing
@@ -76,6 +77,14 @@ class Pendulum:
         return {**{k: np.array(v) for k, v in accepted.items()}, **request.effects}
 
     def _together(self, requests: Sequence[Request]) -> list[Residuals]:
+        states, biases = self._swung(requests)
+        return [
+            _compared(_content(r.run), states[..., i], self._step, biases[i])
+            for i, r in enumerate(requests)
+        ]
+
+    def _swung(self, requests: Sequence[Request]) -> tuple[Array, Array]:
+        """States (steps + 1, 2, n, B) on a grid of the step, and biases (B, n) of the encoders."""
         n = len(self.file.links)
         effects = [self._effects(r) for r in requests]
         bases = np.array([r.base[: 4 * n - 1] for r in requests])
@@ -88,10 +97,32 @@ class Pendulum:
         biases = np.zeros((len(requests), n))
         for bias, e in zip(biases, effects, strict=True):
             bias[1:] = e.get("encoder_bias", 0.0)
-        return [
-            _compared(_content(r.run), states[..., i], self._step, biases[i])
-            for i, r in enumerate(requests)
-        ]
+        return states, biases
+
+    def measured(self, run: Run) -> Scene:
+        """The angles as they were measured."""
+        swing = _content(run)
+        return Scene(tuple(
+            Signal(f"angle {i} [rad]", swing.t, row) for i, row in enumerate(swing.angles, start=1)
+        ))  # fmt: skip
+
+    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+        """The angles as simulated, and by how much those that were measured are larger."""
+        return [self._scene(request) for request in requests]
+
+    def _scene(self, request: Request) -> Scene | None:
+        states, biases = self._swung([request])
+        swing = _content(request.run)
+        angles = _at(states[..., 0], swing.t, self._step) + biases[0][:, None]
+        if not np.isfinite(angles).all():
+            return None
+        found = []
+        for i, (now, seen) in enumerate(zip(angles, swing.angles, strict=True), start=1):
+            found.append(Signal(f"angle {i} [rad]", swing.t, now))
+            found.append(
+                Signal(f"angle {i}, measured - simulated [mrad]", swing.t, 1e3 * (seen - now))
+            )
+        return Scene(tuple(found))
 
     def experiments(self) -> Sequence[Experiment]:
         """Swings worth measuring next."""

@@ -39,9 +39,9 @@ def library(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Library:
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),
             "displacement": Quantity("displacement_mm", 1e3, "mm", 2 * floors.displacement),
-            "touch_x": Quantity("touch_x_mm", 1e3, "mm", floors.displacement),
+            "touch_x": Quantity("", 1e3, "mm", floors.displacement),
             "touch_time": Quantity("touch_ms", 1e3, "ms", 2 * floors.touch_time),
-            "force": Quantity("force_mn", 1e3, "mN", 2 * floors.force),
+            "force": Quantity("", 1e3, "mN", 2 * floors.force),
         },
     )
 

@@ -7,13 +7,15 @@ from typing import cast
 
 import numpy as np
 
+from cell.gap.drawing import Scene
 from cell.gap.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.library import file_values, library
 from cell.gap.strip.patch import patched
 from cell.gap.strip.prepare import Fold, prepared
 from cell.gap.strip.runs import MeasuredRun, read_runs
-from cell.gap.strip.simulation import COARSE, Simulation
+from cell.gap.strip.scenes import measured_scene, simulated_scene
+from cell.gap.strip.simulation import COARSE, Drive, Simulation
 from cell.gap.strip.terms import with_terms
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
 from drivers.strip.effects import registry
@@ -65,10 +67,9 @@ class Strip:
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
-        folds = [cast(Fold, request.run.content) for request in requests]
-        drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
         seen: dict[tuple[str, bytes, Observation], Residuals] = {}
         found = []
+        folds, drives = self._driven(requests)
         shown = self._simulation(drives)
         for request, fold, drive, motion in zip(requests, folds, drives, shown, strict=True):
             look = request.run.name, drive.key, drive.model.observation
@@ -76,6 +77,19 @@ class Strip:
                 seen[look] = fold.comparison(drive.model, motion)
             found.append(fold.corrected(seen[look], float(request.local[0])))
         return found
+
+    def measured(self, run: Run) -> Scene:
+        """The fold as it was measured."""
+        return measured_scene(cast(Fold, run.content).comparison.run)
+
+    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+        """The folds as simulated, beside their images."""
+        folds, drives = self._driven(requests)
+        length = self.file.length
+        return [
+            None if motion is None else simulated_scene(fold, drive.model, motion, length)
+            for fold, drive, motion in zip(folds, drives, self._simulation(drives), strict=True)
+        ]
 
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
@@ -91,6 +105,11 @@ class Strip:
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The strip file with refitted base and named effects, and the cell's named effects."""
         return patched(self.file, base, effects, source)
+
+    def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Drive]]:
+        folds = [cast(Fold, request.run.content) for request in requests]
+        drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
+        return folds, drives
 
     def _model(self, request: Request, fold: Fold) -> StripModel:
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
