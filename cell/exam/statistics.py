@@ -1,0 +1,106 @@
+"""Rates with their uncertainty, and whether stated confidence is earned."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+NORMAL = 1.959963984540054  # two-sided 95 %
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """`hits` of `count` cases."""
+
+    hits: int
+    count: int
+
+    @property
+    def value(self) -> float:
+        """The share; NaN of nothing."""
+        return self.hits / self.count if self.count else float("nan")
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        return wilson(self.hits, self.count)
+
+
+def rate(found: Iterable[bool]) -> Rate:
+    """How many of these are true."""
+    every = list(found)
+    return Rate(sum(every), len(every))
+
+
+def wilson(hits: int, count: int, z: float = NORMAL) -> tuple[float, float]:
+    """Score interval of a proportion (Wilson 1927, J. Am. Stat. Assoc. 22, 209); all of [0, 1]
+    where nothing was counted.
+    """
+    if count == 0:
+        return 0.0, 1.0
+    p, spread = hits / count, z * z / count
+    middle = (p + spread / 2) / (1 + spread)
+    half = z / (1 + spread) * sqrt(p * (1 - p) / count + spread / (4 * count))
+    low = 0.0 if hits == 0 else middle - half
+    return low, 1.0 if hits == count else middle + half
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """Cases of about the same stated confidence: their mean confidence, and how many were right."""
+
+    confidence: float
+    right: Rate
+
+
+def reliability(stated: Sequence[tuple[float, bool]], bins: int = 10) -> list[Bin]:
+    """Bins of equal width that are not empty, the least confident first (DeGroot and Fienberg
+    1983, The Statistician 32, 12).
+    """
+    groups: dict[int, list[tuple[float, bool]]] = {}
+    for confidence, right in stated:
+        groups.setdefault(min(int(confidence * bins), bins - 1), []).append((confidence, right))
+    return [
+        Bin(sum(c for c, _ in group) / len(group), rate(right for _, right in group))
+        for _, group in sorted(groups.items())
+    ]
+
+
+def brier(stated: Sequence[tuple[float, bool]]) -> float:
+    """Mean squared difference of confidence and outcome (Brier 1950, Mon. Weather Rev. 78, 1)."""
+    if not stated:
+        return float("nan")
+    return sum((confidence - right) ** 2 for confidence, right in stated) / len(stated)
+
+
+def calibration_error(stated: Sequence[tuple[float, bool]], bins: int = 10) -> float:
+    """Expected calibration error: mean distance of confidence and rate over bins, weighed by
+    their cases (Naeini, Cooper, Hauskrecht 2015, AAAI).
+    """
+    if not stated:
+        return float("nan")
+    parts = reliability(stated, bins)
+    away = (b.right.count * abs(b.confidence - b.right.value) for b in parts)
+    return sum(away) / len(stated)
+
+
+@dataclass(frozen=True, slots=True)
+class Confusion:
+    """How often each thing hidden (rows) was said to be each thing (columns)."""
+
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    counts: dict[tuple[str, str], int]
+
+    def count(self, row: str, column: str) -> int:
+        """Cases with `row` hidden of which `column` was said."""
+        return self.counts.get((row, column), 0)
+
+
+def confusion(found: Iterable[tuple[str, str]]) -> Confusion:
+    """Table of (hidden, said); words that are hidden come first among the columns, in row order."""
+    counts = Counter(found)
+    rows = tuple(sorted({hidden for hidden, _ in counts}))
+    said = {column for _, column in counts}
+    columns = [row for row in rows if row in said] + sorted(said - set(rows))
+    return Confusion(rows, tuple(columns), dict(counts))
