@@ -18,7 +18,7 @@ from cell.config.places import find_configs
 from cell.config.plant import load_plant
 from cell.correction import corrected_calibration
 from cell.devices import Devices
-from cell.opening import open_cell
+from cell.opening import Opener, open_cell
 from cell.orchestrator.brakes import attempt
 from cell.orchestrator.knowledge import Knowledge
 from cell.orchestrator.outcome import Outcome
@@ -62,16 +62,20 @@ def fold(
     observers: Callable[[Path, StripFile], tuple[Observer, ...]] = lambda _folder, _strip: (),
     interrupted: Callable[[], bool] = lambda: False,
     calibration: Calibration | None = None,
+    *,
+    opened: Opener | None = None,
+    page: bool = True,
 ) -> FoldResult:
     """Fold once, with `calibration` or the one that the cell uses.
 
+    `opened` opens another cell than the configured one; without `page` no report is written.
     Raises CellError for what is wrong before the run; a run itself only ends.
     """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
-    devices = open_cell(settings, strip, request.choice, calibrating=False)
+    devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
     calibration = calibration or calibration_of(settings)
     _check_camera(calibration, devices)
     calibration = corrected_calibration(calibration, settings, strip)
@@ -90,7 +94,7 @@ def fold(
         run = Run(blind, knowledge, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
-    outcome = _completed(outcome, writer.folder, truth if request.truth else {})
+    outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
 
 
@@ -177,12 +181,13 @@ def _check_camera(calibration: Calibration, devices: Devices) -> None:
         )
 
 
-def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any]) -> Outcome:
+def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
     """The truth beside the record, on the twin, and the page; what fails is told in the outcome."""
     try:
         if truth:
             write_truth(folder, truth)
-        write_report(folder)
+        if page:
+            write_report(folder)
     except OSError as error:
         return outcome.but(
             Stopped("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)

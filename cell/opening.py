@@ -1,5 +1,7 @@
 """The one place that picks drivers."""
 
+from typing import Protocol
+
 import cv2
 
 from cell.choice import Choice
@@ -8,6 +10,16 @@ from cell.correction import corrected_devices
 from cell.devices import Devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
+
+
+class Opener(Protocol):
+    """What can open a cell: `open_cell`, or what another plant is brought in by."""
+
+    def __call__(
+        self, settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
+    ) -> Devices:
+        """Devices as configured and chosen."""
+        ...
 
 
 def check_drivers(settings: CellFile, choice: Choice) -> None:

@@ -14,7 +14,7 @@ from cell.devices import Devices
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, facing
-from drivers.twin.open import Twin, open_twin
+from drivers.twin.open import ORDINARY, Staging, Twin, open_twin
 from drivers.types import Frame
 
 
@@ -64,7 +64,12 @@ class TwinPlant:
 
 
 def twin_devices(
-    settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
+    settings: CellFile,
+    strip: StripFile,
+    choice: Choice,
+    *,
+    calibrating: bool,
+    staging: Staging = ORDINARY,
 ) -> Devices:
     """The twin with the plant on its desk; effects of the rig begin after its calibration.
 
@@ -81,7 +86,7 @@ def twin_devices(
         twin = open_twin(bare, lying, {}, choice.seed, installation=settings.installation)
     else:
         twin = open_twin(
-            settings.twin, lying, rig, choice.seed, choice.index, settings.installation
+            settings.twin, lying, rig, choice.seed, choice.index, settings.installation, staging
         )
     return Devices(
         clock=twin.clock,

@@ -8,6 +8,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.shape import desk_contact, fold_tip
 from drivers.twin.chain_contact import STEP
+from drivers.twin.chain_foreign import Foreign
 from drivers.twin.chain_strip import ChainStrip
 from drivers.types import Array
 
@@ -20,13 +21,13 @@ class Chain:
     Steps longer than 5 ms are taken in equal parts along the straight line between poses.
     After layer_touch the run goes on: the layers rest on each other. A grip is compliant
     (10 N pull it by 0.07 mm on the paper's strip), so a pose that the strip cannot reach costs
-    force, not a fault.
+    force, not a fault. `foreign` laws act on the strips besides those of their models.
     """
 
-    def __init__(self, links: int = 60) -> None:
+    def __init__(self, links: int = 60, foreign: Sequence[Foreign] = ()) -> None:
         if links < FEWEST_LINKS:
             raise ValueError(f"links is {links}, allowed: {FEWEST_LINKS} and more")
-        self._links = links
+        self._links, self._foreign = links, tuple(foreign)
         self._strips: list[ChainStrip] = []
         self._models: tuple[StripModel, ...] = ()
         self._time = 0.0
@@ -37,7 +38,7 @@ class Chain:
         Raises Unsupported for what a chain cannot represent.
         """
         self._models = tuple(models)
-        self._strips = [ChainStrip(model, self._links) for model in models]
+        self._strips = [ChainStrip(model, self._links, self._foreign) for model in models]
         self._time = 0.0
 
     def step(self, poses: Array, dt: float) -> Observables:

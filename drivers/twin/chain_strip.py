@@ -1,6 +1,7 @@
 """One strip as a MuJoCo chain: its state, its step, its layer_touch."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import mujoco
@@ -11,6 +12,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
 from drivers.twin.chain_contact import STEP
 from drivers.twin.chain_ends import Ends
+from drivers.twin.chain_foreign import Foreign, Foreigners, Parts
 from drivers.twin.chain_grip import Grip
 from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_layers import Layers
@@ -30,15 +32,17 @@ class ChainStrip:
     """A strip on `links` links, flat and still at time 0, held at its end.
 
     `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from
-    the fixed edge; `touch` is its layer_touch, once it has happened.
+    the fixed edge; `touch` is its layer_touch, once it has happened. `foreign` laws act on it
+    besides those of its model.
     """
 
-    def __init__(self, model: StripModel, links: int) -> None:
+    def __init__(self, model: StripModel, links: int, foreign: Sequence[Foreign] = ()) -> None:
         self._description, self._links = model, links
         self._lumps = Lumps.of(model, links)
         self._load(compiled(model, links))
         self._joints = Joints.of(self._model, links, self._lumps.spacing)
         self._loads = Loads(self._lumps, self._joints)
+        self._foreign = Foreigners(foreign, Parts(model, self._lumps, self._joints))
         self._ends = Ends.of(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
         self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
@@ -64,8 +68,10 @@ class ChainStrip:
         self._pace(h)
         for part in range(1, parts + 1):
             grip = self._grip.to(start + (pose - start) * (part / parts), h)
+            self._foreign.clear(self._model, self._data, h)
             self._loads.renew(self._data, h)
             self._ends.renew(self._model, self._data)
+            self._foreign.add(self._model, self._data, self._time, h)
             if self.touch is None:
                 self._step_until_touch(grip, h)
             else:
@@ -102,6 +108,7 @@ class ChainStrip:
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
             self._load(compiled(self._description, self._links, layers))
             self._pace(h)
+            self._foreign.again(self._model)
             mujoco.mj_setState(self._model, self._data, self._state, STATE)
             self._ends.apply(self._model, self._data)
             self._step(grip, h)

@@ -1,5 +1,6 @@
 """The twin of the whole cell on one simulated clock."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,17 +9,36 @@ from drivers.installation import Installation
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, describe
 from drivers.twin.arm import TwinArm
-from drivers.twin.camera import TwinCamera
+from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.settings import TwinSettings
 from drivers.twin.truth import Truth
-from drivers.twin.world import World
+from drivers.twin.world import Plant, World
 from drivers.types import Pose
 
 AS_USUAL = Installation()
+
+
+def as_it_is(world: World) -> Visible:
+    """What the camera sees of `world`: the world itself."""
+    return world
+
+
+@dataclass(frozen=True, slots=True)
+class Staging:
+    """What a twin is made of besides its settings: another plant, another view of its world.
+
+    `engine` makes the plant from a number of links, `view` is what the camera looks at.
+    """
+
+    engine: Callable[[int], Plant] = Chain
+    view: Callable[[World], Visible] = as_it_is
+
+
+ORDINARY = Staging()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +63,7 @@ def open_twin(
     seed: int,
     index: int = 0,
     installation: Installation = AS_USUAL,
+    staging: Staging = ORDINARY,
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 
@@ -52,14 +73,14 @@ def open_twin(
     model = describe(plant, cell_effects, index)
     clock = TwinClock()
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
-    chain = Chain(settings.world.links)
-    world = World(model, chain, settings.world, home, settings.hand.opening)
+    plant_engine = staging.engine(settings.world.links)
+    world = World(model, plant_engine, settings.world, home, settings.hand.opening)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
     rng = np.random.default_rng(arm_seed)
     arm = TwinArm(world, clock, settings.arm, installation, rng, model.rig.delay)
     hand = TwinHand(world, clock, settings.hand)
     camera = TwinCamera(
-        world,
+        staging.view(world),
         clock,
         settings.camera,
         StripLook.of(plant),

@@ -1,1 +1,71 @@
 """Causes that only the makers of exam cases know: no effect of the library is their law."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from cell.exam.causes.broken_in import BrokenIn
+from cell.exam.causes.cause import Cause
+from cell.exam.causes.clock_drift import ClockDrift
+from cell.exam.causes.dahl import Dahl
+from cell.exam.causes.draught import Draught
+from cell.exam.causes.humidity import Humidity
+from cell.exam.causes.lens import LensTouched
+from cell.exam.causes.log_creep import LogCreep
+from cell.exam.causes.oblique_drag import ObliqueDrag
+from cell.exam.causes.power_damping import PowerDamping
+from cell.exam.causes.sinh_bending import SinhBending
+from cell.exam.causes.smooth_gradient import SmoothGradient
+from cell.exam.causes.soft_seam import SoftSeam
+from cell.exam.causes.softening import Softening
+from cell.exam.causes.static_cling import StaticCling
+from cell.exam.causes.wobble import Wobble
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+
+CAUSES: Mapping[str, type[Cause]] = MappingProxyType(
+    {
+        "dahl": Dahl,
+        "oblique_drag": ObliqueDrag,
+        "sinh_bending": SinhBending,
+        "power_damping": PowerDamping,
+        "smooth_gradient": SmoothGradient,
+        "soft_seam": SoftSeam,
+        "log_creep": LogCreep,
+        "draught": Draught,
+        "static_cling": StaticCling,
+        "softening": Softening,
+        "broken_in": BrokenIn,
+        "humidity": Humidity,
+        "wobble": Wobble,
+        "clock_drift": ClockDrift,
+        "lens": LensTouched,
+    }
+)
+
+STEPS: Mapping[str, tuple[str, float, float, float]] = MappingProxyType(
+    {
+        "dahl": ("yield_curvature", 0.3, 0.8, 2.0),
+        "oblique_drag": ("coefficient", 0.4, 1.0, 2.5),
+        "sinh_bending": ("cubic", 1.5e-5, 4e-5, 1e-4),
+        "power_damping": ("coefficient", 2e-4, 5e-4, 1.2e-3),
+        "smooth_gradient": ("slope", 0.2, 0.5, 1.1),
+        "soft_seam": ("factor", 1.6, 3.0, 8.0),
+        "log_creep": ("ratio", 0.05, 0.12, 0.3),
+        "draught": ("speed", 0.15, 0.3, 0.5),
+        "static_cling": ("pressure", 0.3, 1.0, 3.0),
+        "softening": ("loss", 0.3, 0.6, 0.85),
+        "broken_in": ("factor", 0.96, 0.9, 0.75),
+        "humidity": ("spread", 0.03, 0.08, 0.2),
+        "wobble": ("amplitude", 0.0003, 0.0008, 0.002),
+        "clock_drift": ("drift", 0.001, 0.003, 0.008),
+        "lens": ("k1", 0.05, 0.12, 0.3),
+    }
+)
+"""The parameter that says how much of a cause there is: weak, medium and strong (a first guess)."""
+
+
+def cause_of(name: str, values: Mapping[str, float]) -> Cause:
+    """The cause called `name`; ConfigurationError for another name or bad values."""
+    if name not in CAUSES:
+        raise ConfigurationError(f"causes: {name}: is not known; known: {', '.join(CAUSES)}")
+    return parse(dict(values), CAUSES[name], f"causes: {name}")

@@ -1,0 +1,28 @@
+"""Forces of moving air on the links of a chain."""
+
+import numpy as np
+
+from drivers.twin.chain_foreign import Parts
+from drivers.twin.chain_joints import Joints
+from drivers.types import Array
+
+TINY = 1e-6  # s, over which nodes are led on to see how fast they move
+
+
+def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, Array]:
+    """Middles (n, 2) [m] of the links, their velocities (n, 2) [m/s], directions (n, 2)."""
+    nodes = joints.nodes(position)
+    speed = (joints.nodes(position + TINY * rate) - nodes) / TINY
+    along = np.diff(nodes, axis=0)
+    along /= np.hypot(along[:, 0], along[:, 1])[:, None]
+    return 0.5 * (nodes[1:] + nodes[:-1]), 0.5 * (speed[1:] + speed[:-1]), along
+
+
+def slowed(parts: Parts, force: Array, speed: Array, h: float) -> Array:
+    """`force` (n, 2) against a `speed` (n, 2), as an implicit step of a link alone takes it.
+
+    Without this light strips are thrown back and forth.
+    """
+    size = np.hypot(force[:, 0], force[:, 1])
+    steep = 2.0 * size / np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)
+    return np.asarray(force / (1.0 + h * steep / parts.lumps.mass)[:, None])

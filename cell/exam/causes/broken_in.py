@@ -1,0 +1,26 @@
+"""Stiffness that is lost at once, between two runs."""
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.model import StripModel
+
+
+class BrokenIn(Cause):
+    """Rigidity times `factor` from run number `first` on, the retardation time kept.
+
+    Source: assumed; a size or finish that cracks when it is first bent sharply.
+    """
+
+    factor: float = Field(gt=0.05, le=5)
+    first: int = Field(5, ge=1, le=100)
+
+    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+        """The strip before or after it."""
+        if self.factor == 1 or model.index < self.first:
+            return model
+        same = np.full(len(model.mechanics.rigidity), self.factor)
+        return replace(model, mechanics=model.mechanics.stiffened(same))

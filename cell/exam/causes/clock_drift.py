@@ -1,0 +1,18 @@
+"""A camera whose clock is not the arm's."""
+
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+
+
+class ClockDrift(Cause):
+    """Stamps run ahead by a share `drift` of the time since the grasp, when clocks were compared.
+
+    Source: assumed; a stamp by the count of frames of a camera that is slower than stated.
+    """
+
+    drift: float = Field(ge=0, le=0.05)
+
+    def shown(self, since: float) -> float:
+        """The moment that an image stamped `since` shows."""
+        return since / (1.0 + self.drift)

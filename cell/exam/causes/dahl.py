@@ -1,0 +1,67 @@
+"""Friction between yarns that sets in gradually, without a yield point."""
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from cell.exam.causes.hinges import resisted, spans
+from drivers.twin.chain_foreign import Act, Parts
+from drivers.types import Array
+
+
+class Dahl(Cause):
+    """Dahl's friction beside the elastic moment, in the place of elasto-plastic elements.
+
+    The friction moment M obeys dM/dkappa = ratio EI (1 - s M / M_c)^exponent, where s is the sign
+    of the curvature's rate and M_c = `yield_curvature` EI. Source: Dahl, Solid friction damping
+    of mechanical vibrations, AIAA Journal 14(12), 1976; `exponent` is his i.
+    """
+
+    answers: ClassVar[str | None] = "bending_hysteresis"
+
+    yield_curvature: float = Field(ge=0, le=100)  # 1/m
+    ratio: float = Field(8.0, ge=1, le=50)  # of pre-sliding over bending stiffness
+    exponent: float = Field(1.5, ge=1.0, le=3.0)
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+        """Friction at every hinge, at rest and without moment."""
+        if self.yield_curvature == 0:
+            return None
+        stiffness = parts.lumps.stiffness
+        element = Element(
+            stiffness * self.yield_curvature * spans(parts), self.ratio * stiffness, self.exponent
+        )
+        return resisted(parts, element)
+
+
+class Element:
+    """Dahl elements side by side, each with its `limit` [N m] and `stiffness` [N m/rad]."""
+
+    def __init__(self, limit: Array, stiffness: Array, exponent: float) -> None:
+        self._limit, self._stiffness, self._exponent = limit, stiffness, exponent
+        self._moment = 0.0 * limit
+        self._angle = 0.0 * limit
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
+        """Moment and slope after the turn since the last call; exact for a turn one way."""
+        turn = angle - self._angle
+        sign = np.where(turn < 0, -1.0, 1.0)
+        short = 1.0 - sign * self._moment / self._limit  # 0 where it slides, 2 where it turns back
+        way = self._stiffness * np.abs(turn) / self._limit
+        short = _less(short, way, self._exponent)
+        self._moment = sign * self._limit * (1.0 - short)
+        self._angle = angle
+        back = np.where(rate < 0, -1.0, 1.0)
+        left = np.clip(1.0 - back * self._moment / self._limit, 0.0, 2.0)
+        return self._moment, self._stiffness * left**self._exponent
+
+
+def _less(short: Array, way: Array, exponent: float) -> Array:
+    """What du/dx = -u^exponent leaves of u = `short` after x = `way`."""
+    short = np.maximum(short, 1e-12)
+    if exponent == 1:
+        return np.asarray(short * np.exp(-way))
+    power = exponent - 1.0
+    return np.asarray((short**-power + power * way) ** (-1.0 / power))

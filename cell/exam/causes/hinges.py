@@ -1,0 +1,43 @@
+"""Moments of foreign laws at the hinges of a chain."""
+
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from drivers.twin.chain_foreign import Act, Parts
+from drivers.types import Array
+
+
+def spans(parts: Parts) -> Array:
+    """Length of strip (n + 1,) [m] for which each hinge stands: half a link at both ends."""
+    links = len(parts.lumps.mass)
+    span = np.full(links + 1, parts.lumps.spacing)
+    span[[0, -1]] *= 0.5
+    return span
+
+
+class MomentLaw(Protocol):
+    """A moment that resists bending, as a function of the angles of all hinges and their past."""
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
+        """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
+        ...
+
+
+def resisted(parts: Parts, law: MomentLaw) -> Act:
+    """The law at work: its moment, and what a step must be damped by to stay stable.
+
+    A step of h that takes the moment at its end has h times the slope as a damper; the share of
+    it at the present rate is given back, so that in even motion the moment alone is felt.
+    """
+    hinges = parts.joints.hinges
+
+    def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, h: float) -> None:
+        angle, rate = data.qpos[hinges], data.qvel[hinges]
+        moment, slope = law(angle.copy(), rate, h)
+        ahead = h * np.maximum(slope, 0.0)
+        model.dof_damping[hinges] += ahead
+        data.qfrc_applied[hinges] += ahead * rate - moment
+
+    return act

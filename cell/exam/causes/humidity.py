@@ -1,0 +1,29 @@
+"""Air that is drier or damper in every run."""
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.model import StripModel
+
+
+class Humidity(Cause):
+    """Rigidity times exp(spread g) with another standard normal g in each run.
+
+    The retardation time falls with its square root. Source: the bending modulus of cotton falls by
+    some 2 % for each per cent of relative humidity (Morton and Hearle, Physical Properties of
+    Textile Fibres); the rest is assumed.
+    """
+
+    spread: float = Field(ge=0, le=1)
+
+    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:
+        """The strip in the air of this run."""
+        if self.spread == 0:
+            return model
+        factor = float(np.exp(self.spread * rng.standard_normal()))
+        mechanics = model.mechanics.stiffened(np.full(len(model.mechanics.rigidity), factor))
+        viscosity = mechanics.viscosity / np.sqrt(factor)
+        return replace(model, mechanics=replace(mechanics, viscosity=viscosity))

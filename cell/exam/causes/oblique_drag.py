@@ -1,0 +1,46 @@
+"""Drag of still air that also rubs along the strip and is not quite quadratic."""
+
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.air import moving, slowed
+from cell.exam.causes.cause import Cause
+from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain_lumps import AIR
+
+
+class ObliqueDrag(Cause):
+    """Force per length 1/2 rho C width v_0^2 (|v| / v_0)^exponent, against the motion.
+
+    Its part along the strip counts `along`. The coefficient is that of a plate in normal flow,
+    C_d, at the speed v_0. Sources: Hoerner, Fluid-Dynamic Drag, 1965, chapter 3 (plates between
+    laminar friction, exponent 1.5, and separated flow, 2); Taylor, Proc. R. Soc. A 214, 1952.
+    """
+
+    answers: ClassVar[str | None] = "air_drag"
+
+    coefficient: float = Field(ge=0, le=20)
+    along: float = Field(0.15, ge=0, le=1)
+    exponent: float = Field(1.85, ge=1.2, le=2.2)
+    speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+        """Drag on every link."""
+        if self.coefficient == 0:
+            return None
+        lumps = parts.lumps
+        size = 0.5 * AIR * self.coefficient * parts.model.mechanics.width
+        size *= lumps.spacing * lumps.scale * self.speed**2
+
+        def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
+            _middles, speed, along = moving(parts.joints, data.qpos, data.qvel)
+            length = np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)[:, None]
+            push = (speed * along).sum(axis=1)[:, None] * along
+            way = (speed - (1.0 - self.along) * push) / length
+            force = -size * (length / self.speed) ** self.exponent * way
+            data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, speed, h)
+
+        return act

@@ -1,0 +1,48 @@
+"""Bending that grows stiffer, or softer, with curvature, by another law than a cubic."""
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from cell.exam.causes.hinges import resisted, spans
+from drivers.twin.chain_foreign import Act, Parts
+from drivers.types import Array
+
+STEEPEST = 6.0  # times the curvature of the law from which on it is led straight
+
+
+class SinhBending(Cause):
+    """M = EI k_s sinh(kappa / k_s), or tanh where `cubic` is negative.
+
+    `cubic` [m^2] is the coefficient of the law's own series: 1 / (6 k_s^2) for sinh and
+    -1 / (3 k_s^2) for tanh. Source of the saturating law: friction couples of yarns, Grosberg,
+    The mechanical properties of woven fabrics II, Text. Res. J. 36, 1966; sinh is assumed.
+    """
+
+    answers: ClassVar[str | None] = "nonlinear_bending"
+
+    cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+        """What the law adds to the elastic moment of every hinge."""
+        if self.cubic == 0:
+            return None
+        hard = self.cubic > 0
+        bend = np.sqrt(1.0 / ((6.0 if hard else 3.0) * abs(self.cubic)))
+        return resisted(parts, Excess(parts.lumps.stiffness, bend * spans(parts), hard=hard))
+
+
+class Excess:
+    """The moment of sinh or tanh over that of its tangent, `scale` (n + 1,) [rad]."""
+
+    def __init__(self, stiffness: Array, scale: Array, *, hard: bool) -> None:
+        self._stiffness, self._scale, self._hard = stiffness, scale, hard
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG002
+        """Moment and slope at `angle`."""
+        x = np.clip(angle / self._scale, -STEEPEST, STEEPEST)
+        value = np.sinh(x) if self._hard else np.tanh(x)
+        slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2
+        return self._stiffness * self._scale * (value - x), self._stiffness * (slope - 1.0)

@@ -1,0 +1,30 @@
+"""Stiffness that rises along the strip in an S instead of a straight line."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.model import StripModel
+
+
+class SmoothGradient(Cause):
+    """Rigidity times 1 + slope / 2 sin(pi (s / L - 1/2)); both ends as of a linear gradient.
+
+    Source: assumed; finishes and dyes vary like that from selvedge to middle.
+    """
+
+    answers: ClassVar[str | None] = "stiffness_gradient"
+
+    slope: float = Field(gt=-2, lt=2)
+
+    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+        """The strip with its profile of stiffness."""
+        if self.slope == 0:
+            return model
+        mechanics = model.mechanics
+        share = mechanics.cells / mechanics.length - 0.5
+        factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
+        return replace(model, mechanics=mechanics.stiffened(factor))

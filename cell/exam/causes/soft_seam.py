@@ -1,0 +1,33 @@
+"""A place of other stiffness without edges."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.model import StripModel
+
+
+class SoftSeam(Cause):
+    """Rigidity times 1 + (factor - 1) exp(-(s - position)^2 / (2 sigma^2)).
+
+    sigma = width / sqrt(2 pi), so that a seam of the library as wide and as stiff has the same
+    integral. Source: assumed; glue and overlocked edges fade out.
+    """
+
+    answers: ClassVar[str | None] = "seam"
+
+    factor: float = Field(ge=0.1, le=50)
+    position: float = Field(0.3, ge=0, le=2)  # m
+    width: float = Field(0.03, ge=0.005, le=0.3)  # m
+
+    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+        """The strip with its seam."""
+        if self.factor == 1:
+            return model
+        mechanics = model.mechanics
+        away = (mechanics.cells - self.position) / self.width
+        factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
+        return replace(model, mechanics=mechanics.stiffened(factor))

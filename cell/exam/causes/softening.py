@@ -1,0 +1,28 @@
+"""Inner friction that a specimen loses in its first runs."""
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.model import StripModel
+from drivers.types import frozen
+
+
+class Softening(Cause):
+    """Retardation time times 1 - loss (1 - exp(-index / runs)), the rigidity kept.
+
+    Source: assumed; handle tests of fabrics are conditioned by repeated bending for this reason.
+    """
+
+    loss: float = Field(ge=0, lt=1)
+    runs: float = Field(2.5, gt=0, le=100)
+
+    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+        """The strip as its earlier runs have left it."""
+        if self.loss == 0:
+            return model
+        factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))
+        viscosity = frozen(model.mechanics.viscosity * factor)
+        return replace(model, mechanics=replace(model.mechanics, viscosity=viscosity))

@@ -1,0 +1,34 @@
+"""Electrostatic attraction between strip and desk."""
+
+import mujoco
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.twin.chain_foreign import Act, Parts
+
+
+class StaticCling(Cause):
+    """A pull towards the desk of `pressure` [N/m^2] exp(-height / reach) on the strip's face.
+
+    Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5 N/m^2;
+    the reach, as for patches of charge of alternate sign, is assumed.
+    """
+
+    pressure: float = Field(ge=0, le=50)
+    reach: float = Field(0.010, gt=0, le=0.1)  # m
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+        """The pull on every link."""
+        if self.pressure == 0:
+            return None
+        lumps, joints = parts.lumps, parts.joints
+        size = self.pressure * parts.model.mechanics.width * lumps.spacing * lumps.scale
+
+        def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
+            nodes = joints.nodes(data.qpos)
+            height = np.maximum(0.5 * (nodes[1:, 1] + nodes[:-1, 1]), 0.0)
+            level = np.abs(np.diff(nodes[:, 0])) / lumps.spacing  # what faces the desk
+            data.xfrc_applied[1:-2, 2] -= size * level * np.exp(-height / self.reach)
+
+        return act

@@ -1,0 +1,28 @@
+"""A gripper that vibrates without the arm's knowledge."""
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause
+from drivers.types import Array
+
+GROWTH = 0.5  # s after the grasp, in which it sets in
+
+
+class Wobble(Cause):
+    """The edge moves by amplitude sin(2 pi frequency t) upwards, and by a share of it along x.
+
+    Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
+    """
+
+    amplitude: float = Field(ge=0, le=0.01)  # m
+    frequency: float = Field(3.7, gt=0, le=50)  # Hz
+    sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
+
+    def moved(self, pose: Array, time: float) -> Array:
+        """Where the edge truly is."""
+        if self.amplitude == 0:
+            return pose
+        swing = self.amplitude * min(time / GROWTH, 1.0)
+        swing *= np.sin(2 * np.pi * self.frequency * time)
+        return np.asarray(pose + np.array([self.sideways * swing, swing, 0.0]))
