@@ -51,7 +51,7 @@ def heat_map(places: Sequence[Place]) -> str:
     for p in places:
         at = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
         grid[at], sure[at] = abs(p.z), p.p < 0.05
-    figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), 0.9 + 0.3 * len(rows))
+    figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), max(2.0, 0.9 + 0.3 * len(rows)))
     axis = axes[0]
     level = np.log10(1.0 + grid)
     highest = max(1.0, float(np.nanmax(level)))
@@ -61,7 +61,8 @@ def heat_map(places: Sequence[Place]) -> str:
     for i, j in zip(*np.nonzero(sure), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
     bar = figure.colorbar(image, ax=axis, pad=0.01)
-    ticks = [z for z in (0, 1, 3, 10, 30, 100, 300, 1000, 3000) if np.log10(1 + z) <= highest]
+    steps = (0, 1, 3, 10, 30) if highest < 2.0 else (0, 10, 100, 1000, 10000)
+    ticks = [z for z in steps if np.log10(1 + z) <= highest]
     bar.set_ticks([float(np.log10(1 + z)) for z in ticks], labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise", fontsize=8)
     bar.ax.tick_params(labelsize=8)
@@ -85,8 +86,13 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
     gains = [max(row.elpd_gain, least) for row in shown]
     colours = [AFTER if row.name == accepted else FAINT for row in shown]
     axis.barh(range(len(shown)), gains, color=colours, height=0.7)
-    axis.errorbar(gains, range(len(shown)), xerr=[min(row.se, 1e4) for row in shown], fmt="none",
-                  ecolor=INK, elinewidth=0.8)  # fmt: skip
+    scatter = [row.se if row.elpd_gain > least else 0.0 for row in shown]
+    axis.errorbar(gains, range(len(shown)), xerr=scatter, fmt="none", ecolor=INK, elinewidth=0.8)
+    for i, row in enumerate(shown):
+        if row.elpd_gain < least:
+            axis.text(least, i, f"{row.elpd_gain:.0f} ", ha="right", va="center", fontsize=7)
+    ends = [gain + min(row.se, abs(gain)) for gain, row in zip(gains, shown, strict=True)]
+    axis.set_xlim(1.6 * least, 1.05 * max(1.0, *ends))
     axis.axvline(0.0, color=INK, lw=0.8)
     axis.set_yticks(range(len(shown)), [row.name for row in shown])
     axis.set_xlabel("gain over the refitted base on runs left out [nats]", fontsize=8)
@@ -166,11 +172,13 @@ def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
     """Excess gap of each held-out run, before and after [units of noise]."""
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
-    axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
-    if after is not before:
+    if after is before:
+        axis.bar(at, before, 0.38, color=BEFORE)
+    else:
+        axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
         axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
+        _legend_above(figure, axis)
     axis.set_xticks(at, names, **_slanted(names, 0.7))
     axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))
     axis.set_ylabel("excess gap [noise]", fontsize=8)
-    _legend_above(figure, axis)
     return svg(figure)

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
 from cell.gap.crossvalidation import folds
 from cell.gap.decide import verdict as decide
-from cell.gap.folders import find_runs
+from cell.gap.folders import find_runs, run_names
 from cell.gap.investigate import Findings, Progress, investigate
 from cell.gap.report import write_report
 from cell.gap.subject import Run, Subject
@@ -45,12 +46,12 @@ def fit(
     ConfigurationError, and leaves no verdict, for bad input.
     """
     began = time.monotonic()
-    for name in ("verdict.json", PATCH, CELL_PATCH, "accepted.json"):
-        _forget(out / name)
+    _clear(out)
     folders = find_runs(runs)
+    _check_held_out(run_names(folders), hold_out)
     subject = open_subject(file, folders, jobs)
     held = held_out(subject.runs, hold_out)
-    out.mkdir(parents=True, exist_ok=True)
+    _make(out)
     tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, held))
     found = investigate(subject, held, tape, progress)
     verdict = decide(found, time.monotonic() - began, tape.total)
@@ -82,18 +83,22 @@ def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
 def held_out(runs: Sequence[Run], wanted: Sequence[str] = ()) -> list[str]:
     """Names of the runs that only judge: those asked for, or one condition in EVERY."""
     names = [run.name for run in runs]
+    _check_held_out(names, wanted)
+    chosen = list(dict.fromkeys(wanted))
+    if not chosen:
+        groups = folds(runs, most=len(runs))
+        chosen = [names[i] for group in groups[1::EVERY] for i in group]
+    return chosen
+
+
+def _check_held_out(names: Sequence[str], wanted: Sequence[str]) -> None:
     unknown = [name for name in wanted if name not in names]
     if unknown:
         raise ConfigurationError(
             f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
         )
-    chosen = list(dict.fromkeys(wanted))
-    if not chosen:
-        groups = folds(runs, most=len(runs))
-        chosen = [names[i] for group in groups[1::EVERY] for i in group]
-    if len(chosen) == len(names):
+    if len(set(wanted)) == len(names):
         raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
-    return chosen
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
@@ -123,5 +128,20 @@ def _key(file: Path, folders: Sequence[Path], held: Sequence[str]) -> str:
     return h.hexdigest()[:16]
 
 
-def _forget(path: Path) -> None:
-    path.unlink(missing_ok=True)
+def _clear(out: Path) -> None:
+    """No verdict of an earlier fit stays; ConfigurationError where none could be written."""
+    first = next(p for p in (out.absolute(), *out.absolute().parents) if p.exists())
+    if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
+        what = "cannot be written to" if first.is_dir() else "is a file"
+        raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
+    for name in ("verdict.json", PATCH, CELL_PATCH, "accepted.json"):
+        (out / name).unlink(missing_ok=True)
+
+
+def _make(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"--out {out}: cannot be made: {error.strerror}; give a folder that can be written"
+        ) from None

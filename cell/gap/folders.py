@@ -11,19 +11,26 @@ from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA
 from drivers.types import Array
 
+HEAD = "run.yaml"
+TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet")
+
 
 def find_runs(paths: Sequence[Path]) -> list[Path]:
     """Run folders among `paths`, each a run folder or a folder of run folders, by name."""
     found: list[Path] = []
     for path in paths:
-        if (path / "run.yaml").is_file():
+        if (path / HEAD).is_file():
             found.append(path)
             continue
         if not path.is_dir():
             raise ConfigurationError(f"{path}: no such folder; give run folders")
-        inner = sorted(p for p in path.iterdir() if (p / "run.yaml").is_file())
+        _check_heads([path, *path.iterdir()])
+        inner = sorted(p for p in path.iterdir() if (p / HEAD).is_file())
         if not inner:
-            raise ConfigurationError(f"{path}: holds no run; a run folder holds a run.yaml")
+            raise ConfigurationError(
+                f"{path}: holds no run; a run folder holds a {HEAD}: give run folders, or a "
+                "folder of them"
+            )
         found += inner
     unique = list(dict.fromkeys(p.resolve() for p in found))
     if len(unique) < 2:
@@ -34,13 +41,47 @@ def find_runs(paths: Sequence[Path]) -> list[Path]:
     return unique
 
 
+def _check_heads(folders: Sequence[Path]) -> None:
+    """Refuse measurements that nobody could tell the origin of."""
+    for folder in sorted(folders):
+        tables = [name for name in TABLES if (folder / name).is_file()]
+        if tables and not (folder / HEAD).is_file():
+            raise ConfigurationError(
+                f"{folder}: {HEAD}: is missing beside {tables[0]}; add it, or take the folder away"
+            )
+
+
 def run_names(folders: Sequence[Path]) -> list[str]:
     """Folder names, with their parent's name where they would be equal."""
     short = [f.name for f in folders]
     if len(set(short)) == len(short):
         return short
-    return [f"{f.parent.parent.name}/{f.name}" if f.parent.name == "runs"
+    long = [f"{f.parent.parent.name}/{f.name}" if f.parent.name == "runs"
             else f"{f.parent.name}/{f.name}" for f in folders]  # fmt: skip
+    for i, name in enumerate(long):
+        if name in long[:i]:
+            raise ConfigurationError(
+                f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one of them"
+            )
+    return long
+
+
+def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
+    """Refuse runs that claim one place in the order in which they were taken.
+
+    Equal throughout, as single folds write it, an index claims nothing.
+    """
+    first: dict[int, Path] = {}
+    same = len({index for index in stated if index is not None}) == 1
+    for folder, index in zip(folders, stated, strict=True):
+        if index is None or same:
+            continue
+        if index in first:
+            raise ConfigurationError(
+                f"{folder / HEAD}: index: is {index}, as in {first[index].name}; give each run of "
+                "a specimen its own, in the order in which they were taken, or none"
+            )
+        first[index] = folder
 
 
 def read_table(path: Path) -> dict[str, Array]:
@@ -48,10 +89,12 @@ def read_table(path: Path) -> dict[str, Array]:
     try:
         table = pq.read_table(path)
     except FileNotFoundError:
-        raise ConfigurationError(f"{path}: is missing") from None
+        raise ConfigurationError(f"{path}: is missing; add it") from None
     except (ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
-        raise ConfigurationError(f"{path}: is not a readable parquet file: {reason}") from None
+        raise ConfigurationError(
+            f"{path}: is not a whole Parquet file; write it again: {reason}"
+        ) from None
     stored = (table.schema.metadata or {}).get(b"schema", b"1")
     if not stored.isdigit() or int(stored) > SCHEMA:
         raise ConfigurationError(
@@ -69,11 +112,13 @@ def read_table(path: Path) -> dict[str, Array]:
 def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
     """A column that must be there, finite throughout unless `gaps` are allowed."""
     if name not in table:
-        raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers)")
+        raise ConfigurationError(f"{path}: {name}: the column is missing or no numbers; add it")
     values = table[name]
     if not gaps and not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
-        raise ConfigurationError(f"{path}: {name}: row {row} is not a number; every row must be")
+        raise ConfigurationError(
+            f"{path}: {name}: row {row} is {values[row]}, must be a finite number"
+        )
     return values
 
 
@@ -85,5 +130,6 @@ def check_time(t: Array, path: Path, least: int) -> None:
     if back.any():
         row = int(np.argmax(back)) + 1
         raise ConfigurationError(
-            f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g} s)"
+            f"{path}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must increase; "
+            "sort the rows"
         )

@@ -26,8 +26,12 @@ RADIUS = 0.0012  # m
 
 def write_overlay(found: Findings, path: Path) -> None:
     """The recording at `path`, held-out runs first; ConfigurationError if it cannot be written."""
-    runs = list(replayed(found))
-    recording = rr.RecordingStream("cell gap", recording_id=f"gap-{found.subject.name}")
+    write_recording(found.subject.name, list(replayed(found)), path)
+
+
+def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
+    """The recording of `runs` of the subject `name`."""
+    recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         recording.set_sinks(rr.FileSink(path))
         recording.send_blueprint(blueprint(runs))

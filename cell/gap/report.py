@@ -138,14 +138,17 @@ def _steps(found: Findings) -> str:
     lines = []
     for count, step in enumerate(found.judged.found.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
-        over = step.before.model.name
-        over = "the refitted base" if over == "base" else over
+        over = _told(step.before.model.name)
         lines.append(
             f"<li>{count} effect{'s' if count > 1 else ''}: {escape(step.model.model.name)} gains "
             f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
             f"{100 * step.removed:.0f} % of its excess gap: {verb}.</li>"
         )
     return f"<ul class='note'>{''.join(lines)}</ul>" if lines else ""
+
+
+def _told(model: str) -> str:
+    return "the refitted base" if model == "base" else model
 
 
 def _shown(found: Findings, verdict: Verdict) -> str:
@@ -195,6 +198,8 @@ def _shrank(found: Findings, verdict: Verdict) -> str:
     if found.shown.after is found.shown.before:
         return "No effect was added"
     gap = verdict.gap
+    if not gap.before["excess"]:
+        return "Already before, the held-out runs together showed no more than noise"
     ends = f"[{100 * gap.shrink_low:.0f}, {100 * gap.shrink_high:.0f}]"
     return f"The gap shrank by {100 * gap.shrink:.0f} % {ends}"
 
@@ -234,8 +239,8 @@ def _next(verdict: Verdict) -> str:
     if not verdict.advice:
         return "<p>No planned experiment would tell more than these runs do.</p>"
     rows = "".join(
-        f"<tr><td>{escape(a.experiment)}<td>{escape(a.separates[0])} from "
-        f"{escape(a.separates[1])}<td class='n'>{a.expected_sigma:.1f}"
+        f"<tr><td>{escape(a.experiment)}<td>{escape(_told(a.separates[0]))} from "
+        f"{escape(_told(a.separates[1]))}<td class='n'>{a.expected_sigma:.1f}"
         f"<td class='n'>{a.minutes:.1f}</tr>"
         for a in verdict.advice[:5]
     )

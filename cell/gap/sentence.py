@@ -4,7 +4,7 @@ from cell.gap.compare import margin
 from cell.gap.investigate import Findings
 from cell.gap.subject import Quantity
 from cell.gap.verdict import Measured, Verdict
-from cell.gap.words import quantity
+from cell.gap.words import number, quantity
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:
@@ -21,14 +21,16 @@ def sentence(found: Findings, verdict: Verdict) -> str:
 def _named(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: c.sentence for c in found.subject.library.candidates}
     effects = ", and ".join(
-        f"{sentences[e.name]} ({_values(e.parameters)})" for e in verdict.effects
+        f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
     return capital(text)
 
 
 def _ambiguous(found: Findings, verdict: Verdict) -> str:
-    either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+    sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.library.candidates}
+    groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
+    either = "; ".join(", or ".join(group) for group in groups)
     known = found.judged.found.accepted.model.names - {n for g in verdict.ambiguous for n in g}
     sure = f" beside {', '.join(sorted(known))}, which is sure" if known else ""
     split = "No planned experiment would split them"
@@ -69,12 +71,12 @@ def change(found: Findings, verdict: Verdict) -> str:
         before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
         floor = verdict.gap.floor[q.key]
         now = (
-            f"was {before:.2f} {q.unit} off and is now {after:.2f}"
+            f"was {number(before)} {q.unit} off and is now {number(after)}"
             if changed
-            else (f"is {before:.2f}")
+            else f"is {number(before)}"
         )
         off = "" if changed else " off"
-        parts.append(f"{name} {now} {q.unit}{off} (noise {floor:.2f})")
+        parts.append(f"{name} {now} {q.unit}{off} (noise {number(floor)})")
     return "on held-out runs " + ", ".join(parts)
 
 
@@ -112,7 +114,7 @@ def label(of: Quantity) -> str:
 
 def _now(found: Findings, verdict: Verdict) -> str:
     parts = [
-        f"{label(q)} {verdict.gap.before[q.key]:.2f} {q.unit}"
+        f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
         for q in found.subject.library.quantities.values()
         if q.key in verdict.gap.before
     ]

@@ -12,7 +12,7 @@ from cell.gap.pendulum.chain import fastest, stated, swings
 from cell.gap.pendulum.file import PendulumFile
 from cell.gap.subject import Parameter, Run, Samples
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.settings import SCHEMA, read_yaml
 from drivers.types import Array, frozen
 
 FLOOR = 5e-5  # rad, of the integration and of the shape of a smoothed friction
@@ -50,6 +50,7 @@ def read_run(folder: Path, name: str, pendulum: PendulumFile) -> Run:
     if all(f"omega_{i + 1}" in table for i in range(n)):
         rates = np.stack([column(table, f"omega_{i + 1}", path) for i in range(n)])
     _check_units(t, angles, rates, path)
+    _check_step(t, fastest(pendulum), path)
     condition = str(head.get("condition", name))
     return replace(
         make_run(pendulum, name, condition, t, angles, sigma, rates),
@@ -77,12 +78,22 @@ def make_run(
 
 
 def _head(head: dict[str, Any], path: Path, pendulum: PendulumFile) -> float:
-    stated_name = head.get("pendulum")
+    stated_name, schema = head.get("pendulum"), head.get("schema", SCHEMA)
+    if not isinstance(schema, int) or schema > SCHEMA:
+        raise ConfigurationError(
+            f"{path}: schema: is {schema!r}, this version reads {SCHEMA}; update the cell"
+        )
+    if stated_name is None and "strip" in head:
+        raise ConfigurationError(
+            f"{path}: pendulum: is missing, this is a run of the strip {head['strip']}; give its "
+            "strip file, or runs of the pendulum"
+        )
     if stated_name is None:
         raise ConfigurationError(f"{path}: pendulum: is missing; add the pendulum's name")
     if stated_name != pendulum.name:
         raise ConfigurationError(
-            f"{path}: pendulum: is {stated_name}, but the file describes {pendulum.name}"
+            f"{path}: pendulum: is {stated_name}, but the file describes {pendulum.name}; give "
+            "runs of one pendulum and its file"
         )
     sigma = head.get("sigma")
     angle = sigma.get("angle") if isinstance(sigma, dict) else None
@@ -120,6 +131,16 @@ def _check_units(t: Array, angles: Array, rates: Array | None, path: Path) -> No
         raise ConfigurationError(
             f"{path}: omega: is {ratio:.3g} times the rate of theta; t is in s, angles in rad, "
             "rates in rad/s"
+        )
+
+
+def _check_step(t: Array, fast: float, path: Path) -> None:
+    """Refuse readings too far apart to show the fastest small swing, of `fast` [rad/s]."""
+    step, longest = float(np.median(np.diff(t))), BLOCK / fast
+    if step > longest:
+        raise ConfigurationError(
+            f"{path}: t: rows are {step:g} s apart, at most {longest:.2g} s shows this pendulum's "
+            "swings; t is in s"
         )
 
 

@@ -9,13 +9,14 @@ from typing import cast
 import numpy as np
 
 from cell.gap.drawing import Scene, Signal
-from cell.gap.folders import find_runs, run_names
+from cell.gap.folders import HEAD, check_indices, find_runs, run_names
 from cell.gap.pendulum.chain import fastest, swings
 from cell.gap.pendulum.dynamics import swing
 from cell.gap.pendulum.file import PendulumFile, load_pendulum
 from cell.gap.pendulum.library import library
 from cell.gap.pendulum.runs import Swing, read_run
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
+from drivers.settings import read_yaml
 from drivers.types import Array
 
 BATCH = 768  # swings integrated at once: their arrays stay in the cache
@@ -145,6 +146,7 @@ def open_pendulum(path: Path, folders: Sequence[Path], jobs: int = 1) -> Pendulu
     found = find_runs(folders)
     names = run_names(found)
     runs = [read_run(f, name, pendulum) for f, name in zip(found, names, strict=True)]
+    check_indices(found, [read_yaml(f / HEAD).get("index") for f in found])
     runs.sort(key=lambda run: run.index)
     return Pendulum(pendulum, runs, jobs)
 

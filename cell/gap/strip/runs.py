@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.folders import find_runs, run_names
+from cell.gap.folders import check_indices, find_runs, run_names
 from cell.gap.strip.curves import Images, images_of
 from cell.gap.strip.gripper import smoothed
-from cell.record.files import is_under_way
+from cell.record.files import RUN, is_under_way
 from cell.record.header import Header, Result, Sigma
 from cell.record.run import Run as Recorded
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
 from drivers.types import Array, frozen
@@ -24,6 +25,7 @@ SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0
 NEAR = 0.03  # m from where a run must start
 REACH = 5.0  # m, further from the fixed edge nothing of a cell can be
 NOISY = 0.05  # m, no instrument of a cell is worse
+LATE = 1.0  # s, no image is so long before the first or after the last row
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,12 @@ def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
     Raises ConfigurationError, in one line, for whatever cannot be trusted.
     """
     found = find_runs(folders)
-    read = [_read(f, n, strip) for f, n in zip(found, run_names(found), strict=True)]
+    heads, read = [], []
+    for folder, name in zip(found, run_names(found), strict=True):
+        header, run = _read(folder, name, strip)
+        heads.append(header.index if run.usable else None)
+        read.append(run)
+    check_indices(found, heads)
     usable = sum(run.usable for run in read)
     if usable < 2:
         raise ConfigurationError(
@@ -81,7 +88,8 @@ def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
     return sorted(read, key=lambda run: (run.measured.index, run.name))
 
 
-def _read(folder: Path, name: str, strip: StripFile) -> MeasuredRun:
+def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
+    _check_kind(folder)
     try:
         recorded = read_run(folder)
     except ConfigurationError as error:
@@ -97,7 +105,17 @@ def _read(folder: Path, name: str, strip: StripFile) -> MeasuredRun:
         _check_start(folder, recorded, strip)
     measured = _measured(recorded, touch, strip) if usable else _nothing(recorded)
     notes = _notes(name, recorded, usable=usable)
-    return MeasuredRun(name, recorded.header.condition or name, measured, notes)
+    condition = recorded.header.condition or name
+    return recorded.header, MeasuredRun(name, condition, measured, notes)
+
+
+def _check_kind(folder: Path) -> None:
+    head = read_yaml(folder / RUN)
+    if "strip" not in head and "pendulum" in head:
+        raise ConfigurationError(
+            f"{folder / RUN}: strip: is missing, this is a run of the pendulum "
+            f"{head['pendulum']}; give its pendulum file, or runs of the strip"
+        )
 
 
 def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
@@ -159,6 +177,11 @@ def _check_header(folder: Path, header: Header, strip: StripFile) -> None:
                 f"{origin}: sigma.{key}: is {getattr(header.sigma, key):g} m, at most {NOISY:g} m "
                 "is believable; give it in m"
             )
+    if (header.sigma.touch_time or 0.0) > LATE:
+        raise ConfigurationError(
+            f"{origin}: sigma.touch_time: is {header.sigma.touch_time:g} s, at most {LATE:g} s is "
+            "believable; give it in s"
+        )
 
 
 def _check_ticks(folder: Path, run: Recorded) -> None:
@@ -174,10 +197,24 @@ def _check_ticks(folder: Path, run: Recorded) -> None:
             f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
             "give times in s"
         )
+    seen = run.ticks.contact_t[np.isfinite(run.ticks.contact_t)]
+    _check_within(seen, t, f"{origin}: contact_t")
+
+
+def _check_within(stamps: Array, t: Array, origin: str) -> None:
+    """Refuse stamps (k,) of another time than the rows' `t` (m,)."""
+    off = np.flatnonzero((stamps < t[0] - LATE) | (stamps > t[-1] + LATE))
+    if len(off):
+        raise ConfigurationError(
+            f"{origin}: is {stamps[off[0]]:g} s, the rows of ticks.parquet span {t[0]:g} to "
+            f"{t[-1]:g} s; give it in s since the run's start"
+        )
 
 
 def _check_profile(folder: Path, run: Recorded) -> None:
     origin = folder / "profile.parquet"
+    if len(run.ticks.t) >= LEAST:
+        _check_within(run.profile.t, run.ticks.t, f"{origin}: t")
     for name in ("x", "z"):
         values = np.abs(getattr(run.profile, name))
         if len(values) and float(np.median(values)) > REACH:
