@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import plan
 from cell.cli.options import Configs, Json
 
@@ -21,6 +22,7 @@ gap = typer.Typer(
     no_args_is_help=True,
 )
 gap.command()(plan)
+gap.command()(exam)
 
 RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 Subject = Annotated[Path, typer.Option("--strip", help="The strip file (or pendulum file).")]

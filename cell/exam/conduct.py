@@ -49,29 +49,25 @@ def conduct(
     progress(done, total, "")
     for name, result in _carried_out(parts, jobs):
         case = named[name]
-        found = failed(case, now.entry(case), result) if isinstance(result, str) else result
+        entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
         done += 1
-        if found is not None:
-            ledger.put(found)
-        progress(done, total, f"{name}: {said(found)}")
+        if entry.state != "made":
+            ledger.put(entry)
+        progress(done, total, f"{name}: {said(entry)}")
         if interrupted():
             break
     return ledger.of(cases)
 
 
-def said(entry: Entry | None) -> str:
+def said(entry: Entry) -> str:
     """What came of a case, in a few words."""
-    if entry is None:
-        return "runs made"
     if entry.outcome is None:
-        return f"failed: {entry.reason}"
+        return "runs made" if entry.state == "made" else f"failed: {entry.reason}"
     return entry.outcome.result.replace("_", " ")
 
 
-def _carried_out(parts: Sequence[Examined], jobs: int) -> Iterator[tuple[str, Entry | str | None]]:
-    """Names and entries as they finish: None where only runs were made, words where the process
-    died.
-    """
+def _carried_out(parts: Sequence[Examined], jobs: int) -> Iterator[tuple[str, Entry | str]]:
+    """Names and entries as they finish; words where a process died."""
     crew: Any = carry_out  # asks of a part no more than its key and that it can be measured
     for part, result in crew(parts, jobs):
         yield part.key, result.reason if isinstance(result, Refused) else result

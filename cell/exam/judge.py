@@ -13,7 +13,8 @@ from cell.exam.key import Sources, case_hash, opened
 from cell.exam.oracle import oracle
 from cell.exam.results import Baselines, Entry
 from cell.exam.score import same, score
-from cell.exam.sealed import NOTES, VERDICT, Sat, sit
+from cell.exam.sealed import Sat, sit
+from cell.exam.sitting import NOTES, VERDICT
 from cell.gap.folders import find_runs
 from cell.gap.verdict import Verdict, read_verdict
 from cell.record.documents import replace_file
@@ -28,16 +29,19 @@ RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sat.json", "made"
 def made_by_tier(case: Case, folder: Path) -> None:
     """The runs of a case, made by its tier's own maker."""
     if case.tier == "images":
-        from cell.exam.images import make_runs
-    else:
-        from cell.exam.state_runs import make_runs
+        from cell.exam import images
+
+        images.make_runs(case, folder)
+        return
+    from cell.exam.state_runs import make_runs
+
     make_runs(case, folder)
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """A case to carry out in a process of its own; its result is the entry, None where only runs
-    were asked for. The key of `name` lies in `folder`.
+    """A case to carry out in a process of its own; its result is the entry. The key of
+    `name` lies in `folder`.
     """
 
     name: str
@@ -52,7 +56,7 @@ class Examined:
         """Name of the case."""
         return self.name
 
-    def measure(self) -> Entry | None:
+    def measure(self) -> Entry:
         """Whatever happens to a case is its entry."""
         case = opened(self.folder, self.name)
         try:
@@ -65,12 +69,12 @@ class Examined:
             reason = str(Unexpected(error))
         return failed(case, self.sources.entry(case), reason)
 
-    def _carried_out(self, case: Case) -> Entry | None:
+    def _carried_out(self, case: Case) -> Entry:
         place = self.folder / RUNS / case.name
         if self.steps != "judge":
             made(case, place, self.make)
         if self.steps == "make":
-            return None
+            return Entry(case=case, of=self.sources.entry(case), state="made")
         if stamped(place) != case_hash(case):
             raise ConfigurationError(f"{place}: holds no runs of this case; make them first")
         return judged(case, self.folder, self.sources, again=self.again)

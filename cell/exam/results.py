@@ -33,7 +33,8 @@ class Baselines(Settings):
 
 
 class Entry(Settings):
-    """A case in the ledger: what it was judged of, and its outcome or the reason of its failure.
+    """A case in the ledger: what it was judged of, and its outcome or the reason of its failure;
+    `made` where its runs were made and nothing else was asked for.
 
     `wall` [s] and `memory` [MB, peak] are those of the sealed process; `oracle` is None where
     nothing of the library is hidden.
@@ -41,7 +42,7 @@ class Entry(Settings):
 
     case: Case
     of: str
-    state: Literal["scored", "failed"]
+    state: Literal["made", "scored", "failed"]
     outcome: Outcome | None = None
     oracle: Oracle | None = None
     baselines: Baselines | None = None

@@ -1,0 +1,111 @@
+"""`cell gap exam`."""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from cell.cli.options import Json
+
+if TYPE_CHECKING:
+    from cell.exam.results import Entry
+
+INTERRUPTED = 130  # exit code
+
+
+def exam(
+    out: Annotated[Path, typer.Option("--out", help="Folder of keys, runs, verdicts, ledger.")],
+    tier: Annotated[
+        Literal["state", "images", "small"],
+        typer.Option(help="From the state, through images, or six cases from the state."),
+    ] = "small",
+    cases: Annotated[
+        int | None, typer.Option(min=1, help="Cases [default: 300, 60 through images, 6 small].")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
+    only_make: Annotated[
+        bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
+    ] = False,
+    only_judge: Annotated[
+        bool, typer.Option("--only-judge", help="Judge the runs that OUT holds; make none.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
+
+    What is finished is kept in OUT: an exam that was interrupted goes on where it stopped.
+    """
+    from cell.exam.conduct import conduct
+    from cell.exam.drawn import drawn_once
+    from cell.exam.judge import Steps
+    from cell.exam.report import write_report
+    from drivers.errors import ConfigurationError
+
+    if only_make and only_judge:
+        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+    steps: Steps = "make" if only_make else "judge" if only_judge else "all"
+    wide = min(jobs, os.cpu_count() or 1)
+    try:
+        with _progress(quiet=as_json) as shown:
+            wanted = drawn_once(out, tier, cases, seed)
+            entries = conduct(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
+    except KeyboardInterrupt:
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
+        )
+        sys.exit(INTERRUPTED)
+    if only_make:
+        failed = sum(e.state == "failed" for e in entries)
+        sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
+        return
+    command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
+    page, *_ = write_report(entries, report or out / "exam.md", command)
+    _tell(entries, page, as_json=as_json)
+
+
+def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
+    if as_json:
+        for entry in entries:
+            sys.stdout.write(json.dumps(entry.model_dump(mode="json"), allow_nan=False) + "\n")
+        return
+    from cell.exam.report import GOOD
+
+    good = sum(e.outcome is not None and e.outcome.result in GOOD for e in entries)
+    failed = sum(e.state == "failed" for e in entries)
+    words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
+    sys.stdout.write(f"{words}: {page}\n")
+
+
+@contextmanager
+def _progress(*, quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    if quiet:
+        yield lambda _done, _total, _said: None
+        return
+    if not sys.stderr.isatty():
+        yield _line
+        return
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("drawing cases", total=None)
+        yield lambda done, total, said: bar.update(
+            task, total=total, completed=done, description=said or "cases"
+        )
+
+
+def _line(done: int, total: int, said: str) -> None:
+    if said:
+        sys.stderr.write(f"{done}/{total}  {said}\n")
