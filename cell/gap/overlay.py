@@ -91,7 +91,7 @@ def _eye(curve: Curve) -> Any:
     points = np.concatenate([np.zeros((1, 2)), *curve.points])
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = 0.5 * (low + high)
-    away = 1.3 * max(high - low) + 0.05
+    away = 0.8 * max(high - low) + 0.05
     return rrb.EyeControls3D(position=(x, -away, z + 0.1 * away), look_target=(x, 0.0, z))
 
 

@@ -1,6 +1,7 @@
 """A fold as it was measured, and as the rod has it, at the stamps of the images."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cell.gap.drawing import Curve, Scene, Signal, Track
 from cell.gap.strip.prepare import Fold
@@ -19,41 +20,51 @@ from drivers.strip.observation import (
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
+Index = NDArray[np.int64]
 CONTACT, DISTANCE = "contact [mm]", "distance from the measured midline, rms [mm]"
 
 
 def measured_scene(run: Measured) -> Scene:
-    """What was measured of a fold."""
-    images, t = run.images, run.t[::10]
-    points = tuple(images.points[images.image == k] for k in range(len(images.stamps)))
+    """What was measured of a fold until its layers touched, or its last row."""
+    images, t = run.images, run.t[run.t <= run.end][::10]
     grip = np.stack([np.interp(t, run.t, run.poses[:, c]) for c in range(2)], axis=1)
+    shown, seen = _shown(run), run.contact_t <= run.end
+    contact_t, contact = run.contact_t[seen], run.contact_x[seen]
+    points = tuple(images.points[images.image == k] for k in shown)
     return Scene(
-        signals=(Signal(CONTACT, run.contact_t, 1e3 * run.contact_x),),
-        curve=Curve(images.stamps, points),
-        tracks={"contact": _on_desk(run.contact_t, run.contact_x), "gripper": Track(t, grip)},
+        signals=(Signal(CONTACT, contact_t, 1e3 * contact),),
+        curve=Curve(images.stamps[shown], points),
+        tracks={"contact": _on_desk(contact_t, contact), "gripper": Track(t, grip)},
         events=_told(run.touch),
     )
 
 
 def simulated_scene(fold: Fold, model: StripModel, shown: Shown, length: float) -> Scene:
-    """The same fold of a strip of `length` [m] as `model` has it, seen by the rig's camera."""
+    """The same fold of a strip of `length` [m] as `model` has it, seen by the rig's camera.
+
+    Distances are of the images that are compared: not of the first of the lift, nor of the snap.
+    """
     run = fold.comparison.run
-    contact = np.interp(shown_time(model.observation, run.contact_t), shown.t, shown.contact_x)
-    seen = np.asarray(seen_contact(model.observation, contact))
-    stamps, place = run.images.stamps, _places(run, model, shown)
-    first = np.minimum(place.astype(np.int64), max(len(shown.shapes) - 2, 0))
-    share = (place - first)[:, None, None]
-    after = np.minimum(first + 1, len(shown.shapes) - 1)
-    shapes = (1 - share) * shown.shapes[first] + share * shown.shapes[after]
+    contact_t = run.contact_t[run.contact_t <= run.end]
+    true = np.interp(shown_time(model.observation, contact_t), shown.t, shown.contact_x)
+    contact = np.asarray(seen_contact(model.observation, true))
+    images = _shown(run)
+    shapes = _shapes(_places(run, model, shown)[images], shown)
+    compared, distance = _distances(fold, model, shown, length)
     return Scene(
         signals=(
-            Signal(CONTACT, run.contact_t, 1e3 * seen),
-            Signal(DISTANCE, stamps, 1e3 * _distances(run, model, shown, length)),
+            Signal(CONTACT, contact_t, 1e3 * contact),
+            Signal(DISTANCE, run.images.stamps[compared], 1e3 * distance),
         ),
-        curve=Curve(stamps, tuple(seen_points(model, shapes))),
-        tracks={"contact": _on_desk(run.contact_t, seen)},
+        curve=Curve(run.images.stamps[images], tuple(seen_points(model, shapes))),
+        tracks={"contact": _on_desk(contact_t, contact)},
         events=_told(_touch(run, model, shown)),
     )
+
+
+def _shown(run: Measured) -> Index:
+    """Numbers of the images before the end."""
+    return np.flatnonzero(run.images.stamps <= run.end)
 
 
 def _places(run: Measured, model: StripModel, shown: Shown) -> Array:
@@ -62,18 +73,27 @@ def _places(run: Measured, model: StripModel, shown: Shown) -> Array:
     return np.clip((true - shown.begin) / SHAPES, 0.0, len(shown.shapes) - 1.0)
 
 
-def _distances(run: Measured, model: StripModel, shown: Shown, length: float) -> Array:
-    """Root mean square distance (m,) [m] of each image's points from the simulated midline."""
-    images = run.images
-    if not len(images.stamps):
-        return np.empty(0)
-    found = np.empty(len(images.points))
-    signed_distances(
-        np.ascontiguousarray(true_points(model, images.points)), images.image, images.s,
-        _places(run, model, shown), shown.shapes, shown.arc * length, found,
-    )  # fmt: skip
-    square = np.bincount(images.image, found**2, len(images.stamps))
-    return np.asarray(np.sqrt(square / np.bincount(images.image, minlength=len(images.stamps))))
+def _shapes(places: Array, shown: Shown) -> Array:
+    """Shapes (m, nodes, 2) between those that were kept."""
+    first = places.astype(np.int64)
+    after = np.minimum(first + 1, len(shown.shapes) - 1)
+    share = (places - first)[:, None, None]
+    return np.asarray((1 - share) * shown.shapes[first] + share * shown.shapes[after])
+
+
+def _distances(fold: Fold, model: StripModel, shown: Shown, length: float) -> tuple[Index, Array]:
+    """Images that are compared, and root mean square distances (k,) [m] of their points."""
+    run = fold.comparison.run
+    images, order = run.images, np.sort(fold.comparison.layout.profile.order)
+    found = np.empty(len(order))
+    if len(order):
+        points = true_points(model, images.points[order])
+        signed_distances(
+            np.ascontiguousarray(points), images.image[order], images.s[order],
+            _places(run, model, shown), shown.shapes, shown.arc * length, found,
+        )  # fmt: skip
+    compared, image = np.unique(images.image[order], return_inverse=True)
+    return compared, np.sqrt(np.bincount(image, found**2) / np.bincount(image))
 
 
 def _on_desk(t: Array, x: Array) -> Track:
