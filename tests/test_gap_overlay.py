@@ -10,8 +10,10 @@ from rerun.chunk import RrdReader
 
 from cell.gap.drawing import Replayed, Scene
 from cell.gap.fit import fit
+from cell.gap.model import evidence
 from cell.gap.overlay import write_overlay, write_recording
 from cell.gap.pendulum.synthetic import make_swings, write_swings
+from cell.gap.shrink import floor
 from cell.gap.strip.scenes import CONTACT, DISTANCE
 from cell.gap.strip.subject import Strip, open_strip
 from cell.gap.subject import Request
@@ -154,6 +156,12 @@ def test_a_place_that_cannot_be_written_is_named(replays, tmp_path) -> None:
     path = tmp_path / "none" / "overlay.rrd"
     with pytest.raises(ConfigurationError, match="cannot be written"):
         write_recording("denim", replays, path)
+
+
+def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None:
+    assert "touch_x" in strip.runs[0].samples.quantity
+    shown = floor(evidence(strip.runs), strip.library.quantities)
+    assert set(shown) == {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms"}
 
 
 def test_swings_are_recorded_beside_the_verdict(tmp_path) -> None:

@@ -92,7 +92,8 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
         if row.elpd_gain < least:
             axis.text(least, i, f"{row.elpd_gain:.0f} ", ha="right", va="center", fontsize=7)
     ends = [gain + min(row.se, abs(gain)) for gain, row in zip(gains, shown, strict=True)]
-    axis.set_xlim(1.6 * least, 1.05 * max(1.0, *ends))
+    highest = max(1.0, *ends)
+    axis.set_xlim(1.6 * least if min(gains) < 0.0 else -0.02 * highest, 1.05 * highest)
     axis.axvline(0.0, color=INK, lw=0.8)
     axis.set_yticks(range(len(shown)), [row.name for row in shown])
     axis.set_xlabel("gain over the refitted base on runs left out [nats]", fontsize=8)
