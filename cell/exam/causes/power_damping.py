@@ -22,7 +22,7 @@ class PowerDamping(Cause):
 
     coefficient: float = Field(ge=0, le=1.0)  # m s^2
     exponent: float = Field(1.7, ge=1.2, le=3.0)
-    rate: float = Field(20.0, gt=0, le=1000)  # 1/(m s), r
+    rate: float = Field(60.0, gt=0, le=1000)  # 1/(m s), r
 
     def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
         """A dashpot at every hinge."""
