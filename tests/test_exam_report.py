@@ -119,7 +119,7 @@ def test_the_tables_of_the_page_are_whole() -> None:
         elif width and not line.startswith("| what"):
             assert cells > 2
     page = markdown(entries())
-    assert "| desk_tilt | 1 |" in page
+    assert "| desk_tilt | 2 | desk_tilt 1, several 1 |" in page
     assert "## Through images" in page
 
 

@@ -139,11 +139,13 @@ def _said(entry: Entry) -> str:
 
 
 def _confusion(table: Confusion) -> str:
-    rows = [
-        [row, *(str(table.count(row, column) or "") for column in table.columns)]
-        for row in table.rows
-    ]
-    return _table(["hidden", *table.columns], rows)
+    rows = []
+    for row in table.rows:
+        said = {c: table.count(row, c) for c in table.columns if table.count(row, c)}
+        often = sorted(said.items(), key=lambda item: -item[1])
+        words = ", ".join(f"{column} {count}" for column, count in often)
+        rows.append((row, str(sum(said.values())), words))
+    return _table(["hidden", "cases", "said"], rows)
 
 
 def _confidence(found: Iterable[Outcome]) -> str:
@@ -171,8 +173,9 @@ def _coverage(entries: Sequence[Entry]) -> str:
     ]
     for name in sorted({c.name for c in every}):
         mine = [c for c in every if c.name == name]
-        middle = 100 * median(c.error for c in mine)
-        rows.append((name, shown(rate(c.covered for c in mine)), f"{middle:.1f} %"))
+        errors = [c.error for c in mine if c.error is not None]
+        middle = f"{100 * median(errors):.1f} %" if errors else ""
+        rows.append((name, shown(rate(c.covered for c in mine)), middle))
     return _table(["parameter", "held", "median error"], rows)
 
 

@@ -27,8 +27,8 @@ RIGHT: tuple[Result, ...] = ("right_strict", "right_class")
 class Checked(Settings):
     """A parameter that was estimated, against the truth.
 
-    `error` is relative to the truth's distance from the null; `switch` where the parameter says
-    how much of an effect there is.
+    `error` is relative to the truth's distance from the null, None where that is zero; `switch`
+    where the parameter says how much of an effect there is.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Checked(Settings):
     value: float
     low: float | None
     high: float | None
-    error: float
+    error: float | None
     switch: bool = False
 
     @property
@@ -190,7 +190,8 @@ def _of_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked
 def _checked(
     name: str, truth: float, null: float, found: Interval, *, switch: bool = False
 ) -> Checked:
-    error = abs(found.value - truth) / max(abs(truth - null), 1e-12)
+    size = abs(truth - null)
+    error = abs(found.value - truth) / size if size else None
     return Checked(
         name=name, truth=truth, value=found.value, low=found.low, high=found.high,
         error=error, switch=switch,

@@ -148,7 +148,7 @@ def _shrink(entries: Sequence[Entry], through: bool) -> Target:
 
 
 def _errors(entries: Sequence[Entry], through: bool) -> Target:
-    found = [c.error for c in checked(entries) if c.switch]
+    found = [c.error for c in checked(entries) if c.switch and c.error is not None]
     words = "relative error of the amount of an effect, where the laws agree (median)"
     wanted = f"within {100 * NEAR:.0f} %" if through else ""
     return _median(words, found, wanted, lambda v: v <= NEAR)
