@@ -161,7 +161,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("pendulum", "missing column"): (without(ANGLES, "theta_1"), (ANGLES, "theta_1", "add it")),
     ("pendulum", "NaN"): (column(ANGLES, "theta_1", put(7, np.nan)), (ANGLES, "theta_1: row 7")),
     ("pendulum", "times out of order"): (
-        column(ANGLES, "t", swapped), (ANGLES, "t: row 11", "increase")),
+        column(ANGLES, "t", swapped), (ANGLES, "t: does not increase", "row 11", "sort")),
     ("pendulum", "times in ms"): (column(ANGLES, "t", thousandfold), (ANGLES, "t:", "in s")),
     ("pendulum", "angles in degrees"): (
         column(ANGLES, "theta_1", np.degrees), (ANGLES, "theta", "in rad")),

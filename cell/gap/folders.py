@@ -112,12 +112,12 @@ def read_table(path: Path) -> dict[str, Array]:
 def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
     """A column that must be there, finite throughout unless `gaps` are allowed."""
     if name not in table:
-        raise ConfigurationError(f"{path}: {name}: the column is missing or no numbers; add it")
+        raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers); add it")
     values = table[name]
     if not gaps and not np.isfinite(values).all():
         row = int(np.argmin(np.isfinite(values)))
         raise ConfigurationError(
-            f"{path}: {name}: row {row} is {values[row]}, must be a finite number"
+            f"{path}: {name}: row {row} is not a number; every row must be one"
         )
     return values
 
@@ -130,6 +130,6 @@ def check_time(t: Array, path: Path, least: int) -> None:
     if back.any():
         row = int(np.argmax(back)) + 1
         raise ConfigurationError(
-            f"{path}: t: row {row} is {t[row]:g} s after {t[row - 1]:g} s, times must increase; "
-            "sort the rows"
+            f"{path}: t: does not increase at row {row} ({t[row - 1]:g} then {t[row]:g} s); sort "
+            "the rows"
         )
