@@ -1,12 +1,18 @@
 """The report of an exam: what the ledger holds, in words that a technician reads."""
 
+import json
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from cell.cli.app import app
 from cell.exam.case import Case
+from cell.exam.conduct import LEDGER
+from cell.exam.drawn import DRAWN, drawn_once
+from cell.exam.key import KEYS
 from cell.exam.report import markdown, write_report
-from cell.exam.results import Baselines, Entry, Oracle
+from cell.exam.results import Baselines, Entry, Ledger, Oracle
 from cell.exam.score import score
 from cell.exam.targets import targets
 from cell.gap.verdict import Verdict
@@ -141,3 +147,43 @@ def test_a_page_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(ConfigurationError, match="cannot be written"):
         write_report(entries(), tmp_path / "file" / "exam.md")
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    """An exam of two cases that were drawn and scored."""
+    every = entries()[:2]
+    asked = {"tier": "state", "count": 2, "seed": 7}
+    (tmp_path / KEYS).mkdir()
+    cases = {"cases": [e.case.model_dump(mode="json") for e in every]}
+    (tmp_path / KEYS / DRAWN).write_text(json.dumps(asked | cases), encoding="utf-8")
+    ledger = Ledger(tmp_path / LEDGER)
+    for entry in every:
+        ledger.put(entry)
+    return tmp_path
+
+
+def test_cases_are_drawn_once(kept: Path) -> None:
+    assert drawn_once(kept, "state", 2, 7) == tuple(e.case for e in entries()[:2])
+
+
+def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"holds another exam \(tier state count 2 seed 7"):
+        drawn_once(kept, "state", 2, 8)
+
+
+def test_an_exam_that_is_finished_is_only_reported(
+    kept: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Ledger, "finished", lambda *_: True)
+    asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    done = CliRunner().invoke(app, asked)
+    assert done.exit_code == 0, done.output
+    assert done.stdout == f"2 of 2 right: {kept / 'exam.md'}\n"
+    assert (kept / "exam-state.png").is_file()
+
+
+def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
+    asked = ["gap", "exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
+    done = CliRunner().invoke(app, asked)
+    assert isinstance(done.exception, ConfigurationError)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from cell.benchmark.crew import carry_out
@@ -44,18 +45,19 @@ def conduct(
     anew = again or steps == "make"
     left = [c for c in cases if anew or not ledger.finished(c.name, now.entry(c))]
     named = {case.name: case for case in left}
-    parts = [Examined(name, folder, now, steps, make, again) for name in named]
     total, done = len(cases), len(cases) - len(left)
     progress(done, total, "")
-    for name, result in _carried_out(parts, jobs):
-        case = named[name]
-        entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
-        done += 1
-        if entry.state != "made":
-            ledger.put(entry)
-        progress(done, total, f"{name}: {said(entry)}")
-        if interrupted():
-            break
+    with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as desks:
+        parts = [Examined(n, folder, Path(desks), now, steps, make, again) for n in named]
+        for name, result in _carried_out(parts, jobs):
+            case = named[name]
+            entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
+            if entry.state != "made":
+                ledger.put(entry)
+            done += 1
+            progress(done, total, f"{name}: {said(entry)}")
+            if interrupted():
+                break
     return ledger.of(cases)
 
 

@@ -41,11 +41,12 @@ def made_by_tier(case: Case, folder: Path) -> None:
 @dataclass(frozen=True, slots=True)
 class Examined:
     """A case to carry out in a process of its own; its result is the entry. The key of
-    `name` lies in `folder`.
+    `name` lies in `folder`; sealed processes work in folders within `desks`.
     """
 
     name: str
     folder: Path
+    desks: Path
     sources: Sources
     steps: Steps
     make: Maker
@@ -77,7 +78,7 @@ class Examined:
             return Entry(case=case, of=self.sources.entry(case), state="made")
         if stamped(place) != case_hash(case):
             raise ConfigurationError(f"{place}: holds no runs of this case; make them first")
-        return judged(case, self.folder, self.sources, again=self.again)
+        return judged(case, self.folder, self.sources, desks=self.desks, again=self.again)
 
 
 def failed(case: Case, of: str, reason: str) -> Entry:
@@ -106,14 +107,14 @@ def stamped(place: Path) -> str | None:
         return None
 
 
-def judged(case: Case, folder: Path, by: Sources, *, again: bool = False) -> Entry:
+def judged(case: Case, folder: Path, by: Sources, *, desks: Path, again: bool = False) -> Entry:
     """The case's entry: its verdict is kept where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS / case.name]), folder / VERDICTS / case.name
     sat = None if again else _sat(out, by.verdict(case))
     if sat is None:
         shutil.rmtree(out, ignore_errors=True)
-        sat = sit(strip, runs, out, [folder])
+        sat = sit(strip, runs, out, [folder], desks=desks)
         facts = {
             "of": by.verdict(case),
             "wall": sat.wall,

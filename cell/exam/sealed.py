@@ -42,14 +42,21 @@ class Sat:
 
 
 def sit(
-    strip: Path, runs: Sequence[Path], out: Path, sealed: Sequence[Path], limit: float = LIMIT
+    strip: Path,
+    runs: Sequence[Path],
+    out: Path,
+    sealed: Sequence[Path],
+    *,
+    limit: float = LIMIT,
+    desks: Path | None = None,
 ) -> Sat:
     """Judge the `runs` of `strip`: verdict.json and exam.json in `out`.
 
+    The runs are laid out in a new folder within `desks` (usually that of temporary files).
     `sealed` cannot be read, wherever it lies. Raises NoVerdict after `limit` [s], and with the
     last line that the process said where it failed.
     """
-    with TemporaryDirectory(prefix="exam-") as name:
+    with TemporaryDirectory(prefix="exam-", dir=desks) as name:
         desk = Path(name).resolve()
         stage(desk, strip, runs)
         wall, peak = _waited(_started(desk, sealed), limit, desk / "said")
