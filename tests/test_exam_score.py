@@ -8,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cell.exam.case import Case
+from cell.exam.judge import baselines
+from cell.exam.oracle import oracle
 from cell.exam.results import Entry, Ledger
 from cell.exam.score import Outcome, result, same, score
 from cell.exam.statistics import Rate, brier, calibration_error, confusion, reliability, wilson
 from cell.gap.verdict import Verdict
-from tests.exam_cases import case, named, verdict
-from tests.gap_strip_cases import denim
+from tests.exam_cases import case, few_runs, named, verdict
+from tests.gap_strip_cases import STRIP, denim
 
 
 def of(kind: str, *answer: str) -> Case:
@@ -167,3 +169,43 @@ def test_the_last_line_of_a_case_counts(tmp_path: Path) -> None:
     ledger.put(entry("a", reason="second"))
     assert [e.reason for e in Ledger(ledger.path).entries] == ["second"]
     assert Ledger(ledger.path, again=True).entries == ()
+
+
+@pytest.fixture(scope="module")
+def tilted(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Folds on a desk that is tilted by 20 mrad."""
+    folder = tmp_path_factory.mktemp("tilted")
+    few_runs(case("a", "single", {"desk_tilt": {"angle": 0.02}}), folder)
+    return sorted(folder.iterdir())
+
+
+def test_knowing_the_truth_closes_the_gap(tilted: list[Path]) -> None:
+    equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
+    similar = case("b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",))
+    beside = case("c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",))
+    held = [tilted[-1].name]
+    first, second, wrong = (oracle(c, STRIP, tilted, held) for c in (equal, similar, beside))
+    assert first is not None
+    assert second is not None
+    assert wrong is not None
+    assert first.after < 0.5
+    assert first.shrink > 0.8
+    assert second.after == pytest.approx(first.after, abs=0.2)
+    assert wrong.shrink < 0.8
+
+
+def test_there_is_no_truth_to_know_outside_the_library(tilted: list[Path]) -> None:
+    outside = case("a", "outside", {}, causes={"draught": {"speed": 0.3}}, answer=())
+    assert oracle(outside, STRIP, tilted, [tilted[-1].name]) is None
+
+
+def test_the_least_in_sample_error_names_its_single_effect() -> None:
+    tried = [
+        {"name": "base", "effects": 0, "mean_square": 0.1},
+        {"name": "seam", "effects": 1, "mean_square": 0.5},
+        {"name": "air_drag", "effects": 1, "mean_square": 0.4},
+        {"name": "air_drag + seam", "effects": 2, "mean_square": 0.2},
+    ]
+    found = baselines(verdict("no_gap"), tried, of("single", "seam"))
+    assert (found.single, found.right) == ("air_drag", False)
+    assert baselines(verdict("no_gap"), tried[:1], of("single", "seam")).single is None
