@@ -31,9 +31,10 @@ SURE = 0.999  # no confidence is stated above this
 def kind(found: Findings) -> Kind:
     """Which of the four verdicts the findings bear."""
     judged = found.judged
-    effects = judged.found.accepted.model.effects
-    if not effects:
-        return "unexplained" if found.fitted.gap else "no_gap"
+    if not found.fitted.gap:
+        return "no_gap"
+    if not judged.found.accepted.model.effects:
+        return "unexplained"
     if judged.leftover.p < LEVEL or drifting(found) or not _mostly(found):
         return "unexplained"
     return "ambiguous" if judged.classes else "named"
@@ -59,7 +60,7 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     return Verdict(
         verdict=which,
         effects=_named(found) if which == "named" else [],
-        ambiguous=[list(group) for group in found.judged.classes],
+        ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
         unexplained=_unexplained(found, which),
         base=_base(found),
         where=_where(found),

@@ -14,6 +14,8 @@ from drivers.strip.observation import seen_contact, seen_time, seen_touch, shown
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
+ELSEWHERE = 0.1  # m between contacts beyond which the strip touches down in another place
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
@@ -30,7 +32,7 @@ class Comparison:
             return Residuals(lost, lost.copy())
         channels = [
             averaged(self._profile(model, shown), self.layout.profile),
-            averaged(self._contact(model, shown), self.layout.contact),
+            _here(*averaged(self._contact(model, shown), self.layout.contact)),
             averaged(self._force(shown), self.layout.force),
             self._touch(model, shown),
         ]
@@ -78,6 +80,12 @@ class Comparison:
         seen = seen_touch(model, shown.touch, grip, reported)
         mean = _event(self.run.touch) - _event(seen)
         return mean, mean**2
+
+
+def _here(mean: Array, square: Array) -> tuple[Array, Array]:
+    """Samples whose contacts are the same place in measurement and model; the others are lost."""
+    here = np.abs(mean) < ELSEWHERE
+    return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
 
 def _event(touch: Touch) -> Array:

@@ -13,7 +13,7 @@ from drivers.types import Array
 
 SPAN = 0.3  # s of one sample
 TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
-LIFTED = 0.13  # m of travel before which a strip just lifted shows more of its grip than of itself
+LIFTED = 0.15  # m of travel before which a strip just lifted shows more of its grip than of itself
 SNAP = 0.15  # s before the touch in which any model is off
 FEWEST = 4  # points of a profile's sample
 EVENT = ("touch_time", "touch_x", "displacement")
@@ -64,7 +64,9 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST
     )
-    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1)
+    contact = _part(
+        run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, _buckled(run, length)
+    )
     noise = force_noise(run)
     felt = run.force_t if noise > 0.0 else np.empty(0)
     force = _part(run, felt, zones(np.full(len(felt), length), length), noise, 1)
@@ -82,7 +84,22 @@ def force_noise(run: Measured) -> float:
     return float((run.sigma.model_extra or {}).get("force") or 0.0)
 
 
-def _part(run: Measured, t: Array, zone: Words, sigma: float, fewest: int) -> Part:
+def _buckled(run: Measured, length: float) -> NDArray[np.bool_]:
+    """Which contacts (k,) lie beside the fixed edge while the other end is still being lifted.
+
+    A soft strip that is pushed along the desk buckles there or not, by chance.
+    """
+    return np.asarray((run.contact_x < length / 3) & (phases(run, run.contact_t) == "lift"))
+
+
+def _part(
+    run: Measured,
+    t: Array,
+    zone: Words,
+    sigma: float,
+    fewest: int,
+    left_out: NDArray[np.bool_] | None = None,
+) -> Part:
     """Readings at `t` (n,) in `zone` (n,) grouped by zone, phase and time; the masked left out."""
     phase = phases(run, t)
     labels = list(dict.fromkeys(phase))
@@ -90,7 +107,8 @@ def _part(run: Measured, t: Array, zone: Words, sigma: float, fewest: int) -> Pa
     place = np.array([ZONES.index(word) for word in zone], dtype=np.int64)
     slot = np.floor(t / SPAN).astype(np.int64)
     key = (place * 100_000 + slot) * 10 + numbers
-    used = np.flatnonzero(_compared(run, t))
+    masked = np.zeros(len(t), dtype=bool) if left_out is None else left_out
+    used = np.flatnonzero(_compared(run, t) & ~masked)
     order = used[np.argsort(key[used], kind="stable")]
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     rows = [order[a : a + n] for a, n in zip(first, count, strict=True) if n >= fewest]

@@ -15,7 +15,7 @@ from drivers.strip.model import StripModel, describe
 from drivers.strip.rod.motions import Way
 from drivers.types import Array, frozen
 
-TRUSTED = 1.0  # of the change that a finer rod makes: another engine, or a strip, is as far off
+TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
 LATER = 0.6  # s after the measured touch in which the model may still touch
 SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run

@@ -23,7 +23,7 @@ from drivers.strip.file import StripFile, load_strip
 from drivers.strip.model import Observation, StripModel, describe
 
 QUANTILE = 0.02
-DESCRIBED = 4096  # descriptions that are kept
+DESCRIBED = 256  # descriptions that are kept
 Values = tuple[float, ...]
 
 

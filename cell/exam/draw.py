@@ -1,0 +1,147 @@
+"""Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
+from cell.exam.causes import CAUSES
+from cell.exam.outside import OUTSIDE
+from cell.exam.state_runs import BY, MOTIONS, plant_of
+from cell.exam.strength import Path, Ruler
+from cell.record.header import Sigma
+from drivers.errors import Fault
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+from policies.standard import standard_order
+
+TRIES = 60  # draws of an effect until one can be as strong as asked
+CHAINED = 12  # one state-based case in so many is a chain's
+PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
+WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
+TIMES = (0.1, 2.0)  # s, of one that has a time
+RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
+STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
+LEVELS: tuple[Strength, ...] = ("weak", "medium", "strong")
+SHARES: dict[Tier, dict[Kind, float]] = {
+    "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
+    "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
+}
+UNLIKE = 0.5  # of the single effects through images: another law than the library's
+RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.answers}
+
+
+def cases(tier: Tier, count: int, seed: int) -> list[Case]:
+    """`count` cases; the same for the same seed. Raises Fault where none can be that strong."""
+    kinds = [kind for kind, share in SHARES[tier].items() for _ in range(round(share * count))]
+    kinds = (kinds + ["nothing"] * count)[:count]
+    number = {kind: 0 for kind in kinds}
+    found = []
+    for i, kind in enumerate(kinds):
+        found.append(_case(tier, kind, i, number[kind], seed))
+        number[kind] += 1
+    return found
+
+
+def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
+    rng = np.random.default_rng([seed, i])
+    bare = Case(
+        name=f"{tier}-{seed}-{i:03d}",
+        tier=tier,
+        kind=kind,
+        strip=str(rng.choice(find_configs(None).strip_names())),
+        seed=int(rng.integers(2**31)),
+        engine="chain" if tier == "state" and i % CHAINED == 0 else "rod",
+        stiffness=float(STIFFER ** rng.uniform(-1, 1)),
+        damping=float(SLOWER ** rng.uniform(-1, 1)),
+    )
+    hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
+        "nothing": lambda case, _level, _rng: case,
+        "single": _with_one,
+        "pair": _with_two,
+        "outside": lambda case, level, _rng: _with_foreign(case, number, level),
+    }
+    return hide[kind](bare, LEVELS[number % len(LEVELS)], rng)
+
+
+def _with_one(case: Case, level: Strength, rng: np.random.Generator) -> Case:
+    """One effect; through images often by a law that only resembles the library's."""
+    hidden = drawn(case, 1, level, rng)
+    name = next(iter(hidden))
+    if case.tier == "state" or name not in RESEMBLING or rng.uniform() > UNLIKE:
+        return _hiding(case, level, hidden)
+    cause = RESEMBLING[name]
+    known = CAUSES[cause].model_fields
+    values = {key: value for key, value in hidden[name].items() if key in known}
+    update = {"causes": {cause: values}, "answer": (name,), "strength": level}
+    return case.model_copy(update=update)
+
+
+def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
+    """Two effects, each of medium strength or above for itself."""
+    strong: Strength = "strong" if level == "strong" else "medium"
+    return _hiding(case, strong, drawn(case, 2, strong, rng))
+
+
+def _with_foreign(case: Case, number: int, level: Strength) -> Case:
+    """A cause that nothing in the library resembles, of medium strength or above."""
+    name = sorted(OUTSIDE)[number % len(OUTSIDE)]
+    strong: Strength = "strong" if level == "strong" else "medium"
+    return case.model_copy(
+        update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong}
+    )
+
+
+def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
+    return case.model_copy(
+        update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
+    )
+
+
+def drawn(
+    case: Case, count: int, level: Strength, rng: np.random.Generator
+) -> dict[str, Values]:
+    """`count` effects on the case's plant, each of strength `level` for itself."""
+    plant = plant_of(case)
+    ruler = Ruler(plant, _motions(case), _sigma(case))
+    effects: dict[str, Values] = {}
+    for _ in range(TRIES):
+        effect = registry()[str(rng.choice(sorted(registry())))]
+        path = _path(effect, plant, rng)
+        share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
+        if share is not None:
+            effects[effect.name] = path.at(share)
+        if len(effects) == count:
+            return dict(sorted(effects.items()))
+    raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
+
+
+def _motions(case: Case) -> Sequence[str]:
+    if case.tier == "state":
+        return MOTIONS
+    return standard_order(np.random.default_rng(case.seed))
+
+
+def _sigma(case: Case) -> Sigma:
+    if case.tier == "state":
+        return Sigma.model_validate(BY.sigma())
+    return find_configs(None).cell().sigma
+
+
+def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
+    """An effect with the numbers that shape it drawn, growing to a side drawn too."""
+    others: Values = {}
+    for p in effect.parameters[1:]:
+        if p.name == "position":
+            others[p.name] = float(strip.length * rng.uniform(*PLACES))
+        elif p.name == "width":
+            others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
+        elif p.name == "time":
+            others[p.name] = float(np.exp(rng.uniform(*np.log(TIMES))))
+        elif p.name == "stiffness_ratio":
+            others[p.name] = float(rng.uniform(*RATIOS))
+        elif p.null is not None:
+            others[p.name] = p.null
+    return Path.of(effect, strip, others, up=bool(rng.uniform() < 0.5))
