@@ -38,8 +38,8 @@ from drivers.twin.open import Staging
 from policies.registry import MOTION
 
 LINKS = 200
-STEP = 0.004  # s; 2 ms move d by 0.07 mm and contact_x by 0.13 mm at most, see STEPS
-STEPS: Mapping[str, float] = {"shake": 0.002}  # 4 ms move its contact_x by 0.6 mm
+STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
+STEPS: Mapping[str, float] = {"shake": 0.002}  # 4 ms would move its contact_x by 0.6 mm rms
 FILES = (RUN, TICKS, PROFILE, RESULT)
 TOLD = frozenset(
     {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}

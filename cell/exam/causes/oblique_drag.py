@@ -22,7 +22,7 @@ class ObliqueDrag(Cause):
 
     answers: ClassVar[str | None] = "air_drag"
 
-    coefficient: float = Field(ge=0, le=20)
+    coefficient: float = Field(ge=0, le=100)
     along: float = Field(0.15, ge=0, le=1)
     exponent: float = Field(1.85, ge=1.2, le=2.2)
     speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
