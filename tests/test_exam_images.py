@@ -14,7 +14,7 @@ from cell.exam.case import Case
 from cell.exam.images import Open, exam_cell, make_runs, measured, plant_of
 from cell.gap.strip.runs import read_runs
 from cell.record.run import read_run
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, Fault
 from drivers.strip.file import load_strip
 from policies.standard import STANDARD
 from tests.gap_strip_cases import denim
@@ -110,6 +110,15 @@ def test_only_a_touch_that_was_measured_counts_as_one() -> None:
 def test_an_unknown_cause_is_refused_before_anything_is_folded(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="causes: ghosts: is not known"):
         make_runs(case(causes={"ghosts": {}}), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_that_the_cell_refuses_is_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(images, "LINKS", 40)
+    with pytest.raises(Fault, match="motion:normal of denim"):
+        make_runs(case(causes={"lens": {"k1": 0.5}}), tmp_path, 1)
     assert not list(tmp_path.iterdir())
 
 

@@ -41,6 +41,7 @@ LINKS = 200
 STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
 STEPS: Mapping[str, float] = {"shake": 0.002}  # 4 ms would move its contact_x by 0.6 mm rms
 FILES = (RUN, TICKS, PROFILE, RESULT)
+REFUSED = "preflight_refused"
 TOLD = frozenset(
     {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
     | {"contact_height", "policy"}
@@ -55,7 +56,7 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
 
     Each holds the four files of a measured run and nothing that tells of the plant. Runs that
     are there already stay; one that was broken off is folded again. Raises ConfigurationError for
-    a case that cannot be folded, Fault for a run that left no record.
+    a case that cannot be folded, Fault for a run that was refused or left no record.
     """
     configs = find_configs(None)
     settings, strip = configs.cell(), configs.strip(case.strip)
@@ -178,6 +179,8 @@ def _folded(request: Request, causes: list[Cause], seed: int, calibration: Calib
     result = fold(
         request, lambda *_: (enough,), enough, calibration, opened=Open(causes, seed), page=False
     )
+    if result.outcome == REFUSED:
+        raise Fault(REFUSED, f"{request.policy} of {request.strip}: {result.reason}")
     return Path(result.run)
 
 

@@ -58,7 +58,7 @@ STEPS: Mapping[str, tuple[str, float, float, float]] = MappingProxyType(
         "humidity": ("spread", 0.12, 0.3, 0.75),
         "wobble": ("amplitude", 0.0018, 0.0033, 0.006),
         "clock_drift": ("drift", 0.003, 0.008, 0.02),
-        "lens": ("k1", 0.05, 0.12, 0.3),
+        "lens": ("k1", 0.05, 0.1, 0.2),
     }
 )
 """The parameter that says how much of a cause there is: weak, medium and strong.
