@@ -1,6 +1,7 @@
 """Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -8,14 +9,14 @@ from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
 from cell.exam.causes import CAUSES
 from cell.exam.outside import OUTSIDE
-from cell.exam.state_runs import BY, MOTIONS, plant_of
+from cell.exam.state_runs import BY, MOTIONS
 from cell.exam.strength import Path, Ruler
 from cell.record.header import Sigma
 from drivers.errors import Fault
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from policies.standard import standard_order
+from policies.standard import FIRST, STANDARD
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 CHAINED = 12  # one state-based case in so many is a chain's
@@ -37,7 +38,7 @@ def cases(tier: Tier, count: int, seed: int) -> list[Case]:
     """`count` cases; the same for the same seed. Raises Fault where none can be that strong."""
     kinds = [kind for kind, share in SHARES[tier].items() for _ in range(round(share * count))]
     kinds = (kinds + ["nothing"] * count)[:count]
-    number = {kind: 0 for kind in kinds}
+    number = dict.fromkeys(kinds, 0)
     found = []
     for i, kind in enumerate(kinds):
         found.append(_case(tier, kind, i, number[kind], seed))
@@ -89,9 +90,7 @@ def _with_foreign(case: Case, number: int, level: Strength) -> Case:
     """A cause that nothing in the library resembles, of medium strength or above."""
     name = sorted(OUTSIDE)[number % len(OUTSIDE)]
     strong: Strength = "strong" if level == "strong" else "medium"
-    return case.model_copy(
-        update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong}
-    )
+    return case.model_copy(update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong})
 
 
 def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
@@ -100,16 +99,13 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
     )
 
 
-def drawn(
-    case: Case, count: int, level: Strength, rng: np.random.Generator
-) -> dict[str, Values]:
-    """`count` effects on the case's plant, each of strength `level` for itself."""
-    plant = plant_of(case)
-    ruler = Ruler(plant, _motions(case), _sigma(case))
+def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
+    """`count` effects, each of strength `level` for itself on the case's strip as stated."""
+    strip, ruler = find_configs(None).strip(case.strip), _ruler(case.strip, case.tier)
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
-        path = _path(effect, plant, rng)
+        path = _path(effect, strip, rng)
         share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
         if share is not None:
             effects[effect.name] = path.at(share)
@@ -118,16 +114,14 @@ def drawn(
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
-def _motions(case: Case) -> Sequence[str]:
-    if case.tier == "state":
-        return MOTIONS
-    return standard_order(np.random.default_rng(case.seed))
-
-
-def _sigma(case: Case) -> Sigma:
-    if case.tier == "state":
-        return Sigma.model_validate(BY.sigma())
-    return find_configs(None).cell().sigma
+@cache
+def _ruler(strip: str, tier: Tier) -> Ruler:
+    """The ruler of a strip as its file states it, on the motions of a tier."""
+    configs = find_configs(None)
+    if tier == "state":
+        return Ruler(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
+    sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
+    return Ruler(configs.strip(strip), [*STANDARD, FIRST], sigma)
 
 
 def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:

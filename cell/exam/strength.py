@@ -28,7 +28,7 @@ BELIEVABLE = 3.0  # times the largest size that laboratories report
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """An effect that grows: its switch from null to the value `largest`, its other numbers fixed."""
+    """An effect that grows: its switch from null to `largest`, its other numbers fixed."""
 
     effect: Effect
     others: dict[str, float]

@@ -187,7 +187,7 @@ def _refit(
     base, library = fitted.base, subject.library.candidates
     worth = yardstick([base]).inefficiency
     promising = [s for s in (*screened.singles, *screened.pairs) if s.gain > MARGIN * worth]
-    if not promising:
+    if not promising or not fitted.gap:
         return [base]
     singles = screened.singles[: search.SINGLES]
     pool = [base, *search.fit_scores(simulate, base.estimate, singles, library)]

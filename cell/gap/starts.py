@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap import quadratic
-from cell.gap.batch import Simulate, together
+from cell.gap.batch import Simulate, alone, together
 from cell.gap.model import Evidence, Model, Point
 from cell.gap.projection import stacked
 from cell.gap.refit import Estimate, refit
@@ -17,11 +17,16 @@ STARTS = 3
 def refit_base(
     simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
 ) -> Estimate:
-    """Best of the fits from the stated values and from values drawn around them."""
+    """Best of the fits from the stated values and, where that one leaves more than noise, from
+    values drawn around them.
+    """
     stated = np.array([p.start for p in model.parameters])
-    points = [stated] + [_drawn(model, rng) for _ in range(STARTS - 1)]
+    first = alone(simulate, refit(model, evidence, Point(stated, evidence.start())))
+    if all(np.mean(r**2) < 1.0 for r in first.residuals):
+        return first
+    points = [_drawn(model, rng) for _ in range(STARTS - 1)]
     tasks = [refit(model, evidence, Point(p, evidence.start())) for p in points]
-    return best(together(simulate, tasks))
+    return best([first, *together(simulate, tasks)])
 
 
 def best(estimates: list[Estimate]) -> Estimate:
