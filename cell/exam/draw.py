@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
-from cell.exam.causes import CAUSES
+from cell.exam.causes import CAUSES, STEPS
 from cell.exam.outside import OUTSIDE
 from cell.exam.state_runs import BY, MOTIONS
 from cell.exam.strength import Path, Ruler
@@ -74,8 +74,10 @@ def _with_one(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     if case.tier == "state" or name not in RESEMBLING or rng.uniform() > UNLIKE:
         return _hiding(case, level, hidden)
     cause = RESEMBLING[name]
+    amount, *sizes = STEPS[cause]
     known = CAUSES[cause].model_fields
     values = {key: value for key, value in hidden[name].items() if key in known}
+    values[str(amount)] = float(sizes[LEVELS.index(level)])
     update = {"causes": {cause: values}, "answer": (name,), "strength": level}
     return case.model_copy(update=update)
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cell.gap.compare import LEVEL, MARGIN, Yardstick, margin
+from cell.gap.compare import LEVEL, Yardstick, margin
 from cell.gap.crossvalidation import Validated
 
 NEAR = 3.0  # sigma between fitted predictions
@@ -27,8 +27,8 @@ def rivals(accepted: Validated, pool: Sequence[Validated], by: Yardstick) -> lis
         if not same or other.model.names == accepted.model.names:
             continue
         ahead = margin(accepted, other, by)
-        refuted = ahead.gain > MARGIN and ahead.p < LEVEL
-        worth = margin(other, base, by).gain > MARGIN
+        refuted = ahead.gain > by.least and ahead.p < LEVEL
+        worth = margin(other, base, by).gain > by.least
         if worth and (ahead.distance < NEAR or not refuted):
             found.append(Rival(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)

@@ -8,10 +8,12 @@ from scipy import stats
 
 from cell.gap import robust
 from cell.gap.crossvalidation import Validated
+from cell.gap.model import Evidence
 from drivers.types import Array
 
 MARGIN = 4.0  # nats
 LEVEL = 0.01
+SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,19 +23,32 @@ class Yardstick:
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
     shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9). `level` is the
     mean square that it leaves, at most 1: a generous floor leaves less, and is not filled up.
+    `least` [nats] is the margin that counts: the floor is an error of the model, which unlike
+    noise does not average out, so that what a part of it could feign is asked for on top.
     """
 
     scale: float
     inefficiency: float
     level: float = 1.0
+    least: float = MARGIN
 
 
 def yardstick(models: Sequence[Validated]) -> Yardstick:
     """The yardstick of the model that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
-    runs = best.estimate.evidence.runs
-    worth = robust.inefficiency(runs, best.estimate.residuals)
-    return Yardstick(best.estimate.scale, worth, min(1.0, mean_square(best.left_out)))
+    known, scale = best.estimate.evidence, best.estimate.scale
+    worth = robust.inefficiency(known.runs, best.estimate.residuals)
+    level = min(1.0, mean_square(best.left_out))
+    return Yardstick(scale, worth, level, MARGIN + _feigned(known) / scale**2)
+
+
+def _feigned(evidence: Evidence) -> float:
+    """Nats that an effect gains whose response is SYSTEMATIC times the floor in every sample."""
+    shares = [
+        np.sum((SYSTEMATIC * run.samples.floor / scale) ** 2)
+        for run, scale in zip(evidence.runs, evidence.scales, strict=True)
+    ]
+    return 0.5 * float(np.sum(shares))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,10 +31,8 @@ SURE = 0.999  # no confidence is stated above this
 def kind(found: Findings) -> Kind:
     """Which of the four verdicts the findings bear."""
     judged = found.judged
-    if not found.fitted.gap:
-        return "no_gap"
     if not judged.found.accepted.model.effects:
-        return "unexplained"
+        return "unexplained" if found.fitted.gap else "no_gap"
     if judged.leftover.p < LEVEL or drifting(found) or not _mostly(found):
         return "unexplained"
     return "ambiguous" if judged.classes else "named"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cell.gap.compare import Yardstick
+from cell.gap.compare import MARGIN, Yardstick
 from cell.gap.projection import Projection
 from cell.gap.screen import Probed
 from cell.gap.subject import Parameter
@@ -17,13 +17,15 @@ def detectable(
 ) -> dict[str, float | None]:
     """Smallest value of each effect's most telling parameter; None where none would show.
 
-    The response of the probe nearest to SURE, refitted base projected out, scaled to SURE. An
-    effect that changes nothing, or whose size would lie beyond its bounds, shows at no size.
+    The response of the probe nearest to SURE, and to what the model's own error may feign on top,
+    refitted base projected out, scaled to it. An effect that changes nothing, or whose size would
+    lie beyond its bounds, shows at no size.
     """
-    return {p.candidate.name: None if p.dead else _smallest(about, p, by) for p in probed}
+    sure = float(np.sqrt(SURE**2 + 2.0 * (by.least - MARGIN)))
+    return {p.candidate.name: None if p.dead else _smallest(about, p, by, sure) for p in probed}
 
 
-def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
+def _smallest(about: Projection, probed: Probed, by: Yardstick, sure: float) -> float | None:
     best: tuple[float, float | None] | None = None
     candidate = probed.candidate
     for group, responses in zip(probed.groups, probed.responses, strict=True):
@@ -35,8 +37,8 @@ def _smallest(about: Projection, probed: Probed, by: Yardstick) -> float | None:
             sigma = float(np.sqrt(power))
             moved = [k for k, p in enumerate(candidate.parameters) if vector[k] != p.start]
             p = candidate.parameters[moved[0]]
-            size = (vector[moved[0]] - p.start) * SURE / sigma
-            rank = abs(np.log(sigma / SURE))
+            size = (vector[moved[0]] - p.start) * sure / sigma
+            rank = abs(np.log(sigma / sure))
             if best is None or rank < best[0]:
                 best = (float(rank), _possible(p, float(p.start + size)))
     return None if best is None else best[1]

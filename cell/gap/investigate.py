@@ -10,7 +10,7 @@ from cell.gap import lack_of_fit, search, shrink
 from cell.gap.advise import Advice, advise
 from cell.gap.ambiguity import Rival, classes, rivals
 from cell.gap.batch import Simulate, alone, together
-from cell.gap.compare import LEVEL, MARGIN, Yardstick, holm, yardstick
+from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.describe import Law, describe
 from cell.gap.detect import detectable
@@ -185,9 +185,9 @@ def _refit(
 ) -> list[Validated]:
     """Every model worth comparing, refitted: nothing more where there is nothing to find."""
     base, library = fitted.base, subject.library.candidates
-    worth = yardstick([base]).inefficiency
-    promising = [s for s in (*screened.singles, *screened.pairs) if s.gain > MARGIN * worth]
-    if not promising or not fitted.gap:
+    by = yardstick([base])
+    least = by.least * by.inefficiency
+    if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return [base]
     singles = screened.singles[: search.SINGLES]
     pool = [base, *search.fit_scores(simulate, base.estimate, singles, library)]

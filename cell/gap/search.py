@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cell.gap.batch import Simulate, Task, together
-from cell.gap.compare import LEVEL, MARGIN, Yardstick, holm, margin, yardstick
+from cell.gap.compare import LEVEL, Yardstick, holm, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model, Point
 from cell.gap.refit import Estimate, refit
@@ -102,7 +102,7 @@ def _step(
     margins = [margin(m, before, by) for m in rivals]
     p = holm([m.p for m in margins])[0]
     first = margins[0]
-    good = first.gain > MARGIN and p < LEVEL and first.removed > MATERIAL
+    good = first.gain > by.least and p < LEVEL and first.removed > MATERIAL
     good = good and all(_needed(rivals[0], e.name, pool, by) for e in rivals[0].model.effects)
     return Step(rivals[0], before, first.gain, p, first.removed, good)
 
@@ -113,7 +113,7 @@ def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardst
     if not without or not model.model.names - {effect}:
         return True
     found = margin(model, without[0], by)
-    return found.gain > MARGIN and found.p < LEVEL and found.removed > MATERIAL
+    return found.gain > by.least and found.p < LEVEL and found.removed > MATERIAL
 
 
 def _sorted(models: Sequence[Validated], by: Yardstick) -> list[Validated]:
