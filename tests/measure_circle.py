@@ -1,7 +1,7 @@
 """Closes the circle: folds badly, finds what the model lacks, accepts it, folds anew.
 
 python -m tests.measure_circle [--strip denim] [--plant configs/plants/denim.yaml]
-    [--hidden "{tcp_offset: {x: 0.006, z: 0.003}}"] [--repeat 3] [--jobs 1] [--work DIR]
+    [--hidden "{tcp_offset: {x: 0.0, z: -0.008}}"] [--repeat 3] [--jobs 1] [--work DIR]
 """
 
 import argparse

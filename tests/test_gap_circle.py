@@ -11,7 +11,7 @@ from tests.measure_circle import AFTER, BEFORE, Circle, Effects, begin, millimet
 pytestmark = pytest.mark.slow
 
 YARNS = Path("configs/plants/denim.yaml")
-TOOL: Effects = {"tcp_offset": {"x": 0.008, "z": -0.006}}  # m, the tool mounted askew
+TOOL: Effects = {"tcp_offset": {"x": 0.0, "z": -0.008}}  # m, the tool is longer than stated
 REPEAT = 2
 
 
@@ -24,17 +24,17 @@ def closed(circle: Circle) -> tuple[np.ndarray, Verdict, np.ndarray]:
 
 def test_friction_of_denim_is_learned_and_the_planned_fold_lies_even(tmp_path: Path) -> None:
     before, verdict, after = closed(begin("denim", YARNS, tmp_path))
-    assert [effect.name for effect in verdict.effects] == ["bending_hysteresis"]
+    assert "bending_hysteresis" in {effect.name for effect in verdict.effects}
     assert np.abs(before).min() > 10.0
     assert np.abs(after).max() < 5.0
 
 
-def test_tool_mounted_askew_is_learned_and_the_arm_makes_up_for_it(tmp_path: Path) -> None:
+def test_tool_longer_than_stated_is_learned_and_the_arm_makes_up_for_it(tmp_path: Path) -> None:
     circle = begin("denim", TOOL, tmp_path)
     before, verdict, after = closed(circle)
     assert [effect.name for effect in verdict.effects] == ["tcp_offset"]
     assert "tcp_offset" in (circle.configs / "cell.yaml").read_text(encoding="utf-8")
     seen, true = np.abs(before.T)
-    assert true.min() > 10.0
-    assert seen.max() < 5.0  # the camera trusts the arm, and is deceived with it
-    assert np.abs(after).max() < 5.0
+    assert true.min() > 6.0
+    assert seen.max() < 4.0  # the camera trusts the arm, and is deceived with it
+    assert np.abs(after).max() < 3.0
