@@ -7,7 +7,7 @@ left out then adapt their own unknowns.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,14 +19,19 @@ from cell.gap.subject import Run
 from drivers.types import Array
 
 FOLDS = 8
+SILENT = 10.0  # times the variance: other runs hold less than a tenth of what is known
 
 
 @dataclass(frozen=True, slots=True)
 class Validated:
-    """An estimate and what it predicts: whitened residuals (n,) of each run when left out."""
+    """An estimate and what it predicts: whitened residuals (n,) of each run when left out.
+
+    `charged` (R,) [nats] on top: what could not be predicted but only fitted.
+    """
 
     estimate: Estimate
     left_out: tuple[Array, ...]
+    charged: Array
 
     @property
     def model(self) -> Model:
@@ -35,7 +40,7 @@ class Validated:
 
     def losses(self, scale: float) -> Array:
         """Predictive loss of each run at a dispersion [nats]."""
-        return np.array([float(robust.loss(r / scale).sum()) for r in self.left_out])
+        return self.charged + [float(robust.loss(r / scale).sum()) for r in self.left_out]
 
 
 def folds(runs: Sequence[Run], most: int = FOLDS) -> list[list[int]]:
@@ -52,39 +57,74 @@ def validate(estimate: Estimate) -> Task[Validated]:
     """Predictive residuals of every run; yields simulations."""
     dealt = folds(estimate.evidence.runs)
     parts = yield from side_by_side([_fold(estimate, fold) for fold in dealt])
-    found = {
-        i: r
-        for fold, part in zip(dealt, parts, strict=True)
-        for i, r in zip(fold, part, strict=True)
-    }
-    return Validated(estimate, tuple(found[i] for i in range(len(estimate.evidence.runs))))
+    left_out: dict[int, Array] = {}
+    charged = np.zeros(len(estimate.evidence.runs))
+    for fold, (found, unknown) in zip(dealt, parts, strict=True):
+        left_out.update(zip(fold, found, strict=True))
+        charged[fold[0]] = unknown
+    return Validated(estimate, tuple(left_out[i] for i in range(len(charged))), charged)
 
 
-def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[Array, ...]]:
-    """Whitened residuals of the runs of `fold` under the fit to all others."""
+def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ...], int]]:
+    """Whitened residuals of the runs of `fold` under the fit to all others, and how many shared
+    unknowns only these runs determine.
+    """
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
-    shared = _newton(estimate, keep).shared
+    only = _only_here(estimate, keep)
+    shared = _newton(estimate, keep, only).shared
     unseen = _some(estimate.evidence, fold)
     own = Point(np.zeros(0), tuple(_adapted(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
-    return residuals(raw, unseen)
+    return residuals(raw, unseen), int(only.sum())
 
 
 def _some(evidence: Evidence, keep: Sequence[int]) -> Evidence:
     return Evidence(tuple(evidence.runs[i] for i in keep), tuple(evidence.scales[i] for i in keep))
 
 
-def _newton(estimate: Estimate, keep: Sequence[int]) -> Point:
-    """One bounded Newton step from the whole fit to the fit of the runs `keep`."""
+def _only_here(estimate: Estimate, keep: Sequence[int]) -> quadratic.Mask:
+    """Which shared unknowns (P,) of effects the runs `keep` say next to nothing of.
+
+    An effect that lives in one condition cannot be predicted from the others; it keeps its
+    value, and is charged with the nat by which a fit flatters itself (Akaike 1974).
+    """
+    count = len(estimate.shared)
+    base = len(estimate.model.base)
+    with_all, without = (
+        np.diag(quadratic.covariance(_equations(estimate, runs)))[:count]
+        for runs in (range(len(estimate.evidence.runs)), keep)
+    )
+    return np.asarray((without > SILENT * with_all) & (np.arange(count) >= base))
+
+
+def _equations(estimate: Estimate, keep: Sequence[int]) -> quadratic.Normal:
+    """Normal equations of the runs `keep` at the whole fit."""
     kept = _some(estimate.evidence, keep)
     place = quadratic.layout(estimate.model, kept)
-    limits = quadratic.bounds(estimate.model, kept)
-    z = place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
+    z = _packed(estimate, keep)
     jacobians = tuple(estimate.jacobians[i] for i in keep)
     r = [estimate.residuals[i] for i in keep]
     data = quadratic.normal(place, r, jacobians, estimate.scale)
-    step = quadratic.bounded_step(quadratic.with_prior(data, z, limits), z, limits)
-    return place.unpacked(z + step)
+    return quadratic.with_prior(data, z, quadratic.bounds(estimate.model, kept))
+
+
+def _packed(estimate: Estimate, keep: Sequence[int]) -> Array:
+    place = quadratic.layout(estimate.model, _some(estimate.evidence, keep))
+    return place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
+
+
+def _newton(estimate: Estimate, keep: Sequence[int], held: quadratic.Mask) -> Point:
+    """One bounded Newton step from the whole fit to the fit of the runs `keep`; shared unknowns
+    that are `held` (P,) stay.
+    """
+    kept = _some(estimate.evidence, keep)
+    limits, z = quadratic.bounds(estimate.model, kept), _packed(estimate, keep)
+    fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
+    limits = replace(
+        limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
+    )
+    step = quadratic.bounded_step(_equations(estimate, keep), z, limits)
+    return quadratic.layout(estimate.model, kept).unpacked(z + step)
 
 
 def _adapted(estimate: Estimate, i: int, shared: Array) -> Array:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap import figures, shrink
-from cell.gap.compare import MARGIN
 from cell.gap.drawing import replayed
 from cell.gap.investigate import Findings
 from cell.gap.search import MATERIAL
@@ -106,7 +105,7 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
         "55 times as likely). A further effect is taken for "
-        f"{MARGIN:.0f} nats, p below 0.01 over all candidates, and at least "
+        f"{found.judged.found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
         f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
     head = (

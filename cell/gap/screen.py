@@ -1,7 +1,7 @@
 """Screening: how much each candidate could explain, judged by probes from the refitted base."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -17,6 +17,7 @@ from drivers.types import Array
 
 Columns = NDArray[np.int64]
 FARTHEST = 3.0  # times a probe to which its response is extrapolated
+WORTH = 0.3  # of the best mix's gain, from which a probe as it is is a start
 DEAD = 1e-6  # whitened response below which an effect changes nothing
 
 
@@ -42,13 +43,26 @@ class Probed:
 class Score:
     """Effects screened together: nats gained at `start`, their values by name.
 
-    `linear`: found by the secants at null, which a fit from null follows by itself.
+    `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
+    the values of the probes that gain most as they are: an effect with a threshold does nothing
+    below it, so that a share of a probe is no start.
     """
 
     names: tuple[str, ...]
     gain: float
     start: dict[str, Array]
     linear: bool = True
+    tried: dict[str, Array] | None = None
+
+    @property
+    def starts(self) -> list[dict[str, Array]]:
+        """Where fits begin, by effect: at null always."""
+        found: list[dict[str, Array]] = [{}]
+        if not self.linear:
+            found.append(self.start)
+        if self.tried is not None:
+            found.append(self.tried)
+        return found
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
@@ -137,14 +151,20 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     physics fixes the sign.
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    most, tried = 0.0, None
     for choice in product(*(range(len(p.groups)) for p in members)):
-        found = _mixed(known, members, choice)
+        found, whole, values = _mixed(known, members, choice)
         if found.gain > best.gain:
             best = found
-    return best
+        if whole > most and all(choice):
+            most, tried = whole, values
+    return replace(best, tried=tried if most > WORTH * best.gain else None)
 
 
-def _mixed(known: Table, members: Sequence[Probed], choice: tuple[int, ...]) -> Score:
+def _mixed(
+    known: Table, members: Sequence[Probed], choice: tuple[int, ...]
+) -> tuple[Score, float, dict[str, Array]]:
+    """The best mix of some groups; the gain of their probes as they are, and their values."""
     names = tuple(p.candidate.name for p in members)
     chosen = list(zip(members, choice, strict=True))
     at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
@@ -158,8 +178,12 @@ def _mixed(known: Table, members: Sequence[Probed], choice: tuple[int, ...]) -> 
     form = quadratic.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
     limits = quadratic.Bounds(np.where(both, -high, 0.0), high, zero, zero)
     amounts = quadratic.bounded_step(form, zero, limits)
-    return Score(
-        names, quadratic.decrease(form, amounts), _values(chosen, amounts), not any(choice)
+    gain = quadratic.decrease(form, amounts)
+    whole = np.where(amounts < 0.0, -1.0, 1.0)
+    return (
+        Score(names, gain, _values(chosen, amounts), not any(choice)),
+        quadratic.decrease(form, whole),
+        _values(chosen, whole),
     )
 
 

@@ -44,12 +44,12 @@ class Found:
 def fit_scores(
     simulate: Simulate, base: Estimate, scores: Sequence[Score], library: Sequence[Candidate]
 ) -> list[Validated]:
-    """Screened models refitted with the base, from null and from where the screen found them."""
+    """Screened models refitted with the base, from null and from what the screen found."""
     tasks: list[Task[Estimate]] = []
     owner: list[int] = []
     for i, s in enumerate(scores):
         model = with_effects(base.model, s.names, library)
-        for values in ({},) if s.linear else ({}, s.start):
+        for values in s.starts:
             start = Point(model.joined(base.shared, values), base.point.local)
             tasks.append(refit(model, base.evidence, start))
             owner.append(i)
@@ -101,8 +101,8 @@ def _step(
 ) -> Step:
     margins = [margin(m, before, by) for m in rivals]
     p = holm([m.p for m in margins])[0]
-    first = margins[0]
-    good = first.gain > by.least and p < LEVEL and first.removed > MATERIAL
+    first, needed = margins[0], by.beside(_gained(before, pool, by))
+    good = first.gain > needed and p < LEVEL and first.removed > MATERIAL
     good = good and all(_needed(rivals[0], e.name, pool, by) for e in rivals[0].model.effects)
     return Step(rivals[0], before, first.gain, p, first.removed, good)
 
@@ -112,8 +112,14 @@ def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardst
     without = [m for m in pool if m.model.names == model.model.names - {effect}]
     if not without or not model.model.names - {effect}:
         return True
-    found = margin(model, without[0], by)
-    return found.gain > by.least and found.p < LEVEL and found.removed > MATERIAL
+    found, needed = margin(model, without[0], by), by.beside(_gained(without[0], pool, by))
+    return found.gain > needed and found.p < LEVEL and found.removed > MATERIAL
+
+
+def _gained(model: Validated, pool: Sequence[Validated], by: Yardstick) -> float:
+    """Nats of a model over the base."""
+    base = next(m for m in pool if not m.model.effects)
+    return margin(model, base, by).gain if model.model.effects else 0.0
 
 
 def _sorted(models: Sequence[Validated], by: Yardstick) -> list[Validated]:

@@ -22,6 +22,7 @@ PLACE = "position"
 TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
 WIDE = 0.5  # of its default: the spread of a number that shapes an effect
+UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
@@ -116,7 +117,7 @@ def _shape(p: Number, strip: StripFile) -> Parameter:
         middle = 0.5 * (low + high)
         return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
-    step, spread = 0.02 * start, WIDE * start
+    step, spread = 0.02 * start, (WIDE if p.default is not None else UNKNOWN) * start
     return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
 
 
