@@ -110,6 +110,9 @@ class Curves:
             found.append(Residuals(y - simulated, (y - simulated) ** 2))
         return found
 
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        return [request.run for request in requests]
+
     def experiments(self) -> Sequence[Experiment]:
         return [Experiment("fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60)))]
 

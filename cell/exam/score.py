@@ -112,9 +112,12 @@ def result(verdict: Verdict, case: Case) -> Result:
         return _of_nothing(verdict, named)
     if case.kind == "outside":
         return _of_outside(verdict)
-    if named:
-        return _of_names(named, frozenset(case.answer))
-    return _of_classes(verdict.ambiguous, frozenset(case.answer))
+    answer = frozenset(case.answer)
+    if not named:
+        return _of_classes(verdict.ambiguous, answer)
+    found = _of_names(named, answer)
+    doubtful = frozenset(name for group in verdict.ambiguous for name in group)
+    return "right_class" if found == "partly" and answer <= named | doubtful else found
 
 
 def _of_nothing(verdict: Verdict, named: frozenset[str]) -> Result:

@@ -35,20 +35,20 @@ def kind(found: Findings) -> Kind:
         return "unexplained" if found.fitted.gap else "no_gap"
     if judged.leftover.p < LEVEL or drifting(found) or not _mostly(found):
         return "unexplained"
-    return "ambiguous" if judged.classes else "named"
+    doubtful = {name for group in judged.classes for name in group}
+    return "ambiguous" if doubtful & judged.found.accepted.model.names else "named"
 
 
 def _mostly(found: Findings) -> bool:
-    """Whether the accepted model leaves only noise, or has removed most of the excess gap."""
-    result = found.judged.found
-    base = next(m for m in result.tried if not m.model.effects)
-    return not found.judged.remains or margin(result.accepted, base, result.by).removed > MOST
+    """Whether the whole model leaves only noise, or has removed most of the excess gap."""
+    judged = found.judged
+    base = next(m for m in judged.found.tried if not m.model.effects)
+    return not judged.remains or margin(judged.whole, base, judged.found.by).removed > MOST
 
 
 def drifting(found: Findings) -> list[str]:
-    """Accepted effects whose amplitude does not serve all conditions: proxies, not causes."""
-    accepted = found.judged.found.accepted.model.name
-    tests = found.judged.invariances.get(accepted, {})
+    """Effects whose amplitude does not serve all conditions: proxies, not causes."""
+    tests = found.judged.invariances.get(found.judged.whole.model.name, {})
     return [name for name, test in tests.items() if not test.holds]
 
 

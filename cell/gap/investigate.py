@@ -1,7 +1,7 @@
 """The whole investigation, stage by stage, for any subject."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -17,7 +17,8 @@ from cell.gap.detect import detectable
 from cell.gap.drift import Drift, drift
 from cell.gap.invariance import Invariance, invariance
 from cell.gap.lack_of_fit import Misfit
-from cell.gap.model import Evidence, Model, evidence
+from cell.gap.model import Evidence, Model, Point, evidence
+from cell.gap.polish import finished, refined
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate
 from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs, table
@@ -75,10 +76,12 @@ class Screened:
 class Judged:
     """The accepted model and every doubt about it.
 
-    `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance.
+    `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
+    lack of fit against noise alone, `leftover` against noise and tolerance.
     """
 
     found: search.Found
+    whole: Validated
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
@@ -130,7 +133,7 @@ def investigate(
     progress("judge", 0.8)
     judged = _judge(subject, pool, simulate, rng)
     progress("show on held-out runs", 0.9)
-    shown = _show(simulate, fitted, judged, evidence(test), rng)
+    shown = _show(subject, simulate, fitted, judged, evidence(test), rng)
     progress("advise", 0.95)
     advice = _advise(subject, screened, judged, simulate)
     return Findings(subject, tuple(held_out), fitted, screened, judged, shown, tuple(advice))
@@ -139,7 +142,8 @@ def investigate(
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
-    base = refit_base(simulate, Model(subject.library.base), runs, rng)
+    rough = refit_base(simulate, Model(subject.library.base), runs, rng)
+    base = finished(subject, simulate, rough)
     change = drift(base)
     inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
     noise = _noise(base, rng)
@@ -216,9 +220,9 @@ def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
 def _judge(
     subject: Subject, pool: Sequence[Validated], simulate: Simulate, rng: np.random.Generator
 ) -> Judged:
-    found = search.choose(pool)
+    found = _finished(subject, simulate, search.choose(pool))
     best = found.accepted.estimate
-    tested = [(m, e.name) for m in pool if _worth_testing(m, found) for e in m.model.effects]
+    tested = [(m, e.name) for m in found.tried if _worth_testing(m, found) for e in m.model.effects]
     results = together(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
     invariances: dict[str, dict[str, Invariance]] = {}
     for (m, e), result in zip(tested, results, strict=True):
@@ -229,13 +233,27 @@ def _judge(
     kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     leftover = lack_of_fit.lack_of_fit(best, noise, kind)
-    close = rivals(found.accepted, pool, found.by) if best.model.effects else []
+    close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
     terms = together(simulate, [probe(best, t) for t in subject.library.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
+    sure = search.only_sure(found, groups)
+    if sure is not found:
+        sure = _finished(subject, simulate, sure)
     return Judged(
-        found, invariances, misfit, leftover, tuple(close), tuple(map(tuple, groups)), law
-    )
+        sure, found.accepted, invariances, misfit, leftover,
+        tuple(close), tuple(map(tuple, groups)), law,
+    )  # fmt: skip
+
+
+def _finished(subject: Subject, simulate: Simulate, found: search.Found) -> search.Found:
+    """The accepted model fitted to the end; the others are compared as they are."""
+    rough = found.accepted
+    if not rough.model.effects:
+        return found
+    done = alone(simulate, validate(finished(subject, simulate, rough.estimate)))
+    tried = tuple(done if m is rough else m for m in found.tried)
+    return replace(found, accepted=done, tried=tried)
 
 
 def _worth_testing(model: Validated, found: search.Found) -> bool:
@@ -243,12 +261,21 @@ def _worth_testing(model: Validated, found: search.Found) -> bool:
 
 
 def _show(
-    simulate: Simulate, fitted: Fitted, judged: Judged, test: Evidence, rng: np.random.Generator
+    subject: Subject,
+    simulate: Simulate,
+    fitted: Fitted,
+    judged: Judged,
+    test: Evidence,
+    rng: np.random.Generator,
 ) -> Shown:
-    before = shrink.unseen(simulate, fitted.base.estimate, test)
+    def unseen(fit: Estimate) -> Estimate:
+        start = Point(fit.shared, test.start())
+        return shrink.unseen(simulate, fit, refined(subject, fit.model, start, test))
+
+    before = unseen(fitted.base.estimate)
     after = before
     if judged.found.accepted.model.effects:
-        after = shrink.unseen(simulate, judged.found.accepted.estimate, test)
+        after = unseen(judged.found.accepted.estimate)
     share = shrink.shrink(shrink.run_squares(before), shrink.run_squares(after), rng)
     return Shown(before, after, share)
 

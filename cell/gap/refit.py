@@ -16,7 +16,7 @@ from cell.gap.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
 STEPS = 20
-ENOUGH = 0.05  # nats that a further step must promise
+ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
 PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
 DAMPING = 1e-3
@@ -58,10 +58,12 @@ def refit(
     evidence: Evidence,
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
+    enough: float = ENOUGH,
 ) -> Task[Estimate]:
     """Estimate of `model` from `start`; yields simulations.
 
-    `jacobians` of a fit near by spare the first secants.
+    `jacobians` of a fit near by spare the first secants; it ends when a further step promises
+    less than `enough` nats.
     """
     place = quadratic.layout(model, evidence)
     limits = quadratic.bounds(model, evidence)
@@ -78,7 +80,7 @@ def refit(
         equations = quadratic.with_prior(data, z, limits)
         step = quadratic.bounded_step(equations, z, limits)
         promised = quadratic.decrease(equations, step)
-        if promised < ENOUGH:
+        if promised < enough:
             break
         now = quadratic.objective(r, z, limits, scale)
         search = _Search(model, evidence, jacobians, equations.curvature, scale, now)

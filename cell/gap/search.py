@@ -1,13 +1,13 @@
 """Which effects: single ones, pairs jointly, three at most, each step earned and checked back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cell.gap.batch import Simulate, Task, together
 from cell.gap.compare import LEVEL, Yardstick, holm, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model, Point
-from cell.gap.refit import Estimate, refit
+from cell.gap.refit import ROUGHLY, Estimate, refit
 from cell.gap.screen import Score
 from cell.gap.starts import best
 from cell.gap.subject import Candidate
@@ -51,7 +51,7 @@ def fit_scores(
         model = with_effects(base.model, s.names, library)
         for values in s.starts:
             start = Point(model.joined(base.shared, values), base.point.local)
-            tasks.append(refit(model, base.evidence, start))
+            tasks.append(refit(model, base.evidence, start, enough=ROUGHLY))
             owner.append(i)
     fits = list(zip(owner, together(simulate, tasks), strict=True))
     chosen = [best([e for k, e in fits if k == i]) for i in range(len(scores))]
@@ -94,6 +94,16 @@ def choose(pool: Sequence[Validated]) -> Found:
         if step.accepted:
             accepted = step.model
     return Found(accepted, tuple(pool), by, tuple(steps))
+
+
+def only_sure(found: Found, classes: Sequence[Sequence[str]]) -> Found:
+    """Accepting the effects that no other stands in for, where they were earned by themselves."""
+    doubtful = {name for group in classes for name in group}
+    sure = found.accepted.model.names - doubtful
+    if not doubtful or not sure:
+        return found
+    earned = [s.model for s in found.steps if s.accepted and s.model.model.names == sure]
+    return replace(found, accepted=earned[0]) if earned else found
 
 
 def _step(

@@ -24,6 +24,9 @@ def _named(found: Findings, verdict: Verdict) -> str:
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
+    if verdict.ambiguous:
+        either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+        text += f" Beside it something is missing that these runs cannot tell apart: {either}."
     return capital(text)
 
 
@@ -31,8 +34,8 @@ def _ambiguous(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.library.candidates}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
-    known = found.judged.found.accepted.model.names - {n for g in verdict.ambiguous for n in g}
-    sure = f" beside {', '.join(sorted(known))}, which is sure" if known else ""
+    known = found.judged.whole.model.names - {n for g in verdict.ambiguous for n in g}
+    sure = f" beside {', '.join(sorted(known))}" if known else ""
     split = "No planned experiment would split them"
     if verdict.advice:
         split = f"The experiment that would split them: {verdict.advice[0].experiment}"

@@ -188,6 +188,10 @@ class Subject(Protocol):
         """Residuals of many simulations, each independent of the others in the call."""
         ...
 
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs of `requests`, corrected for how coarse their simulation is at these values."""
+        ...
+
     def experiments(self) -> Sequence[Experiment]:
         """Runs worth making next, each to be judged by what it would separate."""
         ...

@@ -83,6 +83,15 @@ def _run(
     return Run(run.name, run.condition, samples, index=fold.index, local=local, content=content)
 
 
+def corrected(
+    run: Run, fold: Fold, model: StripModel, rough: Shown | None, exact: Shown | None
+) -> Run:
+    """The run with what a finer rod shows otherwise of this model."""
+    means = [fold.comparison(model, shown).mean for shown in (rough, exact)]
+    finer = _within(means[0] - means[1], MOST * run.samples.floor)
+    return replace(run, content=replace(fold, finer=frozen(finer)))
+
+
 def _within(change: Array, limit: Array) -> Array:
     """`change` (n,), 0 where it is lost or beyond `limit`."""
     known = np.nan_to_num(change)

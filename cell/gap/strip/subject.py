@@ -12,10 +12,10 @@ from cell.gap.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.library import file_values, library
 from cell.gap.strip.patch import patched
-from cell.gap.strip.prepare import Fold, prepared
+from cell.gap.strip.prepare import Fold, corrected, prepared
 from cell.gap.strip.runs import MeasuredRun, read_runs
 from cell.gap.strip.scenes import measured_scene, simulated_scene
-from cell.gap.strip.simulation import COARSE, Drive, Simulation
+from cell.gap.strip.simulation import COARSE, FINE, Drive, Simulation
 from cell.gap.strip.terms import with_terms
 from cell.gap.subject import Experiment, Library, Request, Residuals, Run
 from drivers.strip.effects import registry
@@ -89,6 +89,16 @@ class Strip:
         return [
             None if motion is None else simulated_scene(fold, drive.model, motion, length)
             for fold, drive, motion in zip(folds, drives, self._simulation(drives), strict=True)
+        ]
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs, with what a finer rod shows otherwise at these values."""
+        folds, drives = self._driven(requests)
+        fine = Simulation(FINE, self._jobs)
+        shown = zip(self._simulation(drives), fine(drives), strict=True)
+        return [
+            corrected(request.run, fold, drive.model, *pair)
+            for request, fold, drive, pair in zip(requests, folds, drives, shown, strict=True)
         ]
 
     def experiments(self) -> Sequence[Experiment]:
