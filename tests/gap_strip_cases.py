@@ -48,7 +48,7 @@ def residuals(
     strip: Strip, effects: dict[str, Array] | None = None, slack: float = 0.0
 ) -> list[Residuals]:
     """Residuals of every run at the stated base."""
-    base = np.array([p.start for p in strip.library.base])
+    base = np.array([p.start for p in strip.scope.base])
     return strip.simulate(
         [Request(run, base, effects or {}, np.array([slack])) for run in strip.runs]
     )

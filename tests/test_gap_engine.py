@@ -18,13 +18,13 @@ from cell.gap.starts import undetermined
 from cell.gap.subject import (
     Candidate,
     Experiment,
-    Library,
     Parameter,
     Quantity,
     Request,
     Residuals,
     Run,
     Samples,
+    Scope,
 )
 from cell.gap.verdict import Verdict
 from drivers.types import Array
@@ -90,13 +90,13 @@ class Curves:
         return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
 
     @property
-    def library(self) -> Library:
+    def scope(self) -> Scope:
         base = (
             Parameter("offset", "m", 0.0, -10.0, 10.0, 1e-4, 1.0),
             Parameter("slope", "m/s", 0.0, -10.0, 10.0, 1e-4, 1.0),
         )
         quantity = Quantity("angle_mrad", 1e3, "mrad")
-        return Library(
+        return Scope(
             base, tuple(candidate(name, self.signed) for name in self.names), {"angle": quantity}
         )
 
@@ -130,8 +130,8 @@ def judged(subject: Curves) -> tuple[Findings, Verdict]:
 
 
 def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
-    library, runs = subject.library, evidence(subject.runs)
-    model = Model(library.base, tuple(c for c in library.candidates if c.name in names))
+    scope, runs = subject.scope, evidence(subject.runs)
+    model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
     start = Point(np.array([p.start for p in model.parameters]), runs.start())
     return alone(subject.simulate, refit(model, runs, start))
 
@@ -261,8 +261,8 @@ def test_direction_that_the_runs_cannot_determine_is_named() -> None:
 
 def test_same_verdict_whatever_runs_beside_a_fit() -> None:
     subject = Curves(hidden(bump, 0.05))
-    library, runs = subject.library, evidence(subject.runs)
-    models = [Model(library.base, (c,)) for c in library.candidates]
+    scope, runs = subject.scope, evidence(subject.runs)
+    models = [Model(scope.base, (c,)) for c in scope.candidates]
 
     def task(model: Model) -> object:
         start = Point(np.array([p.start for p in model.parameters]), runs.start())

@@ -60,19 +60,19 @@ def test_error_in_sample_ranks_a_false_cause_that_held_out_runs_refuse() -> None
     """Quadratic hinges lower the error of the runs that they are fitted to, and only of those."""
     triple = DATA / "triple"
     subject = open_subject(triple / "pendulum.yaml", find_runs([triple / "runs"]), 1)
-    library = subject.library
+    scope = subject.scope
     seen = evidence(subject.runs[6::3])
     unseen_runs = evidence(subject.runs[:6:2])
-    start = Point(np.array([p.start for p in library.base]), seen.start())
-    base = alone(subject.simulate, refit(Model(library.base), seen, start))
+    start = Point(np.array([p.start for p in scope.base]), seen.start())
+    base = alone(subject.simulate, refit(Model(scope.base), seen, start))
 
     def errors(name: str) -> tuple[float, float]:
-        effects = tuple(c for c in library.candidates if c.name == name)
-        model = Model(library.base, effects)
+        effects = tuple(c for c in scope.candidates if c.name == name)
+        model = Model(scope.base, effects)
         point = Point(model.joined(base.shared, {}), base.point.local)
         found = alone(subject.simulate, refit(model, seen, point))
         other = unseen(subject.simulate, found, unseen_runs)
-        return tuple(rms(e, library.quantities)["angle_mrad"] for e in (found, other))
+        return tuple(rms(e, scope.quantities)["angle_mrad"] for e in (found, other))
 
     plain, quadratic, drag = errors("none"), errors("quadratic_damping"), errors("air_drag")
     assert quadratic[0] < plain[0]

@@ -60,8 +60,8 @@ def numbers(rows: Rows) -> Array:
 
 
 def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
-    start = {p.name: p.start for p in strip.library.base} | changes
-    base = np.array([start[p.name] for p in strip.library.base])
+    start = {p.name: p.start for p in strip.scope.base} | changes
+    base = np.array([start[p.name] for p in strip.scope.base])
     return strip.simulated([Request(run, base, {}, np.zeros(1)) for run in strip.runs])
 
 
@@ -160,7 +160,7 @@ def test_a_place_that_cannot_be_written_is_named(replays, tmp_path) -> None:
 
 def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None:
     assert "touch_x" in strip.runs[0].samples.quantity
-    shown = floor(evidence(strip.runs), strip.library.quantities)
+    shown = floor(evidence(strip.runs), strip.scope.quantities)
     assert set(shown) == {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms"}
 
 

@@ -15,8 +15,8 @@ from cell.gap.model import Model, Point, evidence, requests
 from cell.gap.pendulum.chain import stated, swings
 from cell.gap.pendulum.dynamics import swing
 from cell.gap.pendulum.file import PendulumFile
-from cell.gap.pendulum.library import candidates
 from cell.gap.pendulum.runs import make_run
+from cell.gap.pendulum.scope import candidates
 from cell.gap.pendulum.subject import Pendulum
 from cell.gap.pendulum.synthetic import Made, make_swings, write_swings
 from drivers.errors import ConfigurationError
@@ -96,10 +96,10 @@ def test_effect_at_null_changes_no_bit_and_otherwise_does(candidate: Any) -> Non
     t = np.arange(0.0, 1.0, 0.01)
     run = make_run(file, "r", "r", t, np.full((2, 100), np.pi + 0.4), SIGMA)
     subject, runs = Pendulum(file, [run]), evidence([run])
-    plain = Model(subject.library.base)
+    plain = Model(subject.scope.base)
     start = Point(np.array([p.start for p in plain.parameters]), runs.start())
     without = subject.simulate(requests(plain, [run], start))[0].mean
-    model = Model(subject.library.base, (candidate,))
+    model = Model(subject.scope.base, (candidate,))
     for values, same in ((candidate.null, True), (np.array(candidate.probes[0][0]), False)):
         point = Point(np.concatenate([start.shared, values]), start.local)
         shown = subject.simulate(requests(model, [run], point))[0].mean

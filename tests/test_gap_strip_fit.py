@@ -52,5 +52,5 @@ def test_the_patch_is_a_strip_that_explains_its_runs(fitted: tuple[Verdict, Path
     notes = {p.key for p in patched.provenance}
     assert {"bending_length", "retardation_time", "effects.bending_hysteresis"} <= notes
     strip = open_strip(out / "patch.yaml", [runs])
-    assert "bending_hysteresis" not in {c.name for c in strip.library.candidates}
-    assert "bending_hysteresis.yield_curvature" in {p.name for p in strip.library.base}
+    assert "bending_hysteresis" not in {c.name for c in strip.scope.candidates}
+    assert "bending_hysteresis.yield_curvature" in {p.name for p in strip.scope.base}

@@ -82,7 +82,7 @@ def test_a_hidden_effect_shows_and_its_truth_leaves_noise(
 def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
     silent = set()
-    for candidate in plain.library.candidates:
+    for candidate in plain.scope.candidates:
         groups = candidate.probes[-len(candidate.probes) // 2 :]
         largest = [np.array(vector) for group in groups for vector in group]
         shifts = [whitened(plain, residuals(plain, {candidate.name: v})) for v in largest]
@@ -92,12 +92,12 @@ def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
 
 
 def test_every_effect_of_the_registry_is_a_candidate(plain: Strip) -> None:
-    assert [c.name for c in plain.library.candidates] == list(registry())
+    assert [c.name for c in plain.scope.candidates] == list(registry())
 
 
 def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
-    for term in plain.library.terms:
+    for term in plain.scope.terms:
         null = whitened(plain, residuals(plain, {term.name: np.zeros(1)}))
         np.testing.assert_array_equal(null, stated)
         moved = whitened(plain, residuals(plain, {term.name: np.array(term.probes[0][0])}))
@@ -105,7 +105,7 @@ def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
 
 
 def test_a_prediction_does_not_depend_on_company_or_threads(plain: Strip) -> None:
-    base = np.array([p.start for p in plain.library.base])
+    base = np.array([p.start for p in plain.scope.base])
     asked = [
         Request(run, base * factor, {}, np.zeros(1))
         for factor in (1.0, 1.05, 0.97)

@@ -28,14 +28,14 @@ def oracle(case: Case, strip: Path, runs: Sequence[Path], held_out: Sequence[str
     screen finds them. None where the answer is empty or the library cannot simulate it.
     """
     subject = open_strip(strip, runs)
-    known = {c.name for c in subject.library.candidates}
+    known = {c.name for c in subject.scope.candidates}
     if not case.answer or not known.issuperset(case.answer):
         return None
     train = evidence([run for run in subject.runs if run.name not in held_out])
     test = evidence([run for run in subject.runs if run.name in held_out])
     start = _truth(case, strip, subject)
-    base = _refitted(subject.simulate, Model(subject.library.base), train, [start])
-    model = with_effects(base.model, case.answer, subject.library.candidates)
+    base = _refitted(subject.simulate, Model(subject.scope.base), train, [start])
+    model = with_effects(base.model, case.answer, subject.scope.candidates)
     if case.alike:
         starts = [model.joined(start, _values(case, model.effects))]
     else:
@@ -52,7 +52,7 @@ def _truth(case: Case, path: Path, subject: Subject) -> Array:
         "bending_length": case.stiffness * strip.bending_length,
         "retardation_time": case.damping * strip.retardation_time,
     }
-    return np.array([true.get(p.name, p.start) for p in subject.library.base])
+    return np.array([true.get(p.name, p.start) for p in subject.scope.base])
 
 
 def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:

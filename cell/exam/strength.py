@@ -140,7 +140,7 @@ def engine_values(name: str, values: dict[str, float]) -> Array:
 def _at_truth(subject: Strip) -> Estimate:
     """The model at the values that made the runs: nothing is left but what a finer rod shows."""
     known: Evidence = evidence(subject.runs)
-    model = Model(subject.library.base)
+    model = Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
     raw, jacobians = alone(subject.simulate, linearised(model, known, point))
     nothing = tuple(np.zeros(len(r.mean)) for r in raw)

@@ -136,7 +136,7 @@ def _where(found: Findings) -> list[WhereBin]:
 
 
 def _gap(found: Findings) -> Gap:
-    shown, quantities = found.shown, found.subject.library.quantities
+    shown, quantities = found.shown, found.subject.scope.quantities
 
     def sizes(estimate: Estimate) -> dict[str, float]:
         excess = float(shrink.excess(shrink.run_squares(estimate)))
@@ -171,7 +171,7 @@ def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[
     """Probabilities of single candidates, family-wise over the whole library."""
     by = found.judged.found.by
     raw = {m.model.name: margin(m, base, by).p for m in singles}
-    names = [c.name for c in found.subject.library.candidates]
+    names = [c.name for c in found.subject.scope.candidates]
     adjusted = holm([raw.get(name, 1.0) for name in names])
     return dict(zip(names, adjusted, strict=True))
 
@@ -202,7 +202,7 @@ def _screened(found: Findings, name: str, gain: float) -> Compared:
     """A candidate that was not worth a refit: its gain is that of the linear screen."""
     by = found.judged.found.by
     score = next((s for s in found.screened.singles if s.names == (name,)), None)
-    candidate = next(c for c in found.subject.library.candidates if c.name == name)
+    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     values = score.start.get(name, candidate.null) if score is not None else candidate.null
     shown = {}
     for p, v in zip(candidate.parameters, values, strict=True):
@@ -247,7 +247,7 @@ def _unexplained(found: Findings, which: Kind) -> Unexplained | None:
 
 def remainder(found: Findings) -> str:
     """One sentence on what the best model leaves."""
-    quantities = found.subject.library.quantities.values()
+    quantities = found.subject.scope.quantities.values()
     after, least = _gap(found).after, _gap(found).floor
     sizes = ", ".join(
         f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {least[q.key]:.2g})"

@@ -142,7 +142,7 @@ def investigate(
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
-    rough = refit_base(simulate, Model(subject.library.base), runs, rng)
+    rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
     base = finished(subject, simulate, rough)
     change = drift(base)
     inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
@@ -162,7 +162,7 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
     about = projection(base)
     by = yardstick([fitted.base])
-    probed = together(simulate, [probe(base, c) for c in subject.library.candidates])
+    probed = together(simulate, [probe(base, c) for c in subject.scope.candidates])
     known = table(about, probed)
     singles = ranked(known)
     return Screened(
@@ -176,7 +176,7 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
 
 def _screened_p(subject: Subject, singles: Sequence[Score], by: Yardstick) -> dict[str, float]:
     """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
-    size = {c.name: len(c.parameters) for c in subject.library.candidates}
+    size = {c.name: len(c.parameters) for c in subject.scope.candidates}
     raw = {s.names[0]: stats.chi2.sf(2.0 * s.gain / by.inefficiency, size[s.names[0]])
            for s in singles}  # fmt: skip
     names = list(size)
@@ -188,21 +188,21 @@ def _refit(
     subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate, progress: Progress
 ) -> list[Validated]:
     """Every model worth comparing, refitted: nothing more where there is nothing to find."""
-    base, library = fitted.base, subject.library.candidates
+    base, candidates = fitted.base, subject.scope.candidates
     by = yardstick([base])
     least = by.least * by.inefficiency
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return [base]
     singles = screened.singles[: search.SINGLES]
-    pool = [base, *search.fit_scores(simulate, base.estimate, singles, library)]
+    pool = [base, *search.fit_scores(simulate, base.estimate, singles, candidates)]
     if not _unsettled(pool):
         return pool
     progress("refit pairs", 0.45)
-    pool += search.fit_scores(simulate, base.estimate, screened.pairs, library)
+    pool += search.fit_scores(simulate, base.estimate, screened.pairs, candidates)
     if len(search.choose(pool).accepted.model.effects) < 2 or not _unsettled(pool):
         return pool
     progress("refit triples", 0.7)
-    return pool + search.fit_scores(simulate, base.estimate, search.triples(pool), library)
+    return pool + search.fit_scores(simulate, base.estimate, search.triples(pool), candidates)
 
 
 def _unsettled(pool: Sequence[Validated]) -> bool:
@@ -227,7 +227,7 @@ def _judge(
     invariances: dict[str, dict[str, Invariance]] = {}
     for (m, e), result in zip(tested, results, strict=True):
         invariances.setdefault(m.model.name, {})[e] = result
-    tolerance = {k: q.tolerance for k, q in subject.library.quantities.items()}
+    tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
     noise, inflation = _noise(best, rng), lack_of_fit.pure_error(best)
     strict = lack_of_fit.slack(best.evidence, inflation, {})
     kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
@@ -235,7 +235,7 @@ def _judge(
     leftover = lack_of_fit.lack_of_fit(best, noise, kind)
     close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
-    terms = together(simulate, [probe(best, t) for t in subject.library.terms])
+    terms = together(simulate, [probe(best, t) for t in subject.scope.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
     sure = search.only_sure(found, groups)
     if sure is not found:

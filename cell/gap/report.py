@@ -152,7 +152,7 @@ def _told(model: str) -> str:
 
 def _shown(found: Findings, verdict: Verdict) -> str:
     gap, before, after = verdict.gap, found.shown.before, found.shown.after
-    words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.library.quantities.values()}
+    words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
     changed = after is not before
     rows = "".join(
         f"<tr><td>{escape(words.get(key, 'excess [noise]'))}<td class='n'>{gap.before[key]:.3g}"
@@ -165,7 +165,7 @@ def _shown(found: Findings, verdict: Verdict) -> str:
     was = np.sqrt(np.maximum(shrink.run_squares(before) - 1.0, 0.0))
     now = np.sqrt(np.maximum(shrink.run_squares(after) - 1.0, 0.0)) if changed else was
     typical = int(np.argsort(was)[len(was) // 2])
-    quantities = dict(found.subject.library.quantities)
+    quantities = dict(found.subject.scope.quantities)
     return (
         f"<p>{_shrank(found, verdict)}: {escape(change(found, verdict))}.</p>"
         f"<table><tr><th>rms{columns}<th class='n'>noise</tr>{rows}</table>"
@@ -250,7 +250,7 @@ def _next(verdict: Verdict) -> str:
 
 
 def _base(found: Findings, verdict: Verdict) -> str:
-    stated = {p.name: p for p in found.subject.library.base}
+    stated = {p.name: p for p in found.subject.scope.base}
     rows = "".join(
         f"<tr><td>{escape(name)}<td class='n'>{number(stated[name].start, 4)}<td class='n'>"
         f"{number(value.value, 4)}<td class='n'>{_ends(value.low, value.high)}"

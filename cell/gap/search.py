@@ -42,13 +42,13 @@ class Found:
 
 
 def fit_scores(
-    simulate: Simulate, base: Estimate, scores: Sequence[Score], library: Sequence[Candidate]
+    simulate: Simulate, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate]
 ) -> list[Validated]:
     """Screened models refitted with the base, from null and from what the screen found."""
     tasks: list[Task[Estimate]] = []
     owner: list[int] = []
     for i, s in enumerate(scores):
-        model = with_effects(base.model, s.names, library)
+        model = with_effects(base.model, s.names, candidates)
         for values in s.starts:
             start = Point(model.joined(base.shared, values), base.point.local)
             tasks.append(refit(model, base.evidence, start, enough=ROUGHLY))
@@ -58,9 +58,9 @@ def fit_scores(
     return together(simulate, [validate(e) for e in chosen])
 
 
-def with_effects(model: Model, names: Sequence[str], library: Sequence[Candidate]) -> Model:
+def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
     """The base model with the named effects, in the order of the library."""
-    return Model(model.base, tuple(c for c in library if c.name in names))
+    return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
 def triples(pool: Sequence[Validated]) -> list[Score]:

@@ -19,7 +19,7 @@ def sentence(found: Findings, verdict: Verdict) -> str:
 
 
 def _named(found: Findings, verdict: Verdict) -> str:
-    sentences = {c.name: c.sentence for c in found.subject.library.candidates}
+    sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
@@ -31,7 +31,7 @@ def _named(found: Findings, verdict: Verdict) -> str:
 
 
 def _ambiguous(found: Findings, verdict: Verdict) -> str:
-    sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.library.candidates}
+    sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
     known = found.judged.whole.model.names - {n for g in verdict.ambiguous for n in g}
@@ -67,7 +67,7 @@ def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
     parts = []
     changed = bool(found.judged.found.accepted.model.effects)
-    for q in found.subject.library.quantities.values():
+    for q in found.subject.scope.quantities.values():
         if q.key not in verdict.gap.before:
             continue
         name = label(q)
@@ -104,7 +104,7 @@ def undetectable(found: Findings) -> list[str]:
 
 def smallest(found: Findings, name: str, value: float) -> str:
     """The size from which an effect would have shown; down to which, where less is more."""
-    candidate = next(c for c in found.subject.library.candidates if c.name == name)
+    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     first = candidate.parameters[0]
     return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
 
@@ -118,7 +118,7 @@ def label(of: Quantity) -> str:
 def _now(found: Findings, verdict: Verdict) -> str:
     parts = [
         f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
-        for q in found.subject.library.quantities.values()
+        for q in found.subject.scope.quantities.values()
         if q.key in verdict.gap.before
     ]
     return ", ".join(parts)

@@ -149,7 +149,7 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
-class Library:
+class Scope:
     """What a subject offers: base parameters, candidate effects, quantities by name.
 
     `terms` are never causes: they describe what stays unexplained.
@@ -180,7 +180,7 @@ class Subject(Protocol):
         ...
 
     @property
-    def library(self) -> Library:
+    def scope(self) -> Scope:
         """Base parameters, candidates, quantities and terms."""
         ...
 

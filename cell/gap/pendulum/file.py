@@ -56,7 +56,7 @@ class PendulumFile(Settings):
 
 def load_pendulum(path: Path) -> PendulumFile:
     """The pendulum file at `path`, its effects checked against the library."""
-    from cell.gap.pendulum.library import check_effects
+    from cell.gap.pendulum.scope import check_effects
 
     pendulum = load(path, PendulumFile)
     check_effects(pendulum, str(path))

@@ -13,9 +13,9 @@ from cell.gap.folders import HEAD, check_indices, find_runs, run_names
 from cell.gap.pendulum.chain import fastest, swings
 from cell.gap.pendulum.dynamics import swing
 from cell.gap.pendulum.file import PendulumFile, load_pendulum
-from cell.gap.pendulum.library import library
 from cell.gap.pendulum.runs import Swing, read_run
-from cell.gap.subject import Experiment, Library, Request, Residuals, Run
+from cell.gap.pendulum.scope import scope
+from cell.gap.subject import Experiment, Request, Residuals, Run, Scope
 from drivers.settings import read_yaml
 from drivers.types import Array
 
@@ -30,7 +30,7 @@ class Pendulum:
         self._jobs = jobs
         self.file = pendulum
         self._runs = tuple(runs)
-        self._library = library(pendulum)
+        self._scope = scope(pendulum)
         self._step = STEP / fastest(pendulum)
 
     @property
@@ -49,9 +49,9 @@ class Pendulum:
         return ()
 
     @property
-    def library(self) -> Library:
+    def scope(self) -> Scope:
         """What it may lack."""
-        return self._library
+        return self._scope
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated angles; what starts or ends wild is lost, not an error."""
@@ -72,7 +72,7 @@ class Pendulum:
     def _effects(self, request: Request) -> dict[str, Array]:
         """Effects of a request, those that its file already has among the base included."""
         accepted: dict[str, list[float]] = defaultdict(list)
-        for p, value in zip(self._library.base, request.base, strict=True):
+        for p, value in zip(self._scope.base, request.base, strict=True):
             if "." in p.name:
                 accepted[p.name.split(".")[0]].append(float(value))
         return {**{k: np.array(v) for k, v in accepted.items()}, **request.effects}

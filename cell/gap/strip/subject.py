@@ -10,14 +10,14 @@ import numpy as np
 from cell.gap.drawing import Scene
 from cell.gap.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.strip.layout import Floors
-from cell.gap.strip.library import file_values, library
 from cell.gap.strip.patch import patched
 from cell.gap.strip.prepare import Fold, corrected, prepared
 from cell.gap.strip.runs import MeasuredRun, read_runs
 from cell.gap.strip.scenes import measured_scene, simulated_scene
+from cell.gap.strip.scope import file_values, scope
 from cell.gap.strip.simulation import COARSE, FINE, Drive, Simulation
 from cell.gap.strip.terms import with_terms
-from cell.gap.subject import Experiment, Library, Request, Residuals, Run
+from cell.gap.subject import Experiment, Request, Residuals, Run, Scope
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile, load_strip
 from drivers.strip.model import Observation, StripModel, describe
@@ -44,7 +44,7 @@ class Strip:
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        self._library = library(strip, self._floors, _lifted(self._measured))
+        self._scope = scope(strip, self._floors, _lifted(self._measured))
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._described = lru_cache(DESCRIBED)(self._describe)
@@ -61,9 +61,9 @@ class Strip:
         return self._runs
 
     @property
-    def library(self) -> Library:
+    def scope(self) -> Scope:
         """What it is fitted by and what it may lack."""
-        return self._library
+        return self._scope
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
@@ -131,7 +131,7 @@ class Strip:
         """The strip with these values of the library's base and these effects."""
         numbers: dict[str, float] = {}
         kept = {name: dict(values) for name, values in self.file.effects.items()}
-        for p, value in zip(self._library.base, base, strict=True):
+        for p, value in zip(self._scope.base, base, strict=True):
             if "." in p.name:
                 effect, key = p.name.split(".")
                 kept[effect][key] = p.shown(value)

@@ -9,7 +9,7 @@ import numpy as np
 from cell.gap.strip.layout import Floors
 from cell.gap.strip.probes import places, sizes
 from cell.gap.strip.terms import TERMS
-from cell.gap.subject import Candidate, Library, Parameter, Quantity
+from cell.gap.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
@@ -26,13 +26,13 @@ UNKNOWN = 4.0  # of its start: the spread of such a number where there is no def
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
-def library(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Library:
+def scope(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Scope:
     """Base parameters, candidates and quantities of `strip`; its own effects are base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
     """
     fresh = [e for e in registry().values() if e.name not in strip.effects]
-    return Library(
+    return Scope(
         base=(*_base(strip), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=tuple(term.candidate() for term in TERMS),

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.pendulum.chain import fastest
 from cell.gap.pendulum.file import PendulumFile
-from cell.gap.subject import Candidate, Library, Parameter, Quantity
+from cell.gap.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
@@ -15,10 +15,10 @@ SPREADS = (("com", "m", 0.01), ("inertia", "kg m^2", 0.10), ("length", "m", 0.00
 """Relative spread of what was weighed and measured."""
 
 
-def library(pendulum: PendulumFile) -> Library:
+def scope(pendulum: PendulumFile) -> Scope:
     """Base parameters, candidates and terms of a pendulum; its accepted effects are base."""
     kept = [c for c in candidates(pendulum) if c.name not in pendulum.effects]
-    return Library(
+    return Scope(
         base=(*_base(pendulum), *_accepted(pendulum)),
         candidates=tuple(kept),
         terms=_terms(pendulum),
