@@ -36,14 +36,23 @@ RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.ans
 
 def cases(tier: Tier, count: int, seed: int) -> list[Case]:
     """`count` cases; the same for the same seed. Raises Fault where none can be that strong."""
-    kinds = [kind for kind, share in SHARES[tier].items() for _ in range(round(share * count))]
-    kinds = (kinds + ["nothing"] * count)[:count]
+    kinds = _kinds(tier, count)
     number = dict.fromkeys(kinds, 0)
     found = []
     for i, kind in enumerate(kinds):
         found.append(_case(tier, kind, i, number[kind], seed))
         number[kind] += 1
     return found
+
+
+def _kinds(tier: Tier, count: int) -> list[Kind]:
+    """Kinds in the tier's shares, rounded by largest remainders."""
+    exact = {kind: share * count for kind, share in SHARES[tier].items()}
+    whole = {kind: int(number) for kind, number in exact.items()}
+    by_remainder = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
+    for kind in by_remainder[: count - sum(whole.values())]:
+        whole[kind] += 1
+    return [kind for kind, number in whole.items() for _ in range(number)]
 
 
 def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
