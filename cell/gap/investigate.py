@@ -193,16 +193,21 @@ def _refit(
     least = by.least * by.inefficiency
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return [base]
-    singles = screened.singles[: search.SINGLES]
-    pool = [base, *search.fit_scores(simulate, base.estimate, singles, candidates)]
+
+    def tried(pool: Sequence[Validated], scores: Sequence[Score]) -> list[Validated]:
+        more = search.fit_scores(simulate, base.estimate, scores, candidates)
+        return search.merged(pool, more)
+
+    pool = tried([base], screened.singles[: search.SINGLES])
     if not _unsettled(pool):
         return pool
     progress("refit pairs", 0.45)
-    pool += search.fit_scores(simulate, base.estimate, screened.pairs, candidates)
-    if len(search.choose(pool).accepted.model.effects) < 2 or not _unsettled(pool):
-        return pool
-    progress("refit triples", 0.7)
-    return pool + search.fit_scores(simulate, base.estimate, search.triples(pool), candidates)
+    pool = tried(pool, screened.pairs)
+    pool = tried(pool, search.extended(simulate, pool, 1, candidates))
+    if len(search.choose(pool).accepted.model.effects) == 2 and _unsettled(pool):
+        progress("refit triples", 0.7)
+        pool = tried(pool, search.extended(simulate, pool, 2, candidates))
+    return tried(pool, search.without_each(pool))
 
 
 def _unsettled(pool: Sequence[Validated]) -> bool:

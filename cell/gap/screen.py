@@ -45,7 +45,8 @@ class Score:
 
     `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
     the values of the probes that gain most as they are: an effect with a threshold does nothing
-    below it, so that a share of a probe is no start.
+    below it, so that a share of a probe is no start. `after` is a fit whose values and effects
+    are kept to begin with.
     """
 
     names: tuple[str, ...]
@@ -53,16 +54,29 @@ class Score:
     start: dict[str, Array]
     linear: bool = True
     tried: dict[str, Array] | None = None
+    after: Estimate | None = None
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Where fits begin, by effect: at null always."""
+        """Where fits begin, by effect: what is not known yet at null always."""
         found: list[dict[str, Array]] = [{}]
         if not self.linear:
             found.append(self.start)
         if self.tried is not None:
             found.append(self.tried)
-        return found
+        return [{**self._known, **values} for values in found]
+
+    def beside(self, fit: Estimate) -> "Score":
+        """The same beside the effects of a fit."""
+        names = tuple(sorted({*fit.model.names, *self.names}))
+        return replace(self, names=names, after=fit)
+
+    @property
+    def _known(self) -> dict[str, Array]:
+        if self.after is None:
+            return {}
+        _, effects = self.after.model.split(self.after.shared)
+        return {name: values for name, values in effects.items() if name in self.names}
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:

@@ -7,12 +7,13 @@ from cell.gap.batch import Simulate, Task, together
 from cell.gap.compare import LEVEL, Yardstick, holm, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model, Point
+from cell.gap.projection import projection
 from cell.gap.refit import ROUGHLY, Estimate, refit
-from cell.gap.screen import Score
+from cell.gap.screen import Score, probe, ranked, table
 from cell.gap.starts import best
 from cell.gap.subject import Candidate
 
-SINGLES, PAIRS, TRIPLES = 5, 6, 3
+SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
 MATERIAL = 0.25  # of the excess gap that a step must remove
 
 
@@ -50,7 +51,9 @@ def fit_scores(
     for i, s in enumerate(scores):
         model = with_effects(base.model, s.names, candidates)
         for values in s.starts:
-            start = Point(model.joined(base.shared, values), base.point.local)
+            origin = s.after or base
+            shared, _ = origin.model.split(origin.shared)
+            start = Point(model.joined(shared, values), origin.point.local)
             tasks.append(refit(model, base.evidence, start, enough=ROUGHLY))
             owner.append(i)
     fits = list(zip(owner, together(simulate, tasks), strict=True))
@@ -63,21 +66,41 @@ def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candid
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
-def triples(pool: Sequence[Validated]) -> list[Score]:
-    """The best pair extended by each of the best other effects, started from their fits."""
-    pairs = _sorted([m for m in pool if len(m.model.effects) == 2], yardstick(pool))
-    singles = _sorted([m for m in pool if len(m.model.effects) == 1], yardstick(pool))
-    if not pairs:
+def extended(
+    simulate: Simulate, pool: Sequence[Validated], size: int, candidates: Sequence[Candidate]
+) -> list[Score]:
+    """The best model of `size` effects with each of the most promising others beside it.
+
+    Screened from where that model was fitted: responses to a further effect at the base mean
+    little where the first one is strong.
+    """
+    rivals = _sorted([m for m in pool if len(m.model.effects) == size], yardstick(pool))
+    if not rivals:
         return []
-    head = pairs[0]
-    values = head.model.split(head.estimate.shared)[1]
-    others = dict.fromkeys(e for m in (*pairs[1:], *singles) for e in sorted(m.model.names))
-    found = []
-    for name in [n for n in others if n not in head.model.names][:TRIPLES]:
-        source = next(m for m in (*singles, *pairs) if name in m.model.names)
-        start = {**values, name: source.model.split(source.estimate.shared)[1][name]}
-        found.append(Score((*sorted(head.model.names), name), 0.0, start, linear=False))
-    return found
+    fit = rivals[0].estimate
+    others = [c for c in candidates if c.name not in fit.model.names]
+    probed = together(simulate, [probe(fit, c) for c in others])
+    return [s.beside(fit) for s in ranked(table(projection(fit), probed))[:FURTHER]]
+
+
+def without_each(pool: Sequence[Validated]) -> list[Score]:
+    """The accepted model without each of its effects, to begin from where it was fitted."""
+    accepted = choose(pool).accepted
+    if len(accepted.model.effects) < 2:
+        return []
+    names = sorted(accepted.model.names)
+    fit = accepted.estimate
+    return [Score(tuple(n for n in names if n != gone), 0.0, {}, after=fit) for gone in names]
+
+
+def merged(pool: Sequence[Validated], more: Sequence[Validated]) -> list[Validated]:
+    """Every model once: of two fits of the same effects the better one."""
+    found = {m.model.names: m for m in pool}
+    for m in more:
+        known = found.get(m.model.names)
+        if known is None or best([known.estimate, m.estimate]) is m.estimate:
+            found[m.model.names] = m
+    return list(found.values())
 
 
 def choose(pool: Sequence[Validated]) -> Found:
