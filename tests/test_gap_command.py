@@ -3,7 +3,6 @@
 import json
 import os
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ import pytest
 from cell.__main__ import main
 from cell.cli.gap import _summary
 from cell.gap import quadratic
+from cell.gap.compare import Yardstick
 from cell.gap.detect import detectable
 from cell.gap.screen import Probed
 from cell.gap.subject import Candidate, Parameter
@@ -83,5 +83,5 @@ def test_a_size_beyond_what_is_possible_is_not_detectable(
     size = Parameter("size", "1", 0.0, 0.0, bound, 0.1, inverse=inverse)
     candidate = Candidate("lump", "it has a lump", "strip", (size,), (((1.0,),),))
     probed = Probed(candidate, ((np.array([1.0]),),), (np.array([[4.0], [0.0]]),))
-    by = SimpleNamespace(inefficiency=1.0)
+    by = Yardstick(scale=1.0, inefficiency=1.0)
     assert detectable(Straight(), [probed], by) == {"lump": stated}
