@@ -21,7 +21,7 @@ from cell.gap.verdict import (
     WhereBin,
 )
 
-MOST = 0.6  # of the excess gap that a named model has removed, where more than noise is left
+MOST = 0.5  # of the excess gap: a named model has removed more, where more than noise is left
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
 TELLING = 1.0  # sigma below which an experiment is not worth its minutes
