@@ -9,8 +9,9 @@ import pytest
 from cell.gap.batch import Counter, alone, together
 from cell.gap.crossvalidation import folds
 from cell.gap.decide import verdict as decide
+from cell.gap.findings import Findings
 from cell.gap.fit import held_out
-from cell.gap.investigate import Findings, investigate
+from cell.gap.investigate import investigate
 from cell.gap.lack_of_fit import pure_error
 from cell.gap.model import Model, Point, evidence
 from cell.gap.refit import Estimate, refit

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from cell.exam.bar import Permit, bar, die_with_parent
 
 if TYPE_CHECKING:
-    from cell.gap.investigate import Findings
+    from cell.gap.findings import Findings
 
 VERDICT, NOTES = "verdict.json", "exam.json"
 

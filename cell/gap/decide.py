@@ -5,7 +5,7 @@ import numpy as np
 from cell.gap import quadratic, shrink
 from cell.gap.compare import LEVEL, holm, margin, weights
 from cell.gap.crossvalidation import Validated
-from cell.gap.investigate import Findings
+from cell.gap.findings import Findings
 from cell.gap.refit import Estimate
 from cell.gap.subject import Candidate, Parameter
 from cell.gap.verdict import (

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from cell.gap.investigate import Findings
+from cell.gap.findings import Findings
 from cell.gap.model import requests
 from cell.gap.refit import Estimate
 from cell.gap.subject import Request, Run

@@ -10,8 +10,9 @@ from pathlib import Path
 from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
 from cell.gap.crossvalidation import folds
 from cell.gap.decide import verdict as decide
+from cell.gap.findings import Findings
 from cell.gap.folders import find_runs, run_names
-from cell.gap.investigate import Findings, Progress, investigate
+from cell.gap.investigate import Progress, investigate
 from cell.gap.report import write_report
 from cell.gap.subject import Run, Subject
 from cell.gap.tape import Tape

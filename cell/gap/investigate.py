@@ -1,120 +1,34 @@
 """The whole investigation, stage by stage, for any subject."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from cell.gap import lack_of_fit, search, shrink
 from cell.gap.advise import Advice, advise
-from cell.gap.ambiguity import Rival, classes, rivals
+from cell.gap.ambiguity import classes, rivals
 from cell.gap.batch import Simulate, alone, together
 from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
 from cell.gap.crossvalidation import Validated, validate
-from cell.gap.describe import Law, describe
+from cell.gap.describe import describe
 from cell.gap.detect import detectable
-from cell.gap.drift import Drift, drift
+from cell.gap.drift import drift
+from cell.gap.findings import Findings, Fitted, Judged, Screened, Shown
 from cell.gap.invariance import Invariance, invariance
-from cell.gap.lack_of_fit import Misfit
 from cell.gap.model import Evidence, Model, Point, evidence
 from cell.gap.polish import finished, refined
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate
-from cell.gap.screen import Probed, Score, probe, ranked, ranked_pairs, table
-from cell.gap.starts import Undetermined, refit_base, undetermined
+from cell.gap.screen import Score, probe, ranked, ranked_pairs, table
+from cell.gap.starts import refit_base, undetermined
 from cell.gap.subject import Experiment, Subject
-from cell.gap.where import Place, localise
+from cell.gap.where import localise
 from drivers.types import Array
-
-UNSTEADY = 3.0  # times the stated noise by which repeats may differ
 
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """The refitted base and what it leaves; `drift` where repeats can tell of one."""
-
-    base: Validated
-    inflation: dict[str, float]
-    drift: Drift | None
-    misfit: Misfit
-    places: tuple[Place, ...]
-    weak: tuple[Undetermined, ...]
-
-    @property
-    def gap(self) -> bool:
-        """Whether the base leaves more than noise, anywhere, overall or from run to run."""
-        seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
-        return seen or self.drifts or self.unsteady
-
-    @property
-    def unsteady(self) -> bool:
-        """Whether repeats differ so much that the stated noise means little."""
-        return max(self.inflation.values(), default=1.0) > UNSTEADY
-
-    @property
-    def drifts(self) -> bool:
-        """Whether the specimen changes from run to run."""
-        return self.drift is not None and self.drift.p < LEVEL and self.drift.removed > 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class Screened:
-    """What screening said of every candidate."""
-
-    probed: tuple[Probed, ...]
-    singles: tuple[Score, ...]
-    pairs: tuple[Score, ...]
-    p: dict[str, float]
-    detectable: dict[str, float | None]
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """The accepted model and every doubt about it.
-
-    `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
-    lack of fit against noise alone, `leftover` against noise and tolerance.
-    """
-
-    found: search.Found
-    whole: Validated
-    invariances: dict[str, dict[str, Invariance]]
-    misfit: Misfit
-    leftover: Misfit
-    rivals: tuple[Rival, ...]
-    classes: tuple[tuple[str, ...], ...]
-    law: Law | None
-
-    @property
-    def remains(self) -> bool:
-        """Whether the accepted model leaves more than noise."""
-        return self.misfit.p < LEVEL
-
-
-@dataclass(frozen=True, slots=True)
-class Shown:
-    """The base and the accepted model on held-out runs."""
-
-    before: Estimate
-    after: Estimate
-    shrink: shrink.Shrink
-
-
-@dataclass(frozen=True, slots=True)
-class Findings:
-    """Everything that an investigation found."""
-
-    subject: Subject
-    held_out: tuple[str, ...]
-    fitted: Fitted
-    screened: Screened
-    judged: Judged
-    shown: Shown
-    advice: tuple[Advice, ...]
 
 
 def investigate(

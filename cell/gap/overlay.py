@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 
 from cell.gap.drawing import Curve, Replayed, Scene, replayed
 from cell.gap.figures import AFTER, BEFORE
-from cell.gap.investigate import Findings
+from cell.gap.findings import Findings
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap import figures, shrink
 from cell.gap.drawing import replayed
-from cell.gap.investigate import Findings
+from cell.gap.findings import Findings
 from cell.gap.search import MATERIAL
 from cell.gap.sentence import capital, change, label, sentence, smallest, undetectable
 from cell.gap.verdict import Compared, Verdict, write_text

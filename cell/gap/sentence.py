@@ -1,7 +1,7 @@
 """The verdict in plain words."""
 
 from cell.gap.compare import margin
-from cell.gap.investigate import Findings
+from cell.gap.findings import Findings
 from cell.gap.subject import Quantity
 from cell.gap.verdict import Measured, Verdict
 from cell.gap.words import number, quantity

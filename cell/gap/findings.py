@@ -1,0 +1,104 @@
+"""What an investigation finds, stage by stage."""
+
+from dataclasses import dataclass
+
+from cell.gap import search, shrink
+from cell.gap.advise import Advice
+from cell.gap.ambiguity import Rival
+from cell.gap.compare import LEVEL
+from cell.gap.crossvalidation import Validated
+from cell.gap.describe import Law
+from cell.gap.drift import Drift
+from cell.gap.invariance import Invariance
+from cell.gap.lack_of_fit import Misfit
+from cell.gap.refit import Estimate
+from cell.gap.screen import Probed, Score
+from cell.gap.starts import Undetermined
+from cell.gap.subject import Subject
+from cell.gap.where import Place
+
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The refitted base and what it leaves; `drift` where repeats can tell of one."""
+
+    base: Validated
+    inflation: dict[str, float]
+    drift: Drift | None
+    misfit: Misfit
+    places: tuple[Place, ...]
+    weak: tuple[Undetermined, ...]
+
+    @property
+    def gap(self) -> bool:
+        """Whether the base leaves more than noise, anywhere, overall or from run to run."""
+        seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+        return seen or self.drifts or self.unsteady
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether repeats differ so much that the stated noise means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run."""
+        return self.drift is not None and self.drift.p < LEVEL and self.drift.removed > 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What screening said of every candidate."""
+
+    probed: tuple[Probed, ...]
+    singles: tuple[Score, ...]
+    pairs: tuple[Score, ...]
+    p: dict[str, float]
+    detectable: dict[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The accepted model and every doubt about it.
+
+    `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
+    lack of fit against noise alone, `leftover` against noise and tolerance.
+    """
+
+    found: search.Found
+    whole: Validated
+    invariances: dict[str, dict[str, Invariance]]
+    misfit: Misfit
+    leftover: Misfit
+    rivals: tuple[Rival, ...]
+    classes: tuple[tuple[str, ...], ...]
+    law: Law | None
+
+    @property
+    def remains(self) -> bool:
+        """Whether the accepted model leaves more than noise."""
+        return self.misfit.p < LEVEL
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The base and the accepted model on held-out runs."""
+
+    before: Estimate
+    after: Estimate
+    shrink: shrink.Shrink
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Everything that an investigation found."""
+
+    subject: Subject
+    held_out: tuple[str, ...]
+    fitted: Fitted
+    screened: Screened
+    judged: Judged
+    shown: Shown
+    advice: tuple[Advice, ...]
