@@ -41,6 +41,10 @@ def exam(
     report: Annotated[
         Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
     ] = None,
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder of another exam, to report on the same page; repeatable."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
@@ -71,8 +75,20 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
-    page, *_ = write_report(entries, report or out / "exam.md", command)
+    others = [entry for folder in beside or () for entry in _kept(folder)]
+    page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
+
+
+def _kept(folder: Path) -> "tuple[Entry, ...]":
+    """The entries of an exam that was carried out in `folder`."""
+    from cell.exam.conduct import LEDGER
+    from cell.exam.results import Ledger
+    from drivers.errors import ConfigurationError
+
+    if not (folder / LEDGER).is_file():
+        raise ConfigurationError(f"--beside: {folder} holds no {LEDGER}; name an exam's folder")
+    return Ledger(folder / LEDGER).entries
 
 
 def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
