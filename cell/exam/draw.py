@@ -30,7 +30,7 @@ SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
-UNLIKE = 0.5  # of the single effects through images: another law than the library's
+UNLIKE = 2  # one in so many triples of levels through images has laws that only resemble
 RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.answers}
 
 
@@ -69,23 +69,25 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
     )
     hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
         "nothing": lambda case, _level, _rng: case,
-        "single": _with_one,
+        "single": lambda case, level, rng: _with_one(case, number, level, rng),
         "pair": _with_two,
         "outside": lambda case, level, _rng: _with_foreign(case, number, level),
     }
     return hide[kind](bare, LEVELS[number % len(LEVELS)], rng)
 
 
-def _with_one(case: Case, level: Strength, rng: np.random.Generator) -> Case:
-    """One effect; through images often by a law that only resembles the library's."""
-    hidden = drawn(case, 1, level, rng)
-    name = next(iter(hidden))
-    if case.tier == "state" or name not in RESEMBLING or rng.uniform() > UNLIKE:
-        return _hiding(case, level, hidden)
+def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
+    """One effect; through images every other three by laws that only resemble the library's."""
+    turn, place = divmod(number, len(LEVELS))
+    if case.tier == "state" or turn % UNLIKE == 0:
+        return _hiding(case, level, drawn(case, 1, level, rng))
+    names = sorted(RESEMBLING)
+    name = names[(turn // UNLIKE * len(LEVELS) + place) % len(names)]
+    path = _path(registry()[name], find_configs(None).strip(case.strip), rng)
     cause = RESEMBLING[name]
     amount, *sizes = STEPS[cause]
     known = CAUSES[cause].model_fields
-    values = {key: value for key, value in hidden[name].items() if key in known}
+    values = {key: value for key, value in path.at(1.0).items() if key in known}
     values[str(amount)] = float(sizes[LEVELS.index(level)])
     update = {"causes": {cause: values}, "answer": (name,), "strength": level}
     return case.model_copy(update=update)

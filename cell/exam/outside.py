@@ -13,6 +13,6 @@ OUTSIDE: Mapping[str, Mapping[Strength, Values]] = MappingProxyType(
         "humidity": {"medium": {"spread": 0.45}, "strong": {"spread": 0.8}},
         "wobble": {"medium": {"amplitude": 0.003}, "strong": {"amplitude": 0.006}},
         "clock_drift": {"medium": {"drift": 0.006}, "strong": {"drift": 0.015}},
-        "lens": {"medium": {"k1": 0.05}, "strong": {"k1": 0.12}},
+        "lens": {"medium": {"k1": 0.12}, "strong": {"k1": 0.25}},
     }
 )
