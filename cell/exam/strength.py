@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap import shrink
 from cell.gap.batch import alone
-from cell.gap.model import LOST, Evidence, Model, Point, evidence
+from cell.gap.model import Evidence, Model, Point, evidence, response
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate, linearised
 from cell.gap.strip.experiments import planned
@@ -89,7 +89,7 @@ class Ruler:
         for k in range(len(hidden)):
             mine = answers[k * count : (k + 1) * count]
             parts = [
-                np.nan_to_num((here.mean - there.mean) / scale, nan=LOST)
+                response(here, there, scale)
                 for here, there, scale in zip(
                     mine, estimate.raw, estimate.evidence.scales, strict=True
                 )
@@ -97,9 +97,9 @@ class Ruler:
             found.append(self._left(parts))
         return np.array(found)
 
-    def _left(self, response: Sequence[Array]) -> float:
-        left = self._about.left(np.concatenate(response))
-        parts = np.split(left, np.cumsum([len(r) for r in response])[:-1])
+    def _left(self, moved: Sequence[Array]) -> float:
+        left = self._about.left(np.concatenate(moved))
+        parts = np.split(left, np.cumsum([len(r) for r in moved])[:-1])
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
             for r, run, scale in zip(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cell.gap.compare import LEVEL, Yardstick, margin
+from cell.gap.compare import LEVEL, MARGIN, Yardstick, margin
 from cell.gap.crossvalidation import Validated
 
 NEAR = 3.0  # sigma between fitted predictions
@@ -22,14 +22,14 @@ def rivals(accepted: Validated, pool: Sequence[Validated], by: Yardstick) -> lis
     """Models of equal size that lie within three sigma of the accepted one, or are not refuted."""
     base = next(m for m in pool if not m.model.effects)
     found = []
-    needed = by.beside(margin(accepted, base, by).gain)
+    needed = by.ahead(margin(accepted, base, by).gain)
     for other in pool:
         same = len(other.model.effects) == len(accepted.model.effects)
         if not same or other.model.names == accepted.model.names:
             continue
         ahead = margin(accepted, other, by)
         refuted = ahead.gain > needed and ahead.p < LEVEL
-        worth = margin(other, base, by).gain > by.least
+        worth = margin(other, base, by).gain > MARGIN
         if worth and (ahead.distance < NEAR or not refuted):
             found.append(Rival(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)

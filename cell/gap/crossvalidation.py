@@ -40,7 +40,7 @@ class Validated:
 
     def losses(self, scale: float) -> Array:
         """Predictive loss of each run at a dispersion [nats]."""
-        return self.charged + [float(robust.loss(r / scale).sum()) for r in self.left_out]
+        return self.charged + [float(robust.bounded_loss(r / scale).sum()) for r in self.left_out]
 
 
 def folds(runs: Sequence[Run], most: int = FOLDS) -> list[list[int]]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cell.gap import quadratic, shrink
-from cell.gap.compare import LEVEL, holm, margin, weights
+from cell.gap.compare import LEVEL, MARGIN, holm, margin
 from cell.gap.crossvalidation import Validated
 from cell.gap.findings import Findings
 from cell.gap.refit import Estimate
@@ -21,11 +21,12 @@ from cell.gap.verdict import (
     WhereBin,
 )
 
-MOST = 0.5  # of the excess gap: a named model has removed more, where more than noise is left
+MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
 TELLING = 1.0  # sigma below which an experiment is not worth its minutes
-SURE = 0.999  # no confidence is stated above this
+SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
+LARGE = 700.0  # nats whose exponential is still a number
 
 
 def kind(found: Findings) -> Kind:
@@ -33,7 +34,8 @@ def kind(found: Findings) -> Kind:
     judged = found.judged
     if not judged.found.accepted.model.effects:
         return "unexplained" if found.fitted.gap else "no_gap"
-    if judged.leftover.p < LEVEL or drifting(found) or not _mostly(found):
+    changes = judged.drifts or judged.unsteady or drifting(found)
+    if judged.leftover.p < LEVEL or changes or not _mostly(found):
         return "unexplained"
     doubtful = {name for group in judged.classes for name in group}
     return "ambiguous" if doubtful & judged.found.accepted.model.names else "named"
@@ -108,14 +110,18 @@ def _named(found: Findings) -> list[NamedEffect]:
 
 
 def confidence(found: Findings) -> float:
-    """Weight of the accepted model and its rivals among the models of its size and the base."""
-    result = found.judged.found
-    size = len(result.accepted.model.effects)
-    among = [m for m in result.tried if len(m.model.effects) in (0, size)]
-    share = weights(among, result.by)
-    own = {result.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
-    total = sum(w for m, w in zip(among, share, strict=True) if m.model.names in own)
-    return min(SURE, total)
+    """Weight of the model of all that was earned, and of its rivals, among the models of its size
+    and the base; of what it is ahead of the others a part may be feigned.
+    """
+    judged, by = found.judged, found.judged.found.by
+    size = len(judged.whole.model.effects)
+    own = {judged.whole.model.names, *(r.model.model.names for r in judged.rivals)}
+    among = [m for m in judged.found.tried if len(m.model.effects) in (0, size)]
+    others = [m for m in among if m.model.names not in own]
+    base = next(m for m in judged.found.tried if not m.model.effects)
+    feigned = by.ahead(margin(judged.whole, base, by).gain) - MARGIN
+    ahead = [margin(judged.whole, m, by).gain - feigned for m in others]
+    return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
 
 
 def _base(found: Findings) -> dict[str, Interval]:
@@ -256,10 +262,10 @@ def remainder(found: Findings) -> str:
     )
     drift = drifting(found)
     why = f"; the amplitude of {', '.join(drift)} drifts between conditions" if drift else ""
-    if found.fitted.drifts and found.fitted.drift is not None:
-        why += f"; the specimen changes from run to run: {found.fitted.drift.words}"
-    if found.fitted.unsteady:
-        factor = max(found.fitted.inflation.values())
+    if found.judged.drifts and found.judged.drift is not None:
+        why += f"; the specimen changes from run to run: {found.judged.drift.words}"
+    if found.judged.unsteady:
+        factor = max(found.judged.inflation.values())
         why += f"; repeats of one condition differ by {factor:.1f} times the stated noise"
     best = found.judged.found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"

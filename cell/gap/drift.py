@@ -1,13 +1,16 @@
 """Does the specimen change from run to run: base parameters that drift with the run's index."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
 
 from cell.gap import lack_of_fit, quadratic
-from cell.gap.projection import Projection, projection, stacked
+from cell.gap.compare import LEVEL
+from cell.gap.projection import projection, stacked
 from cell.gap.refit import Estimate
+from cell.gap.subject import Run
 from drivers.types import Array
 
 
@@ -15,31 +18,36 @@ from drivers.types import Array
 class Drift:
     """Base parameters that change with the index: `words` of the surest one, `p` of them all.
 
-    `removed` is the share of the misfit beyond noise that the drift accounts for, `inflation` by
-    channel the scatter between repeats once it is taken out.
+    By channel, in units of the noise: `scatter` between repeats, `inflation` once the drift is
+    taken out of them.
     """
 
     words: str
     p: float
-    removed: float
+    scatter: dict[str, float]
     inflation: dict[str, float]
+
+    @property
+    def real(self) -> bool:
+        """Whether repeats differ by more than noise, and by a drift."""
+        return self.p < LEVEL and max(self.scatter.values(), default=1.0) > 1.0
 
 
 def drift(estimate: Estimate) -> Drift | None:
-    """The drift of the base over the runs, or None where no condition was repeated.
+    """The drift of the base between repeats, or None where no condition was repeated.
 
     Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units of
-    the scatter between repeats that is left then.
+    the scatter between repeats that is left then. Only repeats are held against each other: what
+    the model gets wrong of a condition is the same in all of them.
     """
     runs = estimate.evidence.runs
-    conditions = [run.condition for run in runs]
-    index = np.array([run.index for run in runs], dtype=float)
-    if len(set(conditions)) == len(conditions) or np.ptp(index) == 0.0:
+    later = _later(runs)
+    if not later.any():
         return None
     about = projection(estimate)
     count = len(estimate.shared)
     owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
-    columns = stacked(estimate)[:, :count] * (index - index.mean())[owner][:, None]
+    columns = stacked(estimate)[:, :count] * later[owner][:, None]
     columns = about.weighed(columns)
     form = about.form(columns)
     free = np.full(count, np.inf)
@@ -50,21 +58,22 @@ def drift(estimate: Estimate) -> Drift | None:
     inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
     unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
     p = float(stats.chi2.sf(2.0 * quadratic.decrease(form, rates) / unit, count))
-    return Drift(_words(estimate, form, rates), p, _removed(about, corrected), inflation)
+    return Drift(_words(estimate, form), p, lack_of_fit.pure_error(estimate), inflation)
 
 
-def _removed(about: Projection, corrected: Array) -> float:
-    """Share of the mean square beyond one that goes with the drift, in weighted units."""
-    before = float(np.mean(about.residual**2)) - 1.0
-    after = float(np.mean((corrected * about.weight) ** 2)) - 1.0
-    return 1.0 if before <= 0.0 else 1.0 - max(after, 0.0) / before
+def _later(runs: Sequence[Run]) -> Array:
+    """By how many runs each (R,) is later than those of its condition are on average."""
+    index = np.array([run.index for run in runs], dtype=float)
+    label = np.array([run.condition for run in runs])
+    return np.asarray(index - np.array([index[label == own].mean() for own in label]))
 
 
-def _words(estimate: Estimate, form: quadratic.Normal, rates: Array) -> str:
-    """The parameter of the surest drift, and its change per run."""
-    spread = np.sqrt(np.diag(quadratic.covariance(form)))
-    i = int(np.argmax(np.abs(rates) / np.maximum(spread, 1e-300)))
+def _words(estimate: Estimate, form: quadratic.Normal) -> str:
+    """The parameter whose drift alone explains most, and its change per run."""
+    information = np.maximum(np.diag(form.curvature), 1e-300)
+    i = int(np.argmax(form.gradient**2 / information))
+    rate = -form.gradient[i] / information[i]
     p, value = estimate.model.parameters[i], float(estimate.shared[i])
     if value == 0.0:
-        return f"{p.name} changes by {rates[i]:+.2g} {p.unit} a run"
-    return f"{p.name} changes by {100 * rates[i] / value:+.2g} % a run"
+        return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
+    return f"{p.name} changes by {100 * rate / value:+.2g} % a run"

@@ -45,7 +45,7 @@ class Fitted:
     @property
     def drifts(self) -> bool:
         """Whether the specimen changes from run to run."""
-        return self.drift is not None and self.drift.p < LEVEL and self.drift.removed > 0.5
+        return self.drift is not None and self.drift.real
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,8 @@ class Judged:
     """The accepted model and every doubt about it.
 
     `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
-    lack of fit against noise alone, `leftover` against noise and tolerance.
+    lack of fit against noise alone, `leftover` against noise and tolerance; `drift` and
+    `inflation` are what repeats tell of changes that it leaves.
     """
 
     found: search.Found
@@ -72,6 +73,8 @@ class Judged:
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
+    drift: Drift | None
+    inflation: dict[str, float]
     rivals: tuple[Rival, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
@@ -80,6 +83,16 @@ class Judged:
     def remains(self) -> bool:
         """Whether the accepted model leaves more than noise."""
         return self.misfit.p < LEVEL
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run in another way than the model says."""
+        return self.drift is not None and self.drift.real
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether repeats differ so much, for no reason, that a fit to them means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from scipy import stats
 
 from cell.gap.batch import Task
 from cell.gap.compare import Yardstick
-from cell.gap.model import request
+from cell.gap.model import request, response
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate
 from drivers.types import Array
@@ -41,14 +41,14 @@ def invariance(estimate: Estimate, effect: str, by: Yardstick) -> Task[Invarianc
     with all fitted unknowns free; the test is a score test of equal amplitudes (Rao 1948; in the
     spirit of invariant prediction, Peters, Buehlmann, Meinshausen 2016).
     """
-    response = yield from _response(estimate, effect)
+    moved = yield from _response(estimate, effect)
     about = projection(estimate)
     labels = [run.condition for run in estimate.evidence.runs]
     conditions = list(dict.fromkeys(labels))
-    columns = np.zeros((len(response), len(conditions)))
+    columns = np.zeros((len(moved), len(conditions)))
     at = 0
     for label, r in zip(labels, estimate.residuals, strict=True):
-        columns[at : at + len(r), conditions.index(label)] = response[at : at + len(r)]
+        columns[at : at + len(r), conditions.index(label)] = moved[at : at + len(r)]
         at += len(r)
     form = about.form(about.weighed(columns))
     inverse = np.linalg.pinv(form.curvature, rcond=1e-6, hermitian=True)
@@ -79,7 +79,7 @@ def _response(estimate: Estimate, effect: str) -> Task[Array]:
     ]
     answers = yield asked
     parts = [
-        np.nan_to_num((here.mean - gone.mean) / s)
+        response(here, gone, s)
         for here, gone, s in zip(estimate.raw, answers, estimate.evidence.scales, strict=True)
     ]
     return np.concatenate(parts)

@@ -44,6 +44,12 @@ def investigate(
     screened = _screen(subject, fitted, simulate)
     progress("refit the best", 0.25)
     pool = _refit(subject, fitted, screened, simulate, progress)
+    better = search.better_base(simulate, pool)
+    if better is not None:
+        progress("begin anew from a better base", 0.3)
+        fitted = _judged_base(subject, better, simulate, rng)
+        screened = _screen(subject, fitted, simulate)
+        pool = _refit(subject, fitted, screened, simulate, progress)
     progress("judge", 0.8)
     judged = _judge(subject, pool, simulate, rng)
     progress("show on held-out runs", 0.9)
@@ -57,15 +63,19 @@ def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
     rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
+    return _judged_base(subject, rough, simulate, rng)
+
+
+def _judged_base(
+    subject: Subject, rough: Estimate, simulate: Simulate, rng: np.random.Generator
+) -> Fitted:
     base = finished(subject, simulate, rough)
-    change = drift(base)
-    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
-    noise = _noise(base, rng)
-    allowed = lack_of_fit.slack(runs, inflation, {})
+    inflation, noise = _inflation(base), _noise(base, rng)
+    allowed = lack_of_fit.slack(base.evidence, inflation, {})
     return Fitted(
         alone(simulate, validate(base)),
         inflation,
-        change,
+        drift(base),
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
         tuple(undetermined(base)),
@@ -113,23 +123,31 @@ def _refit(
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])
-    if not _unsettled(pool):
+    if not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)
     pool = tried(pool, screened.pairs)
     pool = tried(pool, search.extended(simulate, pool, 1, candidates))
-    if len(search.choose(pool).accepted.model.effects) == 2 and _unsettled(pool):
+    if len(search.choose(pool).accepted.model.effects) == 2 and _unsettled(pool, anywhere=False):
         progress("refit triples", 0.7)
         pool = tried(pool, search.extended(simulate, pool, 2, candidates))
     return tried(pool, search.without_each(pool))
 
 
-def _unsettled(pool: Sequence[Validated]) -> bool:
-    """Whether the best model of the pool still leaves more than noise."""
-    best = min(pool, key=lambda m: (m.estimate.scale, m.estimate.objective))
-    noise = _noise(best.estimate, np.random.default_rng(1))
-    allowed = lack_of_fit.slack(best.estimate.evidence, lack_of_fit.pure_error(best.estimate), {})
-    return lack_of_fit.lack_of_fit(best.estimate, noise, allowed).p < LEVEL
+def _unsettled(pool: Sequence[Validated], *, anywhere: bool) -> bool:
+    """Whether the best model of the pool leaves more than noise: overall, or `anywhere`."""
+    best = min(pool, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
+    noise = _noise(best, np.random.default_rng(1))
+    allowed = lack_of_fit.slack(best.evidence, _inflation(best), {})
+    if lack_of_fit.lack_of_fit(best, noise, allowed).p < LEVEL:
+        return True
+    return anywhere and any(place.p < LEVEL for place in localise(best, noise, allowed))
+
+
+def _inflation(estimate: Estimate) -> dict[str, float]:
+    """Factor by channel on the stated noise, of repeats whose drift, if any, is no noise."""
+    change = drift(estimate)
+    return change.inflation if change is not None else lack_of_fit.pure_error(estimate)
 
 
 def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
@@ -147,10 +165,11 @@ def _judge(
     for (m, e), result in zip(tested, results, strict=True):
         invariances.setdefault(m.model.name, {})[e] = result
     tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
-    noise, inflation = _noise(best, rng), lack_of_fit.pure_error(best)
+    noise, inflation = _noise(best, rng), _inflation(best)
     strict = lack_of_fit.slack(best.evidence, inflation, {})
     kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
+    kind[lack_of_fit.unshown(best)] = np.inf
     leftover = lack_of_fit.lack_of_fit(best, noise, kind)
     close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
@@ -160,7 +179,7 @@ def _judge(
     if sure is not found:
         sure = _finished(subject, simulate, sure)
     return Judged(
-        sure, found.accepted, invariances, misfit, leftover,
+        sure, found.accepted, invariances, misfit, leftover, drift(best), inflation,
         tuple(close), tuple(map(tuple, groups)), law,
     )  # fmt: skip
 

@@ -5,8 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
+from cell.gap import robust
 from cell.gap.model import Evidence
 from cell.gap.projection import Projection
 from cell.gap.refit import Estimate
@@ -67,29 +69,41 @@ def _binned(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
 
 @dataclass(frozen=True, slots=True)
 class Misfit:
-    """Lack of fit: probability under noise alone, and mean square by channel in units of it."""
+    """Lack of fit: probability under noise alone, and by channel the mean square of its worst
+    condition in units of it.
+    """
 
     p: float
     square: dict[str, float]
 
 
 def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
-    """Largest standardised mean square over channels against bootstrapped noise.
+    """Largest standardised mean square over channels and conditions against bootstrapped noise.
 
     `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
-    divides the residuals first (`slack`).
+    divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
     """
-    r = np.concatenate(estimate.residuals) / allowed
-    channels = np.concatenate([run.samples.channel for run in estimate.evidence.runs])
-    names = np.unique(channels)
-    found = np.array([np.mean(r[channels == c] ** 2) for c in names])
-    drawn = np.array([np.mean(noise[channels == c] ** 2, axis=0) for c in names])
+    r = robust.clipped(np.concatenate(estimate.residuals) / allowed)
+    rows = _groups(estimate)
+    found = np.array([np.mean(r[i] ** 2) for i in rows.values()])
+    drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows.values()])
     mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
     worst = float(((found[:, None] - mean) / spread).max())
     null = ((drawn - mean) / spread).max(axis=0)
     p = (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
-    square = {str(c): float(f / m) for c, f, m in zip(names, found, mean[:, 0], strict=True)}
-    return Misfit(p, square)
+    square: dict[str, float] = defaultdict(float)
+    for (channel, _), f, m in zip(rows, found, mean[:, 0], strict=True):
+        square[channel] = max(square[channel], float(f / m))
+    return Misfit(p, dict(square))
+
+
+def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
+    """Samples of each channel in each condition."""
+    runs = estimate.evidence.runs
+    channel = np.concatenate([run.samples.channel for run in runs])
+    condition = np.concatenate([np.full(len(run.samples), run.condition) for run in runs])
+    keys = sorted(set(zip(channel.tolist(), condition.tolist(), strict=True)))
+    return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
 
 
 def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
@@ -113,3 +127,12 @@ def slack(
         extra = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
         factors.append(np.hypot(more * scale, extra) / scale)
     return np.concatenate(factors)
+
+
+def unshown(estimate: Estimate) -> NDArray[np.bool_]:
+    """Samples (N,) that the model cannot show while it shows others of their run.
+
+    The strip lies down in another place there, which is for the other channels to judge.
+    """
+    lost = [np.isnan(raw.mean) for raw in estimate.raw]
+    return np.concatenate([rows & ~rows.all() for rows in lost])

@@ -103,3 +103,8 @@ def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
 def whitened(residuals: Residuals, scale: Array) -> Array:
     """Residuals in units of noise; what the model cannot show counts as LOST."""
     return np.nan_to_num(residuals.mean / scale, nan=LOST, posinf=LOST, neginf=-LOST)
+
+
+def response(there: Residuals, here: Residuals, scale: Array) -> Array:
+    """By how many units of noise the residuals `there` exceed those `here`."""
+    return whitened(there, scale) - whitened(here, scale)

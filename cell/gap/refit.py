@@ -59,11 +59,12 @@ def refit(
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
     enough: float = ENOUGH,
+    steps: int = STEPS,
 ) -> Task[Estimate]:
     """Estimate of `model` from `start`; yields simulations.
 
     `jacobians` of a fit near by spare the first secants; it ends when a further step promises
-    less than `enough` nats.
+    less than `enough` nats, or after so many `steps`.
     """
     place = quadratic.layout(model, evidence)
     limits = quadratic.bounds(model, evidence)
@@ -73,7 +74,7 @@ def refit(
         raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
     else:
         raw = yield requests(model, evidence.runs, place.unpacked(z))
-    for _ in range(STEPS):
+    for _ in range(steps):
         r = residuals(raw, evidence)
         scale = robust.scale(np.concatenate(r))
         data = quadratic.normal(place, r, jacobians, scale)

@@ -8,6 +8,7 @@ from cell.gap.subject import Run
 from drivers.types import Array
 
 THRESHOLD = 3.0  # in units of the scale, where Huber's loss turns from square to linear
+WILD = 5.0  # beyond which a sample says that the strip went another way, not how far
 
 
 def loss(r: Array) -> Array:
@@ -16,9 +17,21 @@ def loss(r: Array) -> Array:
     return np.where(a <= THRESHOLD, 0.5 * r * r, THRESHOLD * (a - 0.5 * THRESHOLD))
 
 
+def bounded_loss(r: Array) -> Array:
+    """Huber's loss up to WILD, no more beyond: for judging fits, where no single sample that went
+    another way may decide (Hampel et al. 1986, redescending estimators).
+    """
+    return loss(np.clip(r, -WILD, WILD))
+
+
 def weights(r: Array) -> Array:
     """psi(r) / r of Huber's loss: the weights of iterated least squares."""
     return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
+
+
+def clipped(r: Array) -> Array:
+    """psi(r) of Huber's loss: what a residual weighs in the fit."""
+    return np.clip(r, -THRESHOLD, THRESHOLD)
 
 
 def scale(r: Array) -> float:

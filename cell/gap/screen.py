@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cell.gap import quadratic
 from cell.gap.batch import Task
-from cell.gap.model import LOST, Model, request
+from cell.gap.model import Model, request, response
 from cell.gap.projection import Projection
 from cell.gap.refit import Estimate
 from cell.gap.subject import Candidate
@@ -95,8 +95,7 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     for k in range(len(vectors)):
         mine = answers[k * len(runs) : (k + 1) * len(runs)]
         parts = [
-            np.nan_to_num((a.mean - b.mean) / s, nan=LOST, posinf=LOST, neginf=-LOST)
-            for a, b, s in zip(mine, base.raw, base.evidence.scales, strict=True)
+            response(a, b, s) for a, b, s in zip(mine, base.raw, base.evidence.scales, strict=True)
         ]
         columns.append(np.concatenate(parts))
     responses, at = [], 0
@@ -134,9 +133,9 @@ def table(about: Projection, probed: Sequence[Probed]) -> Table:
     columns: dict[tuple[str, int], Columns] = {}
     at = 0
     for p in alive:
-        for group, response in enumerate(p.responses):
-            columns[p.candidate.name, group] = np.arange(at, at + response.shape[1])
-            at += response.shape[1]
+        for group, moved in enumerate(p.responses):
+            columns[p.candidate.name, group] = np.arange(at, at + moved.shape[1])
+            at += moved.shape[1]
     parts = [about.weighed(response) for p in alive for response in p.responses]
     whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
     return Table(alive, about.form(whole), columns)

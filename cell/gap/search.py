@@ -3,17 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from cell.gap.batch import Simulate, Task, together
-from cell.gap.compare import LEVEL, Yardstick, holm, margin, yardstick
+from cell.gap.batch import Simulate, Task, alone, side_by_side, together
+from cell.gap.compare import LEVEL, MARGIN, Margin, Yardstick, holm, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
-from cell.gap.model import Model, Point
+from cell.gap.model import Evidence, Model, Point
 from cell.gap.projection import projection
 from cell.gap.refit import ROUGHLY, Estimate, refit
+from cell.gap.resolved import resolved
 from cell.gap.screen import Score, probe, ranked, table
-from cell.gap.starts import best
+from cell.gap.starts import best, judged
 from cell.gap.subject import Candidate
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
+BEGUN = 4  # steps of a fit after which the best of several goes on alone
 MATERIAL = 0.25  # of the excess gap that a step must remove
 
 
@@ -46,19 +48,22 @@ def fit_scores(
     simulate: Simulate, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate]
 ) -> list[Validated]:
     """Screened models refitted with the base, from null and from what the screen found."""
-    tasks: list[Task[Estimate]] = []
-    owner: list[int] = []
-    for i, s in enumerate(scores):
+    tasks = []
+    for s in scores:
         model = with_effects(base.model, s.names, candidates)
-        for values in s.starts:
-            origin = s.after or base
-            shared, _ = origin.model.split(origin.shared)
-            start = Point(model.joined(shared, values), origin.point.local)
-            tasks.append(refit(model, base.evidence, start, enough=ROUGHLY))
-            owner.append(i)
-    fits = list(zip(owner, together(simulate, tasks), strict=True))
-    chosen = [best([e for k, e in fits if k == i]) for i in range(len(scores))]
-    return together(simulate, [validate(e) for e in chosen])
+        origin = s.after or base
+        shared, _ = origin.model.split(origin.shared)
+        points = [Point(model.joined(shared, v), origin.point.local) for v in s.starts]
+        tasks.append(_fitted(model, base.evidence, points))
+    return together(simulate, [validate(e) for e in together(simulate, tasks)])
+
+
+def _fitted(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
+    """A few steps from each start, and from where they came farthest to the end."""
+    begun = [refit(model, evidence, p, enough=ROUGHLY, steps=BEGUN) for p in starts]
+    first = best((yield from side_by_side(begun)))
+    done = yield from refit(model, evidence, first.point, first.jacobians, ROUGHLY)
+    return best([first, done])
 
 
 def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
@@ -93,6 +98,21 @@ def without_each(pool: Sequence[Validated]) -> list[Score]:
     return [Score(tuple(n for n in names if n != gone), 0.0, {}, after=fit) for gone in names]
 
 
+def better_base(simulate: Simulate, pool: Sequence[Validated]) -> Estimate | None:
+    """The base refitted from the values that the accepted model gave it, where that is better.
+
+    A base that had stopped in a local minimum leaves a gap that is none.
+    """
+    accepted = choose(pool).accepted.estimate
+    base = next(m for m in pool if not m.model.effects).estimate
+    if not accepted.model.effects:
+        return None
+    values, _ = accepted.model.split(accepted.shared)
+    again = alone(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
+    scale = min(base.scale, again.scale)
+    return again if judged(again, scale) < judged(base, scale) - MARGIN else None
+
+
 def merged(pool: Sequence[Validated], more: Sequence[Validated]) -> list[Validated]:
     """Every model once: of two fits of the same effects the better one."""
     found = {m.model.names: m for m in pool}
@@ -120,13 +140,20 @@ def choose(pool: Sequence[Validated]) -> Found:
 
 
 def only_sure(found: Found, classes: Sequence[Sequence[str]]) -> Found:
-    """Accepting the effects that no other stands in for, where they were earned by themselves."""
+    """Accepting the effects that no other stands in for, where they are worth it by themselves."""
     doubtful = {name for group in classes for name in group}
     sure = found.accepted.model.names - doubtful
     if not doubtful or not sure:
         return found
-    earned = [s.model for s in found.steps if s.accepted and s.model.model.names == sure]
-    return replace(found, accepted=earned[0]) if earned else found
+    base = next(m for m in found.tried if not m.model.effects)
+    for model in found.tried:
+        if model.model.names == sure and _earned(margin(model, base, found.by), found.by.least):
+            return replace(found, accepted=model)
+    return found
+
+
+def _earned(ahead: Margin, needed: float) -> bool:
+    return ahead.gain > needed and ahead.p < LEVEL and ahead.removed > MATERIAL
 
 
 def _step(
@@ -135,8 +162,10 @@ def _step(
     margins = [margin(m, before, by) for m in rivals]
     p = holm([m.p for m in margins])[0]
     first, needed = margins[0], by.beside(_gained(before, pool, by))
-    good = first.gain > needed and p < LEVEL and first.removed > MATERIAL
-    good = good and all(_needed(rivals[0], e.name, pool, by) for e in rivals[0].model.effects)
+    good = _earned(replace(first, p=p), needed) and all(
+        _needed(rivals[0], e.name, pool, by) and resolved(rivals[0].estimate, e, by)
+        for e in rivals[0].model.effects
+    )
     return Step(rivals[0], before, first.gain, p, first.removed, good)
 
 
@@ -145,8 +174,7 @@ def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardst
     without = [m for m in pool if m.model.names == model.model.names - {effect}]
     if not without or not model.model.names - {effect}:
         return True
-    found, needed = margin(model, without[0], by), by.beside(_gained(without[0], pool, by))
-    return found.gain > needed and found.p < LEVEL and found.removed > MATERIAL
+    return _earned(margin(model, without[0], by), by.beside(_gained(without[0], pool, by)))
 
 
 def _gained(model: Validated, pool: Sequence[Validated], by: Yardstick) -> float:

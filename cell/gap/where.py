@@ -1,10 +1,12 @@
 """Where simulation and measurement disagree: bins of channel, phase, zone and condition."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from cell.gap import robust
 from cell.gap.refit import Estimate
 from drivers.types import Array
 
@@ -29,15 +31,26 @@ class Place:
 def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Place]:
     """All bins, strongest first, judged together against `noise` (N, draws).
 
-    `allowed` (N,) divides the residuals first, for noise beyond the stated one.
+    `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
+    a wild one counts as much as the fit lets it count.
     Signed mean and energy of each bin, the latter as sqrt(2 chi^2), which is nearly normal
     (Fisher 1925), both standardised by the noise draws; the probability is that of the largest
     statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
     r = np.concatenate(estimate.residuals) / allowed
     bins = _bins(estimate)
-    labels = list(bins)
-    rows = [bins[key] for key in labels]
+    rows = list(bins.values())
+    whole, drawn = _statistics(r, rows, noise)
+    tame, _ = _statistics(robust.clipped(r), rows, noise)
+    places = []
+    for key, z, judged in zip(bins, whole, np.abs(tame), strict=True):
+        p = (1.0 + float((drawn >= judged).sum())) / (1.0 + len(drawn))
+        places.append(Place(*key, float(z), p))
+    return sorted(places, key=lambda place: -abs(place.z))
+
+
+def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
+    """Of each bin the stronger statistic, and of each draw the strongest of all bins."""
     signed = _standardised(np.array([r[i].sum() for i in rows]),
                            np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
     energy = _standardised(
@@ -45,13 +58,7 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Place]:
         np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
     )
     largest = np.maximum(np.abs(signed[1]).max(axis=0), energy[1].max(axis=0))
-    places = []
-    for i, (channel, phase, zone, condition) in enumerate(labels):
-        s, e = float(signed[0][i]), float(energy[0][i])
-        z = s if abs(s) >= e else e
-        p = (1.0 + float((largest >= abs(z)).sum())) / (1.0 + len(largest))
-        places.append(Place(channel, phase, zone, condition, z, p))
-    return sorted(places, key=lambda place: -abs(place.z))
+    return np.where(np.abs(signed[0]) >= energy[0], signed[0], energy[0]), largest
 
 
 def _standardised(found: Array, drawn: Array) -> tuple[Array, Array]:

@@ -14,16 +14,17 @@ from drivers.strip.observation import seen_contact, seen_time, seen_touch, shown
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-ELSEWHERE = 0.1  # m between contacts beyond which the strip touches down in another place
+ELSEWHERE = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A run with its samples, a strip of `length` [m]."""
+    """A run with its samples, a strip of `length` [m] and the stated `bending_length` [m]."""
 
     run: Measured
     layout: Layout
     length: float
+    bending_length: float
 
     def __call__(self, model: StripModel, shown: Shown | None) -> Residuals:
         """Residuals of `shown`, which `model` measures; all NaN where nothing is shown."""
@@ -32,7 +33,7 @@ class Comparison:
             return Residuals(lost, lost.copy())
         channels = [
             averaged(self._profile(model, shown), self.layout.profile),
-            _here(*averaged(self._contact(model, shown), self.layout.contact)),
+            self._here(*averaged(self._contact(model, shown), self.layout.contact)),
             averaged(self._force(shown), self.layout.force),
             self._touch(model, shown),
         ]
@@ -63,6 +64,11 @@ class Comparison:
         simulated = np.interp(time, shown.t, shown.contact_x)
         return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
 
+    def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
+        """Samples whose contacts are the same place in measurement and model; others are lost."""
+        here = np.abs(mean) < ELSEWHERE * self.bending_length
+        return np.where(here, mean, np.nan), np.where(here, square, np.nan)
+
     def _force(self, shown: Shown) -> Array:
         order = self.layout.force.order
         simulated = np.interp(self.run.force_t[order], shown.t, shown.holding)
@@ -80,12 +86,6 @@ class Comparison:
         seen = seen_touch(model, shown.touch, grip, reported)
         mean = _event(self.run.touch) - _event(seen)
         return mean, mean**2
-
-
-def _here(mean: Array, square: Array) -> tuple[Array, Array]:
-    """Samples whose contacts are the same place in measurement and model; the others are lost."""
-    here = np.abs(mean) < ELSEWHERE
-    return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
 
 def _event(touch: Touch) -> Array:

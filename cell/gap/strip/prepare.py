@@ -107,6 +107,6 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     chosen = layout(run, strip.length, floors)
     kept = run.t <= run.end + LATER
     way = Way(run.t[kept], run.poses[kept], run.hanging)
-    comparison = Comparison(run, chosen, strip.length)
+    comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
     return Fold(way, comparison, run.index, nothing, nothing)

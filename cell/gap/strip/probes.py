@@ -25,7 +25,7 @@ def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
         "stretch": (weight / 0.002, weight / 0.02),
         "air_drag": (0.3, 1.5),
         "pre_curl": (0.5, 5.0),
-        "crease": (0.3,),
+        "crease": (-0.3, 0.3),
         "stiffness_gradient": (0.2, 0.8),
         "seam": (1.8,),
         "hem_mass": (0.05 * mass,),
