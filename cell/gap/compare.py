@@ -1,4 +1,4 @@
-"""Which model predicts better, and how sure that is: margins in nats, probabilities, weights."""
+"""Which model predicts better, and how sure that is: margins in nats, probabilities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,6 @@ MARGIN = 4.0  # nats
 LEVEL = 0.01
 SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
 ALIKE = 0.02  # of what a model gained, that a rival must lie behind: responses are true to 15 %
-UNTRUE = 0.2  # of it, that a further effect must gain: of strong yarn friction the rod misses 17 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +40,6 @@ class Yardstick:
         of relative error e in its response, e^2.
         """
         return self.least + ALIKE * max(0.0, gained)
-
-    def beside(self, gained: float) -> float:
-        """Nats that count as a further effect beside a model that gained `gained`: what it is
-        wrong by, another effect would take up.
-        """
-        return self.least + UNTRUE * max(0.0, gained)
 
 
 def yardstick(models: Sequence[Validated]) -> Yardstick:
@@ -132,10 +125,3 @@ def holm(p: Sequence[float]) -> list[float]:
         running = max(running, (len(p) - rank) * p[i])
         adjusted[i] = min(1.0, running)
     return [float(v) for v in adjusted]
-
-
-def weights(models: Sequence[Validated], by: Yardstick) -> list[float]:
-    """Share of each model in the predictive likelihood (pseudo-BMA; Yao et al. 2018)."""
-    total = np.array([-m.losses(by.scale).sum() / by.inefficiency for m in models])
-    share = np.exp(total - total.max())
-    return [float(v) for v in share / share.sum()]

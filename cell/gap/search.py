@@ -161,7 +161,7 @@ def _step(
 ) -> Step:
     margins = [margin(m, before, by) for m in rivals]
     p = holm([m.p for m in margins])[0]
-    first, needed = margins[0], by.beside(_gained(before, pool, by))
+    first, needed = margins[0], _asked(before, pool, by)
     good = _earned(replace(first, p=p), needed) and all(
         _needed(rivals[0], e.name, pool, by) and resolved(rivals[0].estimate, e, by)
         for e in rivals[0].model.effects
@@ -174,13 +174,18 @@ def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardst
     without = [m for m in pool if m.model.names == model.model.names - {effect}]
     if not without or not model.model.names - {effect}:
         return True
-    return _earned(margin(model, without[0], by), by.beside(_gained(without[0], pool, by)))
+    return _earned(margin(model, without[0], by), _asked(without[0], pool, by))
 
 
-def _gained(model: Validated, pool: Sequence[Validated], by: Yardstick) -> float:
-    """Nats of a model over the base."""
+def _asked(model: Validated, pool: Sequence[Validated], by: Yardstick) -> float:
+    """Nats that count as a further effect beside `model`: what its effects' laws get wrong of
+    what it explains, another effect would take up.
+    """
+    if not model.model.effects:
+        return by.least
     base = next(m for m in pool if not m.model.effects)
-    return margin(model, base, by).gain if model.model.effects else 0.0
+    gained = max(0.0, margin(model, base, by).gain)
+    return by.least + max(e.untrue for e in model.model.effects) * gained
 
 
 def _sorted(models: Sequence[Validated], by: Yardstick) -> list[Validated]:

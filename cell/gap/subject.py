@@ -46,6 +46,8 @@ class Candidate:
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
     that start at the null say that physics fixes the sign. `sentence` is for a technician.
+    `untrue` is the share of what it explains that the model may get wrong beside it: of relative
+    error e in its response, e^2.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Candidate:
     parameters: tuple[Parameter, ...]
     probes: tuple[tuple[tuple[float, ...], ...], ...]
     revealed_by: str = ""
+    untrue: float = 0.02
 
     @property
     def null(self) -> Array:
