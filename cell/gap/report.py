@@ -108,6 +108,12 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
         f"{found.judged.found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
         f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
+    untrue = max((e.untrue for e in found.judged.whole.model.effects), default=0.0)
+    if untrue:
+        note += (
+            f" Beside those taken it must gain {100 * untrue:.0f} % of what they gained on top: "
+            "their laws may be wrong by as much."
+        )
     head = (
         "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"
         "<th class='n'>p<th class='n'>same amplitude, p<th>parameters (95 %)</tr>"
@@ -230,7 +236,7 @@ def _detectable(found: Findings, verdict: Verdict) -> str:
     never = f"Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
     return (
         "<p class='note'>The smallest size of each effect that these runs would have shown "
-        f"(8 sigma after the base is refitted). {escape(never)}</p><table>{rows}</table>"
+        f"(8 sigma or more after the base is refitted). {escape(never)}</p><table>{rows}</table>"
     )
 
 
