@@ -129,3 +129,10 @@ def test_ten_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     runs = read_runs([tmp_path], load_strip(find_configs(None).strip_path("denim")))
     assert [run.measured.index for run in runs] == list(range(len(STANDARD) + 1))
     assert all(not run.notes for run in runs)
+
+
+def test_what_the_preflight_refuses_is_known_before_a_run() -> None:
+    assert images.refusal(case(effects={}, causes={})) is None
+    said = images.refusal(case(effects={"desk_height": {"height": 0.008}}, causes={}))
+    assert said is not None
+    assert "contrast" in said or "desk plane" in said

@@ -8,6 +8,7 @@ import numpy as np
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
 from cell.exam.causes import CAUSES, STEPS
+from cell.exam.images import refusal
 from cell.exam.outside import OUTSIDE
 from cell.exam.state_runs import BY, MOTIONS
 from cell.exam.strength import Path, Ruler
@@ -19,6 +20,8 @@ from drivers.strip.file import StripFile
 from policies.standard import FIRST, STANDARD
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
+PLACED = 4  # draws of where one of them sits
+NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 CHAINED = 12  # one state-based case in so many is a chain's
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
@@ -71,9 +74,14 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         "nothing": lambda case, _level, _rng: case,
         "single": lambda case, level, rng: _with_one(case, number, level, rng),
         "pair": _with_two,
-        "outside": lambda case, level, _rng: _with_foreign(case, number, level),
+        "outside": lambda case, _level, _rng: _with_foreign(case, number),
     }
-    return hide[kind](bare, LEVELS[number % len(LEVELS)], rng)
+    level = LEVELS[number % len(LEVELS)]
+    for _ in range(TRIES):
+        case = hide[kind](bare, level, rng)
+        if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
+            return case
+    raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
 
 
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
@@ -83,26 +91,48 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
         return _hiding(case, level, drawn(case, 1, level, rng))
     names = sorted(RESEMBLING)
     name = names[(turn // UNLIKE * len(LEVELS) + place) % len(names)]
-    path = _path(registry()[name], find_configs(None).strip(case.strip), rng)
+    strip, path = _showing(case, registry()[name], level, rng)
     cause = RESEMBLING[name]
     amount, *sizes = STEPS[cause]
     known = CAUSES[cause].model_fields
     values = {key: value for key, value in path.at(1.0).items() if key in known}
     values[str(amount)] = float(sizes[LEVELS.index(level)])
-    update = {"causes": {cause: values}, "answer": (name,), "strength": level}
+    update = {"strip": strip, "causes": {cause: values}, "answer": (name,), "strength": level}
     return case.model_copy(update=update)
 
 
+def _showing(
+    case: Case, effect: Effect, level: Strength, rng: np.random.Generator
+) -> tuple[str, Path]:
+    """Where an effect can be as strong as asked, or of medium strength at least, and on which
+    strip: no air that a heavy strip does not feel, no seam where nothing is lifted.
+    """
+    enough = min(STRENGTHS[level], STRENGTHS["medium"])
+    others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
+    for strip in [case.strip, *others]:
+        for _ in range(PLACED):
+            path = _path(effect, find_configs(None).strip(strip), rng)
+            if _ruler(strip, case.tier).share(path, enough) is not None:
+                return strip, path
+    raise Fault("exam", f"{case.name}: {effect.name} is {level} on no strip")
+
+
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
-    """Two effects, each of medium strength or above for itself."""
+    """Two effects, each of medium strength or above for itself and of medium beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
-    return _hiding(case, strong, drawn(case, 2, strong, rng))
+    ruler = _ruler(case.strip, case.tier)
+    for _ in range(TRIES):
+        both = drawn(case, 2, strong, rng)
+        if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
+            return _hiding(case, strong, both)
+    raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 
 
-def _with_foreign(case: Case, number: int, level: Strength) -> Case:
+def _with_foreign(case: Case, number: int) -> Case:
     """A cause that nothing in the library resembles, of medium strength or above."""
-    name = sorted(OUTSIDE)[number % len(OUTSIDE)]
-    strong: Strength = "strong" if level == "strong" else "medium"
+    turn, place = divmod(number, len(OUTSIDE))
+    name = sorted(OUTSIDE)[place]
+    strong: Strength = "strong" if (turn + place) % 2 else "medium"
     return case.model_copy(update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong})
 
 

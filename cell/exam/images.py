@@ -28,6 +28,7 @@ from cell.orchestrator.stopped import INTERRUPTED
 from cell.plan import standard_requests
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from cell.result import FoldResult
 from cell.senses import Senses
 from cell.states import State
 from cell.twin import twin_devices
@@ -72,8 +73,23 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     calibration = calibration_of(settings)
     for name, request in missing:
         with _workplace(case, configs, request) as placed:
-            made = _folded(placed, causes, case.seed, calibration)
-            _sealed(made, folder / name, strip)
+            result = _folded(placed, causes, case.seed, calibration, State.LAY)
+            if result.outcome == REFUSED:
+                raise Fault(REFUSED, f"{placed.policy} of {case.strip}: {result.reason}")
+            _sealed(Path(result.run), folder / name, strip)
+
+
+def refusal(case: Case) -> str | None:
+    """Why the preflight of the cell refuses to fold this plant; None where it does not.
+
+    A desk a few millimetres too high or an edge far from where the strip file puts it.
+    """
+    configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
+    _, request = _wanted(case)[0]
+    calibration = calibration_of(configs.cell())
+    with _workplace(case, configs, request) as placed:
+        result = _folded(placed, causes, case.seed, calibration, State.GRASP)
+    return result.reason if result.outcome == REFUSED else None
 
 
 def _wanted(case: Case) -> list[tuple[str, Request]]:
@@ -155,36 +171,35 @@ class Open:
         return settings.model_copy(update={"twin": twin})
 
 
-class Enough:
-    """Watches a run, and interrupts it once the touch was measured: laying it down shows nothing.
+class Until:
+    """Watches a run, and interrupts it once it stands at `state`: what follows shows nothing.
 
     Callable as `interrupted`, and an observer of the run.
     """
 
-    def __init__(self) -> None:
-        self._reached = False
+    def __init__(self, state: State) -> None:
+        self._state, self._reached = state, False
 
     def see(self, senses: Senses) -> None:
         """A tick says nothing."""
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
-        """An event: the strip begins to be laid down."""
-        self._reached = self._reached or (kind == "state" and facts.get("state") is State.LAY)
+        """An event: the run enters a state."""
+        self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
 
     def __call__(self) -> bool:
         """Whether the run may end."""
         return self._reached
 
 
-def _folded(request: Request, causes: list[Cause], seed: int, calibration: Calibration) -> Path:
-    """The folder of the record of a fold."""
-    enough = Enough()
-    result = fold(
-        request, lambda *_: (enough,), enough, calibration, opened=Open(causes, seed), page=False
+def _folded(
+    request: Request, causes: list[Cause], seed: int, calibration: Calibration, end: State
+) -> FoldResult:
+    """A fold that is broken off where it enters `end`."""
+    until = Until(end)
+    return fold(
+        request, lambda *_: (until,), until, calibration, opened=Open(causes, seed), page=False
     )
-    if result.outcome == REFUSED:
-        raise Fault(REFUSED, f"{request.policy} of {request.strip}: {result.reason}")
-    return Path(result.run)
 
 
 def _sealed(made: Path, final: Path, strip: StripFile) -> None:

@@ -23,6 +23,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
+Hidden = dict[str, dict[str, float]]
 BELIEVABLE = 3.0  # times the largest size that laboratories report
 
 
@@ -74,8 +75,22 @@ class Ruler:
         self._estimate = _at_truth(self._subject)
         self._about = projection(self._estimate)
 
-    def excess(self, hidden: Sequence[dict[str, dict[str, float]]]) -> Array:
+    def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) that each of these sets of effects leaves."""
+        return np.array([self._seen(left) for left in self._left(hidden)])
+
+    def beside(self, both: Hidden) -> Array:
+        """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
+
+        To first order: what of the joint response the base and the other's own do not span.
+        """
+        alone = [{name: values} for name, values in both.items()]
+        joint, *each = self._left([both, *alone])
+        others = [other / np.linalg.norm(other) for other in reversed(each)]
+        return np.array([self._seen(joint - other * (other @ joint)) for other in others])
+
+    def _left(self, hidden: Sequence[Hidden]) -> list[Array]:
+        """Whitened responses (N,) to sets of effects, once the base has moved against them."""
         estimate = self._estimate
         base, local = estimate.shared, estimate.point.local
         asked = [
@@ -88,22 +103,25 @@ class Ruler:
         found = []
         for k in range(len(hidden)):
             mine = answers[k * count : (k + 1) * count]
-            parts = [
+            moved = [
                 response(here, there, scale)
                 for here, there, scale in zip(
                     mine, estimate.raw, estimate.evidence.scales, strict=True
                 )
             ]
-            found.append(self._left(parts))
-        return np.array(found)
+            found.append(self._about.left(np.concatenate(moved)))
+        return found
 
-    def _left(self, moved: Sequence[Array]) -> float:
-        left = self._about.left(np.concatenate(moved))
-        parts = np.split(left, np.cumsum([len(r) for r in moved])[:-1])
+    def _seen(self, left: Array) -> float:
+        """Excess gap of a whitened response (N,) under the noise of the runs."""
+        ends = np.cumsum([len(r) for r in self._estimate.residuals])[:-1]
         noisy = [
             np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
             for r, run, scale in zip(
-                parts, self._estimate.evidence.runs, self._estimate.evidence.scales, strict=True
+                np.split(left, ends),
+                self._estimate.evidence.runs,
+                self._estimate.evidence.scales,
+                strict=True,
             )
         ]
         square = shrink.run_squares(replace(self._estimate, residuals=tuple(noisy)))
