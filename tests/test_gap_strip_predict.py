@@ -1,5 +1,6 @@
 """What the model predicts of measured folds: white at the truth, and telling away from it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from cell.gap.strip.layout import LIFTED, SNAP
 from cell.gap.strip.prepare import SLACK, Fold
 from cell.gap.strip.subject import Strip, open_strip
 from cell.gap.strip.synthetic import rod_folds
-from cell.gap.subject import Request
+from cell.gap.subject import Request, Run
 from drivers.strip.effects import registry
 from drivers.strip.model import describe
 from drivers.strip.rod.motions import Way
@@ -164,3 +165,21 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
     strip = open_strip(STRIP, [tmp_path / "runs"])
     assert in_noise(strip, residuals(strip), "profile") < 1.5
     assert in_noise(strip, residuals(strip), "contact_x") < 1.4
+
+
+def test_yarns_that_rub_remember_no_ruck_that_a_hairs_breadth_moves(plain: Strip) -> None:
+    yarns = {"bending_hysteresis": np.array([48.0, 8.0])}
+    rubbed = [yarns, yarns | {"crease": np.array([0.03, 0.57])}]
+    pushed = [replace(r, content=replace(r.content, taken_up=r.content.way)) for r in plain.runs]
+    base = np.array([p.start for p in plain.scope.base])
+
+    def moved(runs: Sequence[Run]) -> float:
+        asked = [Request(r, base, effects, np.zeros(1)) for effects in rubbed for r in runs]
+        found = plain.simulate(asked)
+        parts = [
+            (b.mean - a.mean)[run.samples.channel == "profile"]
+            for run, a, b in zip(runs, found, found[len(runs) :], strict=False)
+        ]
+        return float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
+
+    assert moved(pushed) > 4 * moved(plain.runs)

@@ -123,12 +123,13 @@ def _refit(
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])
-    if not _unsettled(pool, anywhere=True):
+    if search.exhausted(pool) or not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)
     pool = tried(pool, screened.pairs)
     pool = tried(pool, search.extended(simulate, pool, 1, candidates))
-    if len(search.choose(pool).accepted.model.effects) == 2 and _unsettled(pool, anywhere=False):
+    pair = len(search.choose(pool).accepted.model.effects) == 2
+    if pair and not search.exhausted(pool) and _unsettled(pool, anywhere=False):
         progress("refit triples", 0.7)
         pool = tried(pool, search.extended(simulate, pool, 2, candidates))
     return tried(pool, search.without_each(pool))

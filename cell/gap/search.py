@@ -169,6 +169,20 @@ def _step(
     return Step(rivals[0], before, first.gain, p, first.removed, good)
 
 
+def exhausted(pool: Sequence[Validated]) -> bool:
+    """Whether all that the accepted model leaves beyond noise is less than a further effect must
+    gain, so that none could be accepted.
+    """
+    found = choose(pool)
+    accepted, by = found.accepted, found.by
+    if not accepted.model.effects:
+        return False
+    count = sum(len(r) for r in accepted.left_out)
+    noise = 0.5 * count * by.level / by.scale**2
+    left = (float(accepted.losses(by.scale).sum()) - noise) / by.inefficiency
+    return left < _asked(accepted, pool, by)
+
+
 def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardstick) -> bool:
     """Backward check: the model without the effect, where it was tried, predicts worse."""
     without = [m for m in pool if m.model.names == model.model.names - {effect}]

@@ -17,6 +17,7 @@ from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
+TAKEN_UP = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
 LATER = 0.6  # s after the measured touch in which the model may still touch
 SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run
 FARTHEST = 0.002  # m of slack that any run may have
@@ -27,11 +28,16 @@ LENGTH, ERROR = "length_error", "error"
 class Fold:
     """A measured fold: the reported way that drives the model, how it is compared, `index`.
 
+    A strip that is pushed throws a ruck, whose place depends on how it slides and how the grip
+    yields: nobody measures that, a hair's breadth changes it, and only yarns that rub remember it.
+    Their models go `taken_up`, the way without the push.
+
     Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
     the residuals change by per metre of slack.
     """
 
     way: Way
+    taken_up: Way
     comparison: Comparison
     index: int
     finer: Array
@@ -41,7 +47,10 @@ class Fold:
         """What is simulated of this fold with `model`."""
         height = self.comparison.run.contact_height
         observation = replace(model.observation, contact_height=height)
-        return Drive.of(replace(model, observation=observation), self.way)
+        rubs = model.mechanics.law.yield_curvature > 0.0
+        return Drive.of(
+            replace(model, observation=observation), self.taken_up if rubs else self.way
+        )
 
     def corrected(self, found: Residuals, slack: float) -> Residuals:
         """Residuals as a fine rod would have them, of a strip longer by `slack` [m]."""
@@ -109,4 +118,19 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     way = Way(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    return Fold(way, comparison, run.index, nothing, nothing)
+    return Fold(way, _taken_up(way, run), comparison, run.index, nothing, nothing)
+
+
+def _taken_up(way: Way, run: Measured) -> Way:
+    """The way, but first up and then in, so that the strip is never pushed while it lies.
+
+    Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
+    """
+    share = run.travel[: len(way.t)] / TAKEN_UP
+    early = share < 1.0
+    if way.hanging or early.all():
+        return way
+    poses, begin = way.poses.copy(), way.poses[0, 0]
+    drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
+    poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
+    return Way(way.t, poses)
