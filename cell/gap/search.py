@@ -89,13 +89,18 @@ def extended(
 
 
 def without_each(pool: Sequence[Validated]) -> list[Score]:
-    """The accepted model without each of its effects, to begin from where it was fitted."""
-    accepted = choose(pool).accepted
-    if len(accepted.model.effects) < 2:
-        return []
-    names = sorted(accepted.model.names)
-    fit = accepted.estimate
-    return [Score(tuple(n for n in names if n != gone), 0.0, {}, after=fit) for gone in names]
+    """The accepted model and the best one without each of their effects, to begin from where they
+    were fitted: beside another effect a fit may have left a local minimum.
+    """
+    found = choose(pool)
+    best = _sorted(pool, found.by)[0]
+    scores = []
+    for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
+        names, fit = sorted(model.model.names), model.estimate
+        if len(names) > 1:
+            less = [tuple(n for n in names if n != gone) for gone in names]
+            scores += [Score(kept, 0.0, {}, after=fit) for kept in less]
+    return scores
 
 
 def better_base(simulate: Simulate, pool: Sequence[Validated]) -> Estimate | None:
@@ -171,16 +176,15 @@ def _step(
 
 def exhausted(pool: Sequence[Validated]) -> bool:
     """Whether all that the accepted model leaves beyond noise is less than a further effect must
-    gain, so that none could be accepted.
+    gain, so that none could be accepted; in the nats of one that leaves nothing but noise.
     """
     found = choose(pool)
-    accepted, by = found.accepted, found.by
+    accepted, ideal = found.accepted, replace(found.by, scale=1.0, inefficiency=1.0)
     if not accepted.model.effects:
         return False
-    count = sum(len(r) for r in accepted.left_out)
-    noise = 0.5 * count * by.level / by.scale**2
-    left = (float(accepted.losses(by.scale).sum()) - noise) / by.inefficiency
-    return left < _asked(accepted, pool, by)
+    noise = 0.5 * sum(len(r) for r in accepted.left_out)
+    left = float(accepted.losses(ideal.scale).sum()) - noise
+    return left < _asked(accepted, pool, ideal)
 
 
 def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardstick) -> bool:
