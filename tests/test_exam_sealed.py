@@ -15,6 +15,7 @@ from cell.exam.judge import VERDICTS, made
 from cell.exam.key import Sources, opened, seal
 from cell.exam.results import Entry, Ledger
 from cell.exam.sealed import FILES, NoVerdict, permit, sit, stage
+from drivers.errors import Fault
 from tests.exam_cases import case, few_runs
 from tests.gap_strip_cases import STRIP
 
@@ -166,10 +167,23 @@ def test_a_case_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
     assert [e.state for e in Ledger(tmp_path / LEDGER).entries] == ["failed"]
 
 
+def refused(_: Case, __: Path) -> None:
+    raise Fault("preflight_refused", "the desk is too high")
+
+
 def test_judging_without_runs_says_so(tmp_path: Path) -> None:
     [entry] = conduct([case("a", "nothing", {})], tmp_path, steps="judge")
     assert entry.state == "failed"
     assert "make them first" in entry.reason
+
+
+def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
+    asked = [case("a", "nothing", {})]
+    conduct(asked, tmp_path, steps="make", make=refused)
+    [entry] = conduct(asked, tmp_path, steps="judge")
+    assert "preflight_refused: the desk is too high" in entry.reason
+    [other] = conduct([case("a", "nothing", {}, seed=9)], tmp_path, steps="judge")
+    assert "make them first" in other.reason
 
 
 @pytest.mark.slow

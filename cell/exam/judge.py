@@ -77,7 +77,8 @@ class Examined:
         if self.steps == "make":
             return Entry(case=case, of=self.sources.entry(case), state="made")
         if stamped(place) != case_hash(case):
-            raise ConfigurationError(f"{place}: holds no runs of this case; make them first")
+            reason = _refusal(place, case) or "holds no runs of this case; make them first"
+            raise ConfigurationError(f"{place}: {reason}")
         return judged(case, self.folder, self.sources, desks=self.desks, again=self.again)
 
 
@@ -94,9 +95,28 @@ def made(case: Case, place: Path, make: Maker) -> None:
     for old in (scratch, place):
         shutil.rmtree(old, ignore_errors=True)
     scratch.mkdir(parents=True)
-    make(case, scratch)
+    try:
+        make(case, scratch)
+    except CellError as error:
+        said = {"case": case_hash(case), "reason": str(error)}
+        replace_file(_beside(place), json.dumps(said).encode())
+        raise
     (scratch / MADE).write_text(case_hash(case), encoding="utf-8")
     scratch.replace(place)
+
+
+def _beside(place: Path) -> Path:
+    """Where it stands why the runs of `place` could not be made."""
+    return place.with_name(place.name + ".refused.json")
+
+
+def _refusal(place: Path, case: Case) -> str | None:
+    """Why the runs of this very case could not be made, if that was tried."""
+    try:
+        said = json.loads(_beside(place).read_text(encoding="utf-8"))
+        return str(said["reason"]) if said["case"] == case_hash(case) else None
+    except (OSError, ValueError, KeyError):
+        return None
 
 
 def stamped(place: Path) -> str | None:
