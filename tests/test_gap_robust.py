@@ -1,5 +1,7 @@
 """What must not decide a verdict: a wild sample, a lost base, repeats that scatter."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from cell.gap import robust
 from cell.gap.batch import alone
 from cell.gap.compare import yardstick
 from cell.gap.crossvalidation import Validated, validate
+from cell.gap.decide import kind, remainder, unseen_remains
 from cell.gap.drift import drift
 from cell.gap.lack_of_fit import unshown
 from cell.gap.model import Model, Point, evidence, response
@@ -103,3 +106,14 @@ def test_lost_samples_are_left_to_others_of_their_run() -> None:
     found = np.split(unshown(estimate), len(raw))
     assert found[0].sum() == (T < 0.1).sum()
     assert not np.any(found[1:])
+
+
+def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> None:
+    subject = Curves(hidden(wave, 0.3))
+    found, verdict = judged(subject)
+    assert verdict.verdict == "named"
+    assert not unseen_remains(found)
+    worse = replace(found.shown, after=found.shown.before)
+    assert unseen_remains(replace(found, shown=worse))
+    assert kind(replace(found, shown=worse)) == "unexplained"
+    assert "not even halved" in remainder(replace(found, shown=worse))

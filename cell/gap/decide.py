@@ -1,8 +1,10 @@
 """From findings to the verdict: what may be named, and what must be left open."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from cell.gap import quadratic, shrink
+from cell.gap import quadratic, robust, shrink
 from cell.gap.compare import LEVEL, MARGIN, holm, margin
 from cell.gap.crossvalidation import Validated
 from cell.gap.findings import Findings
@@ -22,6 +24,7 @@ from cell.gap.verdict import (
 )
 
 MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
+CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
 TELLING = 1.0  # sigma below which an experiment is not worth its minutes
@@ -35,7 +38,7 @@ def kind(found: Findings) -> Kind:
     if not judged.found.accepted.model.effects:
         return "unexplained" if found.fitted.gap else "no_gap"
     changes = judged.drifts or judged.unsteady or drifting(found)
-    if judged.leftover.p < LEVEL or changes or not _mostly(found):
+    if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
     doubtful = {name for group in judged.classes for name in group}
     return "ambiguous" if doubtful & judged.found.accepted.model.names else "named"
@@ -46,6 +49,21 @@ def _mostly(found: Findings) -> bool:
     judged = found.judged
     base = next(m for m in judged.found.tried if not m.model.effects)
     return not judged.remains or margin(judged.whole, base, judged.found.by).removed > MOST
+
+
+def unseen_remains(found: Findings) -> bool:
+    """Whether runs that took no part show a clear gap, and the model does not even halve it; a
+    sample that went another way counts as WILD.
+    """
+    judged, shown = found.judged, found.shown
+    whole = judged.found.accepted.model.names == judged.whole.model.names
+    before, after = (_gap_of(estimate) for estimate in (shown.before, shown.after))
+    return whole and before > CLEAR and after > HALF * before
+
+
+def _gap_of(estimate: Estimate) -> float:
+    bounded = tuple(np.clip(r, -robust.WILD, robust.WILD) for r in estimate.residuals)
+    return float(shrink.excess(shrink.run_squares(replace(estimate, residuals=bounded))))
 
 
 def drifting(found: Findings) -> list[str]:
@@ -267,6 +285,8 @@ def remainder(found: Findings) -> str:
     if found.judged.unsteady:
         factor = max(found.judged.inflation.values())
         why += f"; repeats of one condition differ by {factor:.1f} times the stated noise"
+    if found.judged.found.accepted.model.effects and unseen_remains(found):
+        why += "; the gap there is not even halved"
     best = found.judged.found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
     return f"{of} leaves {sizes} on held-out runs{why}"
