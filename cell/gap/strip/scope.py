@@ -23,7 +23,7 @@ TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
 WIDE = 0.5  # of its default: the spread of a number that shapes an effect
 UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
-UNTRUE = 0.2  # of strong yarn friction the rod misses 17 %, in the first lift
+UNTRUE = 0.2  # of strong yarn friction the rod misses up to 15 %: another ruck in the lift
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
