@@ -183,3 +183,13 @@ def test_yarns_that_rub_remember_no_ruck_that_a_hairs_breadth_moves(plain: Strip
         return float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
 
     assert moved(pushed) > 4 * moved(plain.runs)
+
+
+def test_what_sits_at_the_end_of_a_strip_that_turns_out_shorter_is_tried_there(
+    plain: Strip,
+) -> None:
+    shorter = {"length_error": np.array([-0.002])}
+    at_end = residuals(plain, shorter | {"crease": np.array([0.3, 0.598])})
+    beyond = residuals(plain, shorter | {"crease": np.array([0.3, 0.6])})
+    for a, b in zip(at_end, beyond, strict=True):
+        np.testing.assert_array_equal(a.mean, b.mean)

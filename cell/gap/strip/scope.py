@@ -11,14 +11,13 @@ from cell.gap.strip.probes import places, sizes
 from cell.gap.strip.terms import TERMS
 from cell.gap.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
-from drivers.strip.effects import registry
+from drivers.strip.effects import PLACE, registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
 from drivers.strip.model import describe
 from drivers.strip.rod.lumping import check
 
-PLACE = "position"
 TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
 WIDE = 0.5  # of its default: the spread of a number that shapes an effect
