@@ -12,7 +12,7 @@ from cell.gap.strip.terms import TERMS
 from cell.gap.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.effects import PLACE, registry
-from drivers.strip.effects.effect import Effect
+from drivers.strip.effects.effect import Effect, Stage
 from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
 from drivers.strip.model import describe
@@ -22,7 +22,8 @@ TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
 WIDE = 0.5  # of its default: the spread of a number that shapes an effect
 UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
-UNTRUE = 0.2  # of strong yarn friction the rod misses up to 15 %: another ruck in the lift
+UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
+EXACT = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
@@ -89,7 +90,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         parameters=tuple(_parameters(effect, strip, effect.parameters)),
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
-        untrue=UNTRUE,
+        untrue=UNTRUE if effect.stage is Stage.LAW else EXACT,
     )
 
 
