@@ -9,6 +9,7 @@ import pytest
 
 from cell.gap.strip.layout import LIFTED, SNAP
 from cell.gap.strip.prepare import SLACK, Fold
+from cell.gap.strip.scope import EXACT, UNTRUE
 from cell.gap.strip.subject import Strip, open_strip
 from cell.gap.strip.synthetic import rod_folds
 from cell.gap.subject import Request, Run
@@ -94,6 +95,12 @@ def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
 
 def test_every_effect_of_the_registry_is_a_candidate(plain: Strip) -> None:
     assert [c.name for c in plain.scope.candidates] == list(registry())
+
+
+def test_only_laws_of_cloth_may_be_far_from_true(plain: Strip) -> None:
+    untrue = {c.name: c.untrue for c in plain.scope.candidates}
+    assert untrue["bending_hysteresis"] == untrue["air_drag"] == UNTRUE
+    assert untrue["tcp_offset"] == untrue["homography_scale"] == untrue["length_error"] == EXACT
 
 
 def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
