@@ -78,4 +78,4 @@ def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
     axis.set(ylim=(-0.02, 1.02))
     axis.set_xlabel("excess gap left by the refitted base, and cases", fontsize=8)
     axis.set_ylabel("share of single effects", fontsize=8)
-    axis.legend(fontsize=8, frameon=False)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False)

@@ -23,8 +23,9 @@ from drivers.strip.file import StripFile
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
-Hidden = dict[str, dict[str, float]]
 BELIEVABLE = 3.0  # times the largest size that laboratories report
+Hidden = dict[str, dict[str, float]]
+"""Effects by name, with their values by parameter."""
 
 
 @dataclass(frozen=True, slots=True)
