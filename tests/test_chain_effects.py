@@ -9,7 +9,7 @@ import pytest
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
-from drivers.strip.model import Boundary, StripModel, describe
+from drivers.strip.model import Boundary, Drag, StripModel, describe
 from drivers.twin.chain import Chain
 from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_loads import Loads
@@ -100,7 +100,7 @@ def test_drag_is_that_of_a_plate_that_turns_about_its_edge() -> None:
 
 def test_drag_leaves_motion_along_the_strip_alone() -> None:
     model = affected("end_slip", friction=1.0)
-    blown = replace(model, mechanics=replace(model.mechanics, drag_coefficient=2.0))
+    blown = replace(model, mechanics=replace(model.mechanics, drag=Drag(coefficient=2.0)))
     lumps, chain, data, loads = loads_of(blown)
     data.qvel[Joints.of(chain, LINKS, lumps.spacing).edge] = 1.0
     loads.renew(data, H)

@@ -25,17 +25,23 @@ OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
 # as much as makes sense for a strip of 12 g), and where that hardly shows a value that tells.
 VALUES: dict[str, list[Values]] = {
     "bending_hysteresis": [{"yield_curvature": 50.0}, {"yield_curvature": 12.0}],
-    "nonlinear_bending": [{"cubic": 5e-4}, {"cubic": -5e-6}],
+    "nonlinear_bending": [
+        {"cubic": 5e-4}, {"cubic": -5e-6}, {"cubic": 1e-4, "fifth": 1.0}
+    ],  # fmt: skip
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
     "relaxation": [{"ratio": 0.45, "time": 1.0}, {"ratio": 0.9, "time": 0.05}],
     "stretch": [{"stiffness": 300.0}, {"stiffness": 1.0}],
-    "air_drag": [{"coefficient": 5.0}],
+    "air_drag": [
+        {"coefficient": 5.0},
+        {"coefficient": 3.0, "slow": 0.1, "oblique": 1.0, "along": 0.5},
+    ],
     "pre_curl": [{"curvature": 30.0}],
     "crease": [{"angle": 1.0, "position": 0.2}, {"angle": -0.5, "position": 0.3}],
     "stiffness_gradient": [{"slope": 0.9}, {"slope": -0.9}],
     "seam": [
         {"factor": 1.6, "position": 0.3, "width": 0.02},
         {"factor": 5.0, "position": 0.3, "width": 0.03},
+        {"factor": 5.0, "position": 0.3, "width": 0.05, "softness": 0.4},
     ],
     "hem_mass": [
         {"mass": 0.003, "position": 0.3, "width": 0.03},

@@ -9,7 +9,7 @@ import yaml
 from cell.config.plant import load_plant
 from drivers.errors import ConfigurationError
 from drivers.strip.effects import apply_effects, check_effects, registry
-from drivers.strip.effects.effect import Effect
+from drivers.strip.effects.effect import Effect, Parameter
 from drivers.strip.file import load_strip
 from drivers.strip.model import describe
 from tests.effect_cases import USUAL, affected, bare, denim, folds, levels, predicted
@@ -61,14 +61,34 @@ def _middle(effect: Effect) -> dict[str, float]:
     return {p.name: USUAL[p.name] for p in effect.parameters[1:]} | {switch.name: float(strong)}
 
 
+def _of(effect: Effect, values: dict[str, float]) -> list[tuple[Parameter, float]]:
+    return [(p, values[p.name]) for p in effect.parameters]
+
+
 def _nulls(effect: Effect) -> dict[str, float]:
     at = {p.name: p.null for p in effect.parameters if p.null is not None}
     return {p.name: USUAL.get(p.name, 1.0) for p in effect.parameters} | at
 
 
 def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
-    found = {e.name: (e.of, " ".join(p.name for p in e.parameters)) for e in EFFECTS}
+    found = {
+        e.name: (e.of, " ".join(p.name for p in e.parameters if p.finer is None)) for e in EFFECTS
+    }
     assert {name: found[name] for name in CONTRACT} == CONTRACT
+
+
+@of_effect
+def test_what_bends_a_law_comes_last_and_by_default_leaves_it_as_it_is(effect: Effect) -> None:
+    finer = [p for p in effect.parameters if p.finer is not None]
+    assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
+    assert all(p.default == p.low == 0.0 for p in finer)
+    values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.finer is None}
+    stated = values | {p.name: 0.0 for p in finer}
+    (plain, same) = folds([affected(effect.name, **values), affected(effect.name, **stated)])
+    np.testing.assert_array_equal(plain.contact_x, same.contact_x)
+    for p in finer:
+        (bent,) = folds([affected(effect.name, **(values | {p.name: USUAL[p.name]}))])
+        assert np.abs(bent.shapes[-1] - plain.shapes[-1]).max() > 1e-6, p.name
 
 
 def test_effects_apply_strip_first_then_boundary_then_observation() -> None:

@@ -152,6 +152,7 @@ def engine_values(name: str, values: dict[str, float]) -> Array:
         [
             1.0 / complete[p.name] if inverse and p is switch else complete[p.name]
             for p in effect.parameters
+            if p.finer is None or p.name in values
         ]
     )
 

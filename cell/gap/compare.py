@@ -82,13 +82,19 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
     gain = float(each.sum())
     se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
     distance = _distance(model, other, by)
-    if other.model.names < model.model.names:
+    if _within(other, model):
         p = _nested(model, other, by)
     else:
         p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
     before, after = (excess(m.left_out, by.level) for m in (other, model))
     removed = 1.0 - after / before if before > 0.0 else 0.0
     return Margin(gain, se, p, distance, removed)
+
+
+def _within(other: Validated, model: Validated) -> bool:
+    """Whether `other` is `model` with some of its parameters at their start."""
+    fewer = len(other.model.parameters) < len(model.model.parameters)
+    return fewer and other.model.names <= model.model.names
 
 
 def _nested(model: Validated, other: Validated, by: Yardstick) -> float:

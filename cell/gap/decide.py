@@ -52,17 +52,16 @@ def _mostly(found: Findings) -> bool:
 
 
 def unseen_remains(found: Findings) -> bool:
-    """Whether runs that took no part show a clear gap, and the model does not even halve it; no
-    sample counts beyond what is wild among those of the base.
-    """
+    """Whether runs that took no part show a clear gap, and the model does not even halve it."""
     judged, shown = found.judged, found.shown
     whole = judged.found.accepted.model.names == judged.whole.model.names
-    most = robust.WILD * robust.scale(np.concatenate(shown.before.residuals))
-    before, after = (_gap_within(most, estimate) for estimate in (shown.before, shown.after))
+    before, after = (_tame_gap(estimate) for estimate in (shown.before, shown.after))
     return whole and before > CLEAR and after > HALF * before
 
 
-def _gap_within(most: float, estimate: Estimate) -> float:
+def _tame_gap(estimate: Estimate) -> float:
+    """Excess gap in which no sample counts beyond what is wild among its like."""
+    most = robust.WILD * robust.scale(np.concatenate(estimate.residuals))
     bounded = tuple(np.clip(r, -most, most) for r in estimate.residuals)
     return float(shrink.excess(shrink.run_squares(replace(estimate, residuals=bounded))))
 

@@ -119,10 +119,13 @@ def _refit(
         return [base]
 
     def tried(pool: Sequence[Validated], scores: Sequence[Score]) -> list[Validated]:
-        more = search.fit_scores(simulate, base.estimate, scores, candidates)
+        library = search.library(candidates, pool)
+        more = search.fit_scores(simulate, base.estimate, scores, library)
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])
+    if not search.exhausted(pool):
+        pool = search.merged(pool, search.bent(simulate, pool))
     if search.exhausted(pool) or not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)

@@ -1,7 +1,9 @@
 """Which effects: single ones, pairs jointly, three at most, each step earned and checked back."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from cell.gap.batch import Simulate, Task, alone, side_by_side, together
 from cell.gap.compare import LEVEL, MARGIN, Margin, Yardstick, holm, margin, yardstick
@@ -13,8 +15,10 @@ from cell.gap.resolved import resolved
 from cell.gap.screen import Score, probe, ranked, table
 from cell.gap.starts import best, judged
 from cell.gap.subject import Candidate
+from drivers.types import Array
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
+WORTH = 0.5  # of the best model's gain, from which a rival's law is bent too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 MATERIAL = 0.25  # of the excess gap that a step must remove
 
@@ -69,6 +73,58 @@ def _fitted(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[E
 def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
     """The base model with the named effects, in the order of the library."""
     return Model(model.base, tuple(c for c in candidates if c.name in names))
+
+
+def bent(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
+    """The best models of the size of the best one with their finer parameters free, where that
+    is earned: a specimen seldom obeys a law of the library to the letter.
+    """
+    by = yardstick(pool)
+    base = next(m for m in pool if not m.model.effects)
+    first = _sorted(pool, by)[0]
+    size, least = len(first.model.effects), WORTH * margin(first, base, by).gain
+    rivals = [m for m in pool if size and len(m.model.effects) == size and _bends(m.model)]
+    worth = [m for m in rivals if margin(m, base, by).gain > least]
+    tasks = []
+    for m in worth:
+        fit, model = m.estimate, _bent(m.model)
+        shared, effects = fit.model.split(fit.shared)
+        points = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
+        tasks.append(_fitted(model, fit.evidence, points))
+    done = together(simulate, [validate(e) for e in together(simulate, tasks)])
+    return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
+
+
+def _bends(model: Model) -> bool:
+    return any(e.finer for e in model.effects)
+
+
+def _bent(model: Model) -> Model:
+    return replace(model, effects=tuple(e.bent() if e.finer else e for e in model.effects))
+
+
+def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
+    """The values with the finer parameters at their start, and off it by a third of what is
+    believed of them: at the start itself some do nothing yet.
+    """
+    whole = {e.name: e.completed(effects[e.name]) for e in model.effects}
+    moved = {}
+    for e in model.effects:
+        added = np.array([p.spread / 3.0 for p in e.parameters])
+        added[: len(effects[e.name])] = 0.0
+        moved[e.name] = whole[e.name] + added
+    return [whole, moved]
+
+
+def _better(new: Validated, plain: Validated, by: Yardstick) -> bool:
+    ahead = margin(new, plain, by)
+    return ahead.gain > by.least and ahead.p < LEVEL
+
+
+def library(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> list[Candidate]:
+    """The candidates, bent where a single one was worth it."""
+    known = {e.name: e for m in pool if len(m.model.effects) == 1 for e in m.model.effects}
+    return [known.get(c.name, c) for c in candidates]
 
 
 def extended(

@@ -1,7 +1,7 @@
 """What the engine needs to know of the thing that is measured, and nothing more."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -47,7 +47,8 @@ class Candidate:
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
     that start at the null say that physics fixes the sign. `sentence` is for a technician.
     `untrue` is the share of what it explains that the model may get wrong beside it: of relative
-    error e in its response, e^2.
+    error e in its response, e^2. Parameters that are `finer` bend its law to a specimen: they stay
+    at their start until it leaves more than noise.
     """
 
     name: str
@@ -57,6 +58,15 @@ class Candidate:
     probes: tuple[tuple[tuple[float, ...], ...], ...]
     revealed_by: str = ""
     untrue: float = 0.02
+    finer: tuple[Parameter, ...] = ()
+
+    def bent(self) -> "Candidate":
+        """The same with its finer parameters free."""
+        return replace(self, parameters=self.parameters + self.finer, finer=())
+
+    def completed(self, values: Array) -> Array:
+        """`values` of its first parameters, with the starts of the others."""
+        return np.concatenate([values, self.null[len(values) :]])
 
     @property
     def null(self) -> Array:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
+from scipy import special
 
 from drivers.errors import ConfigurationError
 from drivers.strip.file import GRAVITY, StripFile
@@ -24,8 +25,8 @@ CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 class BendingLaw:
     """Moment of curvature beyond the linear Kelvin-Voigt law; nulls switch a term off.
 
-    `cubic` [m^2]: M = EI kappa (1 + cubic kappa^2), level past the crest where a softening law
-    (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity of an
+    `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2) with u = cubic kappa^2, level past
+    the crest where a softening law (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity of an
     elasto-plastic element beside the elastic one, whose stiffness before it slides is
     `stiffness_ratio` times EI. `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to
     the moment. Of the rigidity the share `relaxing` carries its moment only for about
@@ -33,11 +34,35 @@ class BendingLaw:
     """
 
     cubic: float = 0.0
+    fifth: float = 0.0
     yield_curvature: float = 0.0
     stiffness_ratio: float = 8.0
     quadratic_damping: float = 0.0
     relaxing: float = 0.0
     relaxation_time: float = 1.0
+
+    @property
+    def crest(self) -> float:
+        """Curvature [1/m] from which on the elastic moment is level; infinite if it ever grows."""
+        if self.cubic >= 0 or 20.0 * self.fifth >= 9.0:
+            return math.inf
+        # dM/dkappa = 0: the smaller root of 1 + 3 u + 5 fifth u^2, finite at fifth = 0 too
+        u = -2.0 / (3.0 + math.sqrt(9.0 - 20.0 * self.fifth))
+        return math.sqrt(u / self.cubic)
+
+
+@dataclass(frozen=True, slots=True)
+class Drag:
+    """Force of still air per length, 1/2 rho C_d width (u + slow) (v_n n + along v_t t).
+
+    C_d is `coefficient`, u^2 = v_n^2 + oblique v_t^2 of the speeds v_n across and v_t along the
+    strip. At `slow` [m/s] friction of the air resists as much as its pressure.
+    """
+
+    coefficient: float = 0.0
+    slow: float = 0.0
+    oblique: float = 0.0
+    along: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +71,8 @@ class Mechanics:
 
     `rigidity` EI [N m^2], `viscosity` [N m^2 s] (moment per rate of curvature),
     `rest_curvature` [1/m], `linear_density` [kg/m], all of the whole width. `length` [m] is the
-    true one, at rest. `stretch_stiffness` [N] is force per strain, `drag_coefficient` C_d of the
-    force 1/2 rho C_d width |v_n| v_n per length, `adhesion` [N/m] the force per length along the
-    strip between layers that touch.
+    true one, at rest. `stretch_stiffness` [N] is force per strain, `drag` that of the air,
+    `adhesion` [N/m] the force per length along the strip between layers that touch.
     """
 
     length: float
@@ -60,7 +84,7 @@ class Mechanics:
     linear_density: Array
     law: BendingLaw = BendingLaw()
     stretch_stiffness: float = math.inf
-    drag_coefficient: float = 0.0
+    drag: Drag = Drag()
     adhesion: float = 0.0
 
     @property
@@ -92,15 +116,20 @@ class Mechanics:
         """Harmonic mean over the spans between `edges`: stiffnesses in a row -> (n,)."""
         return 1.0 / self.mean(1.0 / values, edges)
 
-    def inside(self, position: float, width: float) -> Array:
+    def inside(self, position: float, width: float, softness: float = 0.0) -> Array:
         """Share (CELLS,) of each cell that lies within `width` [m] about `position` [m].
 
-        Raises ConfigurationError for a position beside the strip.
+        With `softness` the edges fade, as a Gaussian of deviation softness times width does that
+        is laid over them. Raises ConfigurationError for a position beside the strip.
         """
         if not 0 <= position <= self.length:
             raise ConfigurationError(
                 f"position: {position:g} is not on the strip; allowed: 0 to {self.length:g} m"
             )
+        if softness > 0:
+            ahead, behind = (self.cells - position + side * width / 2 for side in (1.0, -1.0))
+            spread = softness * width
+            return np.asarray(special.ndtr(ahead / spread) - special.ndtr(behind / spread))
         cells = np.linspace(0.0, self.length, CELLS + 1)
         ahead = np.minimum(cells[1:], position + width / 2)
         shared = ahead - np.maximum(cells[:-1], position - width / 2)

@@ -62,7 +62,9 @@ class Joints:
         return np.asarray(nodes.cumsum(axis=0))
 
     def speeds(self, position: Array, rate: Array) -> tuple[Array, Array]:
-        """Speed (n,) [m/s] of the middle of each link along its normal, and normals (n, 2)."""
+        """Speeds (n, 2) [m/s] of the middle of each link along and across it, and directions
+        (n, 2) along it.
+        """
         angles = self.angles(position)[:-1]
         along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -73,7 +75,7 @@ class Joints:
         middles = ends - 0.5 * turn
         if self.edge is not None:
             middles[:, 0] += rate[self.edge]
-        return (middles * normals).sum(axis=1), normals
+        return np.stack([(middles * way).sum(axis=1) for way in (along, normals)], axis=1), along
 
     def _lengths(self, position: Array) -> Array:
         lengths = np.full((len(self.hinges) - 1, 1), self.spacing)

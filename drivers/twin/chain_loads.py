@@ -54,12 +54,15 @@ class Loads:
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
-        """Forces (n, 2) on the links against their motion across themselves.
+        """Forces (n, 2) on the links against their motion.
 
         Divided by what an implicit step of a link alone would slow it down, so that light strips
         stay stable.
         """
-        speed, normals = self._joints.speeds(data.qpos, data.qvel)
-        resistance = self._lumps.drag * np.abs(speed)
-        force = resistance * speed / (1.0 + h * resistance / self._lumps.mass)
-        return np.asarray(-force[:, None] * normals)
+        air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
+        past, across = speed.T
+        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * past**2) + air.slow)
+        slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        rubbed, pushed = (slowed * air.along * past)[:, None], (slowed * across)[:, None]
+        return np.asarray(-rubbed * tangents - pushed * normals)

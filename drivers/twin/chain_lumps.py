@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from drivers.strip.file import PAPER_LINEAR_DENSITY
-from drivers.strip.model import Mechanics, StripModel
+from drivers.strip.model import Drag, Mechanics, StripModel
 from drivers.types import Array
 
 AIR = 1.2  # kg/m^3
@@ -21,8 +21,8 @@ class Lumps:
     do. So every strip is built as heavy as the paper's: `scale` is that factor.
 
     Of the links, all (n,): `mass` [kg] and `drag` [N s^2/m^2], force over the square of the normal
-    speed. Of the hinges, all (n + 1,): `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic`
-    [N m s^2/rad^2], `rest` [rad], `cubic` [N m/rad^3]; of the element of friction beside them
+    speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic`
+    [N m s^2/rad^2], `rest` [rad], `cubic` [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them
     `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to slide; `fading`
     [N m/rad], what of the stiffness relaxes within `fading_time` [s]. A hinge stands for the
     strip between the middles of its two links; the first and the last one for half a link, so
@@ -35,11 +35,13 @@ class Lumps:
     scale: float
     mass: Array
     drag: Array
+    air: Drag
     stiffness: Array
     damping: Array
     quadratic: Array
     rest: Array
     cubic: Array
+    fifth: Array
     presliding: Array
     slip: Array
     fading: Array
@@ -60,17 +62,20 @@ class Lumps:
         bare = strip.series(strip.rigidity, middles) / span
         share = _share_of_strip(bare, model.boundary.grip_compliance)
         stiffness = bare * share * scale
+        spring, growth = stiffness * (1.0 - law.relaxing), law.cubic * share**3 / span**2
         weight = float(mass.sum()) * float(np.hypot(*model.boundary.gravity))
         return cls(
             spacing=spacing,
             scale=scale,
             mass=mass * scale,
             drag=np.full(links, _drag(strip) * spacing * scale),
+            air=strip.drag,
             stiffness=stiffness,
             damping=stiffness * share * bare * strip.total(_lag(strip), middles),
             quadratic=stiffness * law.quadratic_damping / span,
             rest=strip.total(strip.rest_curvature, middles),
-            cubic=stiffness * (1.0 - law.relaxing) * law.cubic * share**3 / span**2,
+            cubic=spring * growth,
+            fifth=spring * law.fifth * growth**2,
             presliding=stiffness * law.stiffness_ratio,
             slip=span * (law.yield_curvature / law.stiffness_ratio) / share,
             fading=stiffness * law.relaxing,
@@ -101,7 +106,7 @@ def _lag(strip: Mechanics) -> Array:
 
 def _drag(strip: Mechanics) -> float:
     """Force per length over the square of the normal speed [N s^2/m^3]."""
-    return 0.5 * AIR * strip.drag_coefficient * strip.width
+    return 0.5 * AIR * strip.drag.coefficient * strip.width
 
 
 def _share_of_strip(stiffness: Array, compliance: float) -> Array:

@@ -17,8 +17,9 @@ TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
 KNOWN: dict[type, str] = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " stretch_stiffness drag_coefficient adhesion",
-    BendingLaw: "cubic yield_curvature stiffness_ratio quadratic_damping relaxing relaxation_time",
+    " stretch_stiffness drag adhesion",
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio quadratic_damping relaxing"
+    " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
 

@@ -14,6 +14,7 @@ from drivers.twin.chain_contact import STEP
 from drivers.twin.chain_ends import Ends
 from drivers.twin.chain_foreign import Foreign, Foreigners, Parts
 from drivers.twin.chain_grip import Grip
+from drivers.twin.chain_hinges import own_laws
 from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_layers import Layers
 from drivers.twin.chain_loads import Loads
@@ -42,7 +43,9 @@ class ChainStrip:
         self._load(compiled(model, links))
         self._joints = Joints.of(self._model, links, self._lumps.spacing)
         self._loads = Loads(self._lumps, self._joints)
-        self._foreign = Foreigners(foreign, Parts(model, self._lumps, self._joints))
+        self._foreign = Foreigners(
+            (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
+        )
         self._ends = Ends.of(model, self._lumps, self._joints)
         self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
         self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))

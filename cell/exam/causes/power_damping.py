@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from cell.exam.causes.hinges import spans
+from drivers.twin.chain_hinges import spans
 from drivers.twin.chain_foreign import Act, Parts
 
 

@@ -87,11 +87,17 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         name=effect.name,
         sentence=effect.sentence,
         of=effect.of,
-        parameters=tuple(_parameters(effect, strip, effect.parameters)),
+        parameters=tuple(_parameters(effect, strip, coarse(effect))),
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
         untrue=UNTRUE if effect.stage is Stage.LAW else EXACT,
+        finer=tuple(_shape(p, strip) for p in effect.parameters if p.finer is not None),
     )
+
+
+def coarse(effect: Effect) -> list[Number]:
+    """The effect's numbers without the finer ones."""
+    return [p for p in effect.parameters if p.finer is None]
 
 
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
@@ -118,6 +124,9 @@ def _shape(p: Number, strip: StripFile) -> Parameter:
         low, high = max(p.low, 0.0), min(p.high, strip.length)
         middle = 0.5 * (low + high)
         return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
+    if p.finer is not None:
+        start, step, spread = p.default or 0.0, SECANT * p.finer, FARTHEST * p.finer
+        return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
     step, spread = 0.02 * start, (WIDE if p.default is not None else UNKNOWN) * start
     return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
@@ -127,7 +136,7 @@ def _probes(
     effect: Effect, strip: StripFile, lifted: float
 ) -> tuple[tuple[tuple[float, ...], ...], ...]:
     """Groups of vectors, one a size and a shape; a group has one vector for each amount."""
-    switch, numbers = effect.parameters[0], effect.parameters
+    switch, numbers = effect.parameters[0], coarse(effect)
     start = [p.start for p in _parameters(effect, strip, numbers)]
     amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
     spots = places(strip, lifted)
@@ -163,8 +172,11 @@ def _null(p: Number) -> float:
 
 
 def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
-    """The effect's parameters as files state them; None where absence switches it off."""
-    found = dict(zip((p.name for p in effect.parameters), map(float, values), strict=True))
+    """The effect's parameters as files state them; None where absence switches it off.
+
+    Finer ones may be missing: they come last.
+    """
+    found = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
     switch = effect.parameters[0]
     if switch.null is None:
         if found[switch.name] <= 1.0 / switch.high:

@@ -46,8 +46,9 @@ def _sign(model: StripModel, amount: float) -> StripModel:
 
 
 def _speed(model: StripModel, amount: float) -> StripModel:
-    drag = model.mechanics.drag_coefficient + amount
-    return replace(model, mechanics=replace(model.mechanics, drag_coefficient=drag))
+    drag = model.mechanics.drag
+    more = replace(drag, coefficient=drag.coefficient + amount)
+    return replace(model, mechanics=replace(model.mechanics, drag=more))
 
 
 def _force(model: StripModel, amount: float) -> StripModel:

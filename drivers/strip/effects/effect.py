@@ -23,7 +23,9 @@ class Parameter:
     """A number of an effect: unit, the value that switches it off, and its physical range.
 
     The first parameter of an effect is its switch, and those after it that have a null; one
-    whose `null` is None is switched off by absence. Without a `default` it must be given.
+    whose `null` is None is switched off by absence. Without a `default` it must be given. One
+    that is `finer` bends the law to a specimen: it stays at its default until measurements of
+    this effect ask for more; it is the size of a first guess.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Parameter:
     high: float
     null: float | None = 0.0
     default: float | None = None
+    finer: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from drivers.strip.model import StripModel
 
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    law = replace(model.mechanics.law, cubic=values["cubic"])
+    law = replace(model.mechanics.law, cubic=values["cubic"], fifth=values["fifth"])
     return replace(model, mechanics=replace(model.mechanics, law=law))
 
 
@@ -18,7 +18,10 @@ EFFECT = Effect(
     of="strip",
     stage=Stage.LAW,
     # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
-    parameters=(Parameter("cubic", "m^2", low=-5e-6, high=1e-3),),
+    parameters=(
+        Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
+        Parameter("fifth", "1", low=0.0, high=10.0, null=None, default=0.0, finer=0.3),
+    ),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),
     revealed_by="a slow fold with a low and a high carry: only sharp bends change",

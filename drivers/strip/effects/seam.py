@@ -9,7 +9,7 @@ from drivers.strip.model import StripModel
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
-    covered = mechanics.inside(values["position"], values["width"])
+    covered = mechanics.inside(values["position"], values["width"], values["softness"])
     factor = (1.0 - covered) + covered * values["factor"]
     return replace(model, mechanics=mechanics.stiffened(factor))
 
@@ -23,6 +23,7 @@ EFFECT = Effect(
         Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
         Parameter("position", "m", low=0.0, high=2.0, null=None),
         Parameter("width", "m", low=0.001, high=0.5, null=None),
+        Parameter("softness", "1", low=0.0, high=2.0, null=None, default=0.0, finer=0.4),
     ),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),

@@ -44,21 +44,23 @@ def friction(block: Any, r: int, eps: Any) -> Any:
 
 @kernel
 def elastic(block: Any, r: int, e: Any) -> Any:
-    """K e (1 + cubic e^2) at row r and its tangent; past the crest of a softening law, level."""
+    """K e (1 + u + fifth u^2), u = cubic e^2, at row r and its tangent; past a crest, level."""
     stiffness, cubic = load(block.nature, r, at.BEND), load(block.nature, r, at.CUBIC)
     crest = load(block.nature, r, at.CREST)
     over, under = below(crest, e), below(e, -crest)
     e = choose(over, crest, choose(under, -crest, e))
     growth = cubic * e * e
-    slope = stiffness * fma(3.0, growth, 1.0)
-    return stiffness * e * (1.0 + growth), choose(over + under, 0.0, slope)
+    beyond = load(block.nature, r, at.FIFTH) * growth * growth
+    slope = stiffness * (fma(3.0, growth, 1.0) + 5.0 * beyond)
+    return stiffness * e * ((1.0 + growth) + beyond), choose(over + under, 0.0, slope)
 
 
 @kernel
 def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     """Moment M(eps) [N m] at row r and dM/deps.
 
-    M = K e (1 + cubic e^2) + D deps/dt + friction, e = eps - rest; deps/dt = rate (eps - base).
+    M = K e (1 + u + fifth u^2) + D deps/dt + friction with u = cubic e^2, e = eps - rest and
+    deps/dt = rate (eps - base).
     """
     damping = load(block.nature, r, at.DAMP) * rate
     spring, slope = elastic(block, r, eps - load(block.nature, r, at.REST))

@@ -20,16 +20,17 @@ X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
 STATE = 12
 
 # Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
-MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, CREST, DAMP, SLIP, STICK, REST = range(11)
-AXIAL, SPAN, SHARE, FLOOR = range(11, 15)
-NATURE = 15
+MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(12)
+AXIAL, SPAN, SHARE, FLOOR = range(12, 16)
+NATURE = 16
 
 # More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid
 # the pull at which its end slides, and which way it does; coefficients.
 MAXWELL, MAXWELL1, SLID, HELD, WAY = range(STATE, STATE + 5)
 RICH_STATE = STATE + 5
-QUADRATIC, BRANCH, FADE, DRAG, GRIPPED, CLING = range(NATURE, NATURE + 6)
-RICH_NATURE = NATURE + 6
+QUADRATIC, BRANCH, FADE, GRIPPED, CLING = range(NATURE, NATURE + 5)
+DRAG, SLOW, OBLIQUE, ALONG = range(NATURE + 5, NATURE + 9)
+RICH_NATURE = NATURE + 9
 
 # Work of one Newton iteration.
 HAT_X, HAT_Z, BASE_X, BASE_Z, BASE_EPS, TANGENT = range(6)

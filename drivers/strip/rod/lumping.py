@@ -15,8 +15,9 @@ FINEST = 1 / 8  # length of the last of them over that of an equal one
 INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own weight
 KNOWN = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
-    " stretch_stiffness drag_coefficient adhesion",  # adhesion acts from the touch on: a rod's end
-    BendingLaw: "cubic yield_curvature stiffness_ratio quadratic_damping relaxing relaxation_time",
+    " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio quadratic_damping relaxing"
+    " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
 AIR = 1.2  # kg/m^3
@@ -39,7 +40,7 @@ def needs_terms(model: StripModel) -> bool:
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
     lagging = law.quadratic_damping != 0 or law.relaxing != 0
     slides = min(boundary.edge_friction, boundary.grip_force) < np.inf
-    return lagging or slides or mechanics.drag_coefficient != 0
+    return lagging or slides or mechanics.drag.coefficient != 0
 
 
 def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
@@ -82,7 +83,8 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
     inner[:, at.BEND] = stiffness
     inner[:, at.DAMP] = stiffness**2 * mechanics.total(mechanics.viscosity / rigidity**2, middles)
     inner[:, at.CUBIC] = law.cubic / reach**2
-    inner[:, at.CREST] = reach / np.sqrt(-3 * law.cubic) if law.cubic < 0 else np.inf
+    inner[:, at.FIFTH] = law.fifth
+    inner[:, at.CREST] = reach * law.crest
     inner[:, at.SLIP] = law.yield_curvature * stiffness * reach
     inner[:, at.STICK] = law.stiffness_ratio * stiffness
     inner[:, at.REST] = mechanics.total(mechanics.rest_curvature, middles)
@@ -112,7 +114,9 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     inner[:, at.BRANCH] = inner[:, at.BEND] * law.relaxing
     inner[:, at.BEND] -= inner[:, at.BRANCH]
     inner[:, at.FADE] = 1.0 / law.relaxation_time
-    inner[:, at.DRAG] = 0.5 * AIR * mechanics.drag_coefficient * mechanics.width * reach
+    drag = mechanics.drag
+    inner[:, at.DRAG] = 0.5 * AIR * drag.coefficient * mechanics.width * reach
+    inner[:, at.SLOW : at.ALONG + 1] = drag.slow, drag.oblique, drag.along
     rows[:, at.GRIPPED] = np.inf
     rows[-3, at.GRIPPED] = boundary.grip_force
     inner[:, at.CLING] = boundary.edge_friction

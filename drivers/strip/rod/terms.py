@@ -96,8 +96,8 @@ def unsettled(block: Any, r: int, along: Any) -> Any:
 def air(block: Any, r: int, rate: Any) -> Any:
     """Force against the motion of row r through the air, and its tangent.
 
-    F = D v with D = 1/2 rho C_d width length |v_n| n n', |v_n| and n of the predicted motion: of
-    second order in the step, and symmetric.
+    F = D v with D = 1/2 rho C_d width length (u + slow) (n n' + along t t') of the predicted
+    motion: of second order in the step, and symmetric.
     """
     work = block.work
     xx, xz, zz = (
@@ -120,10 +120,13 @@ def resist(block: Any, r: int, rate: Any) -> None:
     nx, nz = -(tz * inverse), tx * inverse
     vx = rate * (load(state, r, at.X) - load(work, r, at.BASE_X))
     vz = rate * (load(state, r, at.Z) - load(work, r, at.BASE_Z))
-    drag = load(block.nature, r, at.DRAG) * magnitude(fma(nx, vx, nz * vz))
-    store(work, r, at.DRAG_XX, drag * nx * nx)
-    store(work, r, at.DRAG_XZ, drag * nx * nz)
-    store(work, r, at.DRAG_ZZ, drag * nz * nz)
+    across, past = fma(nx, vx, nz * vz), fma(nz, vx, -(nx * vz))
+    speed = sqrt(fma(load(block.nature, r, at.OBLIQUE) * past, past, across * across))
+    drag = load(block.nature, r, at.DRAG) * (speed + load(block.nature, r, at.SLOW))
+    share = load(block.nature, r, at.ALONG)
+    store(work, r, at.DRAG_XX, drag * fma(share * nz, nz, nx * nx))
+    store(work, r, at.DRAG_XZ, drag * fma(-(share * nx), nz, nx * nz))
+    store(work, r, at.DRAG_ZZ, drag * fma(share * nx, nx, nz * nz))
 
 
 @kernel

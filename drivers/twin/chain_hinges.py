@@ -1,11 +1,13 @@
-"""Moments of foreign laws at the hinges of a chain."""
+"""Moments at the hinges of a chain that its engine has no field for."""
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import mujoco
 import numpy as np
 
-from drivers.twin.chain_foreign import Act, Parts
+from drivers.strip.model import StripModel
+from drivers.twin.chain_foreign import Act, Foreign, Parts
 from drivers.types import Array
 
 
@@ -41,3 +43,23 @@ def resisted(parts: Parts, law: MomentLaw) -> Act:
         data.qfrc_applied[hinges] += ahead * rate - moment
 
     return act
+
+
+class FifthOrder:
+    """What the law of bending has beyond its cubic term."""
+
+    def begin(self, parts: Parts) -> Act:
+        """The moment at every hinge."""
+        lumps = parts.lumps
+
+        def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
+            bent = angle - lumps.rest
+            return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
+
+        return resisted(parts, law)
+
+
+def own_laws(model: StripModel) -> Sequence[Foreign]:
+    """Laws of the strip itself that are simulated like foreign ones."""
+    law = model.mechanics.law
+    return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()
