@@ -10,7 +10,7 @@ from cell.gap.batch import Counter, alone, together
 from cell.gap.crossvalidation import folds
 from cell.gap.decide import verdict as decide
 from cell.gap.findings import Findings
-from cell.gap.fit import held_out
+from cell.gap.hold_out import held_out
 from cell.gap.investigate import investigate
 from cell.gap.lack_of_fit import pure_error
 from cell.gap.model import Model, Point, evidence
@@ -124,7 +124,7 @@ class Curves:
 
 
 def judged(subject: Curves) -> tuple[Findings, Verdict]:
-    held = held_out(subject.runs)
+    held = held_out(subject)
     simulate = Counter(subject.simulate)
     found = investigate(subject, held, simulate, lambda stage, share: None)
     return found, decide(found, 0.0, simulate.total)
@@ -240,12 +240,13 @@ def test_scatter_between_repeats_raises_the_noise() -> None:
 
 
 def test_conditions_are_never_split_between_folds() -> None:
-    runs = Curves(nothing, repeats=3).runs
+    subject = Curves(nothing, repeats=3)
+    runs = subject.runs
     for fold in folds(runs):
         inside = {runs[i].condition for i in fold}
         outside = {run.condition for i, run in enumerate(runs) if i not in fold}
         assert not inside & outside
-    held = held_out(runs)
+    held = held_out(subject)
     assert {r.condition for r in runs if r.name in held}.isdisjoint(
         r.condition for r in runs if r.name not in held
     )

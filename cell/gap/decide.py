@@ -52,16 +52,17 @@ def _mostly(found: Findings) -> bool:
 
 
 def unseen_remains(found: Findings) -> bool:
-    """Whether runs that took no part show a clear gap, and the model does not even halve it."""
+    """Whether runs that took no part show a clear gap, and the model does not even halve it; no
+    sample counts beyond what is wild among those that the model leaves.
+    """
     judged, shown = found.judged, found.shown
     whole = judged.found.accepted.model.names == judged.whole.model.names
-    before, after = (_tame_gap(estimate) for estimate in (shown.before, shown.after))
+    most = robust.WILD * robust.scale(np.concatenate(shown.after.residuals))
+    before, after = (_gap_within(most, estimate) for estimate in (shown.before, shown.after))
     return whole and before > CLEAR and after > HALF * before
 
 
-def _tame_gap(estimate: Estimate) -> float:
-    """Excess gap in which no sample counts beyond what is wild among its like."""
-    most = robust.WILD * robust.scale(np.concatenate(estimate.residuals))
+def _gap_within(most: float, estimate: Estimate) -> float:
     bounded = tuple(np.clip(r, -most, most) for r in estimate.residuals)
     return float(shrink.excess(shrink.run_squares(replace(estimate, residuals=bounded))))
 

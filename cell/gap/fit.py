@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cell.gap import hold_out as hold
 from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
-from cell.gap.crossvalidation import folds
 from cell.gap.decide import verdict as decide
 from cell.gap.findings import Findings
 from cell.gap.folders import find_runs, run_names
 from cell.gap.investigate import Progress, investigate
 from cell.gap.report import write_report
-from cell.gap.subject import Run, Subject
+from cell.gap.subject import Subject
 from cell.gap.tape import Tape
 from cell.gap.verdict import Verdict, write_text
 from drivers.errors import ConfigurationError
@@ -23,7 +23,6 @@ from drivers.settings import read_yaml
 Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-EVERY = 4  # conditions, of which one is held out
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
 VERSION = "1"  # of the engine: another one starts anew
 
@@ -49,9 +48,9 @@ def fit(
     began = time.monotonic()
     _clear(out)
     folders = find_runs(runs)
-    _check_held_out(run_names(folders), hold_out)
+    hold.check(run_names(folders), hold_out)
     subject = open_subject(file, folders, jobs)
-    held = held_out(subject.runs, hold_out)
+    held = hold.held_out(subject, hold_out)
     _make(out)
     tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, held))
     found = investigate(subject, held, tape, progress)
@@ -79,27 +78,6 @@ def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
 
         return open_strip(file, folders, jobs)
     raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
-
-
-def held_out(runs: Sequence[Run], wanted: Sequence[str] = ()) -> list[str]:
-    """Names of the runs that only judge: those asked for, or one condition in EVERY."""
-    names = [run.name for run in runs]
-    _check_held_out(names, wanted)
-    chosen = list(dict.fromkeys(wanted))
-    if not chosen:
-        groups = folds(runs, most=len(runs))
-        chosen = [names[i] for group in groups[1::EVERY] for i in group]
-    return chosen
-
-
-def _check_held_out(names: Sequence[str], wanted: Sequence[str]) -> None:
-    unknown = [name for name in wanted if name not in names]
-    if unknown:
-        raise ConfigurationError(
-            f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
-        )
-    if len(set(wanted)) == len(names):
-        raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:

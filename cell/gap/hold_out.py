@@ -1,0 +1,114 @@
+"""Which runs only judge: one condition in EVERY, of those that no effect hangs on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cell.gap.batch import alone
+from cell.gap.crossvalidation import folds
+from cell.gap.model import Model, Point, evidence, request, response
+from cell.gap.projection import projection
+from cell.gap.refit import Estimate, linearised
+from cell.gap.subject import Subject
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+EVERY = 4  # conditions, of which one is held out
+HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
+SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
+
+
+def held_out(subject: Subject, wanted: Sequence[str] = ()) -> list[str]:
+    """Names of the runs that only judge: those asked for, or one condition in EVERY.
+
+    A condition that tells most of what the runs can tell of some effect is fitted: held out, it
+    would hide that effect. What was measured has no say in this, only what was done.
+    """
+    names = [run.name for run in subject.runs]
+    check(names, wanted)
+    if wanted:
+        return list(dict.fromkeys(wanted))
+    groups = folds(subject.runs, most=len(names))
+    told = Told(subject)
+    held: list[int] = []
+    for first in range(1, len(groups), EVERY):
+        for group in (*groups[first:], *groups[:first]):
+            if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
+                held += group
+                break
+    return [names[i] for i in held or groups[min(1, len(groups) - 1)]]
+
+
+def check(names: Sequence[str], wanted: Sequence[str]) -> None:
+    """Refuse runs to hold out that are not there, or are all."""
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise ConfigurationError(
+            f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
+        )
+    if len(set(wanted)) == len(names):
+        raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
+
+
+class Told:
+    """What runs tell of the effects of the library, at the stated values of the base.
+
+    Nats by which a fit would gain from an effect of a size that laboratories report, once the
+    base has moved to absorb what it can.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        known = evidence(subject.runs)
+        model = Model(subject.scope.base)
+        point = Point(np.array([p.start for p in model.parameters]), known.start())
+        raw, jacobians = alone(subject.simulate, linearised(model, known, point))
+        nothing = tuple(np.zeros(len(r.mean)) for r in raw)
+        self._stated = Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)
+        self._responses = _responses(subject, self._stated)
+        self._all = self._told(range(len(subject.runs)))
+
+    def lost(self, without: Sequence[int]) -> float:
+        """Largest share that is lost, of any effect, without the runs of these numbers."""
+        kept = [i for i in range(len(self._responses)) if i not in without]
+        shown = self._all > SHOWN
+        if not kept or not shown.any():
+            return float(not kept)
+        return float((1.0 - self._told(kept)[shown] / self._all[shown]).max())
+
+    def _told(self, kept: Sequence[int]) -> Array:
+        """Nats (candidates,) that the runs of these numbers tell."""
+        about = projection(_of(self._stated, kept), robustly=False)
+        moved = np.concatenate([self._responses[i] for i in kept])
+        return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
+
+
+def _responses(subject: Subject, stated: Estimate) -> list[Array]:
+    """Whitened response (n, candidates) of each run to each candidate's middle probe."""
+    runs, candidates = stated.evidence.runs, subject.scope.candidates
+    asked = []
+    for c in candidates:
+        (vector, *_) = c.probes[len(c.probes) // 2]
+        model = Model(stated.model.base, (c,))
+        shared = np.concatenate([stated.shared, np.array(vector)])
+        asked += [
+            request(model, run, shared, own)
+            for run, own in zip(runs, stated.point.local, strict=True)
+        ]
+    answers = subject.simulate(asked)
+    return [
+        np.array([
+            response(answers[k * len(runs) + i], stated.raw[i], stated.evidence.scales[i])
+            for k in range(len(candidates))
+        ]).T
+        for i in range(len(runs))
+    ]  # fmt: skip
+
+
+def _of(stated: Estimate, kept: Sequence[int]) -> Estimate:
+    """The same model on some of its runs."""
+    names = [stated.evidence.runs[i].name for i in kept]
+    point = Point(stated.shared, tuple(stated.point.local[i] for i in kept))
+    residuals, raw, jacobians = (
+        tuple(each[i] for i in kept) for each in (stated.residuals, stated.raw, stated.jacobians)
+    )
+    return Estimate(stated.model, stated.evidence.of(names), point, residuals, raw, jacobians, 1.0, 0.0)
