@@ -26,8 +26,10 @@ OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
 VALUES: dict[str, list[Values]] = {
     "bending_hysteresis": [{"yield_curvature": 50.0}, {"yield_curvature": 12.0}],
     "nonlinear_bending": [
-        {"cubic": 5e-4}, {"cubic": -5e-6}, {"cubic": 1e-4, "fifth": 1.0}
-    ],  # fmt: skip
+        {"cubic": 5e-4},
+        {"cubic": -5e-6},
+        {"cubic": 1e-4, "fifth": 1.0},
+    ],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
     "relaxation": [{"ratio": 0.45, "time": 1.0}, {"ratio": 0.9, "time": 0.05}],
     "stretch": [{"stiffness": 300.0}, {"stiffness": 1.0}],

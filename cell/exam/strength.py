@@ -7,10 +7,9 @@ from typing import Self
 import numpy as np
 
 from cell.gap import shrink
-from cell.gap.batch import alone
-from cell.gap.model import Evidence, Model, Point, evidence, response
+from cell.gap.model import response
 from cell.gap.projection import projection
-from cell.gap.refit import Estimate, linearised
+from cell.gap.stated import stated
 from cell.gap.strip.experiments import planned
 from cell.gap.strip.probes import sizes
 from cell.gap.strip.subject import Strip
@@ -73,7 +72,7 @@ class Ruler:
             for i, name in enumerate(motions)
         ]
         self._subject = Strip(plant, runs)
-        self._estimate = _at_truth(self._subject)
+        self._estimate = stated(self._subject)
         self._about = projection(self._estimate)
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
@@ -155,13 +154,3 @@ def engine_values(name: str, values: dict[str, float]) -> Array:
             if p.finer is None or p.name in values
         ]
     )
-
-
-def _at_truth(subject: Strip) -> Estimate:
-    """The model at the values that made the runs: nothing is left but what a finer rod shows."""
-    known: Evidence = evidence(subject.runs)
-    model = Model(subject.scope.base)
-    point = Point(np.array([p.start for p in model.parameters]), known.start())
-    raw, jacobians = alone(subject.simulate, linearised(model, known, point))
-    nothing = tuple(np.zeros(len(r.mean)) for r in raw)
-    return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)

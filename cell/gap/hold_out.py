@@ -1,14 +1,15 @@
 """Which runs only judge: one condition in EVERY, of those that no effect hangs on."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.batch import alone
 from cell.gap.crossvalidation import folds
-from cell.gap.model import Model, Point, evidence, request, response
+from cell.gap.model import Model, Point, request, response
 from cell.gap.projection import projection
-from cell.gap.refit import Estimate, linearised
+from cell.gap.refit import Estimate
+from cell.gap.stated import stated
 from cell.gap.subject import Subject
 from drivers.errors import ConfigurationError
 from drivers.types import Array
@@ -58,12 +59,7 @@ class Told:
     """
 
     def __init__(self, subject: Subject) -> None:
-        known = evidence(subject.runs)
-        model = Model(subject.scope.base)
-        point = Point(np.array([p.start for p in model.parameters]), known.start())
-        raw, jacobians = alone(subject.simulate, linearised(model, known, point))
-        nothing = tuple(np.zeros(len(r.mean)) for r in raw)
-        self._stated = Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)
+        self._stated = stated(subject)
         self._responses = _responses(subject, self._stated)
         self._all = self._told(range(len(subject.runs)))
 
@@ -82,33 +78,35 @@ class Told:
         return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
 
 
-def _responses(subject: Subject, stated: Estimate) -> list[Array]:
+def _responses(subject: Subject, base: Estimate) -> list[Array]:
     """Whitened response (n, candidates) of each run to each candidate's middle probe."""
-    runs, candidates = stated.evidence.runs, subject.scope.candidates
+    runs, candidates = base.evidence.runs, subject.scope.candidates
     asked = []
     for c in candidates:
         (vector, *_) = c.probes[len(c.probes) // 2]
-        model = Model(stated.model.base, (c,))
-        shared = np.concatenate([stated.shared, np.array(vector)])
+        model = Model(base.model.base, (c,))
+        shared = np.concatenate([base.shared, np.array(vector)])
         asked += [
             request(model, run, shared, own)
-            for run, own in zip(runs, stated.point.local, strict=True)
+            for run, own in zip(runs, base.point.local, strict=True)
         ]
     answers = subject.simulate(asked)
     return [
         np.array([
-            response(answers[k * len(runs) + i], stated.raw[i], stated.evidence.scales[i])
+            response(answers[k * len(runs) + i], base.raw[i], base.evidence.scales[i])
             for k in range(len(candidates))
         ]).T
         for i in range(len(runs))
     ]  # fmt: skip
 
 
-def _of(stated: Estimate, kept: Sequence[int]) -> Estimate:
+def _of(base: Estimate, kept: Sequence[int]) -> Estimate:
     """The same model on some of its runs."""
-    names = [stated.evidence.runs[i].name for i in kept]
-    point = Point(stated.shared, tuple(stated.point.local[i] for i in kept))
-    residuals, raw, jacobians = (
-        tuple(each[i] for i in kept) for each in (stated.residuals, stated.raw, stated.jacobians)
+    return replace(
+        base,
+        evidence=base.evidence.of([base.evidence.runs[i].name for i in kept]),
+        point=Point(base.shared, tuple(base.point.local[i] for i in kept)),
+        residuals=tuple(base.residuals[i] for i in kept),
+        raw=tuple(base.raw[i] for i in kept),
+        jacobians=tuple(base.jacobians[i] for i in kept),
     )
-    return Estimate(stated.model, stated.evidence.of(names), point, residuals, raw, jacobians, 1.0, 0.0)

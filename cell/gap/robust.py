@@ -35,8 +35,18 @@ def clipped(r: Array) -> Array:
 
 
 def scale(r: Array) -> float:
-    """max(1, normalised median absolute residual): how far residuals exceed the stated noise."""
-    return max(1.0, 1.4826 * float(np.median(np.abs(r)))) if len(r) else 1.0
+    """max(1, spread): how far residuals exceed the stated noise."""
+    return max(1.0, _deviation(r)) if len(r) else 1.0
+
+
+def spread(r: Array) -> float:
+    """min(1, spread): how far the stated noise, with its floor, exceeds residuals."""
+    return min(1.0, _deviation(r)) if len(r) else 1.0
+
+
+def _deviation(r: Array) -> float:
+    """Normalised median absolute residual."""
+    return 1.4826 * float(np.median(np.abs(r)))
 
 
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:

@@ -26,11 +26,12 @@ class BendingLaw:
     """Moment of curvature beyond the linear Kelvin-Voigt law; nulls switch a term off.
 
     `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2) with u = cubic kappa^2, level past
-    the crest where a softening law (`cubic` below 0) would fall. `yield_curvature` [1/m]: friction moment over rigidity of an
-    elasto-plastic element beside the elastic one, whose stiffness before it slides is
-    `stiffness_ratio` times EI. `quadratic_damping` [m s^2] times EI |dkappa/dt| dkappa/dt adds to
-    the moment. Of the rigidity the share `relaxing` carries its moment only for about
-    `relaxation_time` [s] (a Maxwell element, at rest when the motion begins).
+    the crest where a softening law (`cubic` below 0) would fall. `yield_curvature` [1/m]:
+    friction moment over rigidity of an elasto-plastic element beside the elastic one, whose
+    stiffness before it slides is `stiffness_ratio` times EI. `quadratic_damping` [m s^2] times
+    EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity the share `relaxing` carries
+    its moment only for about `relaxation_time` [s] (a Maxwell element, at rest when the motion
+    begins).
     """
 
     cubic: float = 0.0

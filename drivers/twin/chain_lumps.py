@@ -21,12 +21,13 @@ class Lumps:
     do. So every strip is built as heavy as the paper's: `scale` is that factor.
 
     Of the links, all (n,): `mass` [kg] and `drag` [N s^2/m^2], force over the square of the normal
-    speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N m/rad], `damping` [N m s/rad], `quadratic`
-    [N m s^2/rad^2], `rest` [rad], `cubic` [N m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them
-    `presliding` [N m/rad] and `slip` [rad], its deflection when it begins to slide; `fading`
-    [N m/rad], what of the stiffness relaxes within `fading_time` [s]. A hinge stands for the
-    strip between the middles of its two links; the first and the last one for half a link, so
-    that both clamps are of second order in the spacing.
+    speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N
+    m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic` [N
+    m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
+    and `slip` [rad], its deflection when it begins to slide; `fading` [N m/rad], what of the
+    stiffness relaxes within `fading_time` [s]. A hinge stands for the strip between the middles
+    of its two links; the first and the last one for half a link, so that both clamps are of
+    second order in the spacing.
     `cling` [N] holds a link to another one that it touches.
     `along` [N/m] is the stiffness of a link along itself, `held` the largest that a chain steps.
     """

@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_hinges import spans
 from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain_hinges import spans
 
 
 class PowerDamping(Cause):
