@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.strip.layout import LIFTED, SNAP
+from cell.gap.strip.layout import LIFTED, SNAP, Floors
 from cell.gap.strip.prepare import SLACK, Fold
-from cell.gap.strip.scope import EXACT, UNTRUE
+from cell.gap.strip.scope import EXACT, UNTRUE, scope
 from cell.gap.strip.subject import Strip, open_strip
 from cell.gap.strip.synthetic import rod_folds
 from cell.gap.subject import Request, Run
@@ -22,7 +22,7 @@ from tests.gap_strip_cases import CELL, STRIP, denim, folds, in_noise, residuals
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
     "bending_hysteresis": (8.0, 8.0),
-    "nonlinear_bending": (1e-4,),
+    "nonlinear_bending": (1e-4, 1.0),
     "camera_latency": (0.02,),
     "desk_tilt": (0.01,),
 }
@@ -95,6 +95,27 @@ def test_every_effect_that_folds_can_show_shows(plain: Strip) -> None:
 
 def test_every_effect_of_the_registry_is_a_candidate(plain: Strip) -> None:
     assert [c.name for c in plain.scope.candidates] == list(registry())
+
+
+def test_a_law_bends_by_numbers_that_come_last(plain: Strip) -> None:
+    seam = next(c for c in plain.scope.candidates if c.name == "seam")
+    bent = seam.bent()
+    assert [p.name for p in bent.parameters] == ["factor", "position", "width", "softness"]
+    vector = np.array([5.0, 0.3, 0.06])
+    stated, soft = bent.completed(vector), np.array([*vector, 0.4])
+    straight = whitened(plain, residuals(plain, {"seam": vector}))
+    same, changed = (whitened(plain, residuals(plain, {"seam": v})) for v in (stated, soft))
+    np.testing.assert_array_equal(same, straight)
+    assert np.nanmax(np.abs(changed - straight)) > 1.0
+
+
+def test_numbers_that_bend_an_accepted_law_are_refitted_with_the_base() -> None:
+    laws = {"nonlinear_bending": {"cubic": 1e-4, "fifth": 0.5}, "air_drag": {"coefficient": 1.0}}
+    strip = denim().model_copy(update={"effects": laws})
+    base = {p.name: p for p in scope(strip, Floors()).base}
+    assert base["nonlinear_bending.fifth"].start == 0.5
+    assert base["nonlinear_bending.fifth"].spread > 0.2
+    assert "air_drag.slow" not in base
 
 
 def test_only_laws_of_cloth_may_be_far_from_true(plain: Strip) -> None:
