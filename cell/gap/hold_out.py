@@ -30,14 +30,14 @@ def held_out(subject: Subject, wanted: Sequence[str] = ()) -> list[str]:
     if wanted:
         return list(dict.fromkeys(wanted))
     groups = folds(subject.runs, most=len(names))
-    told = Told(subject)
-    held: list[int] = []
+    told, held = Told(subject), list[int]()
     for first in range(1, len(groups), EVERY):
         for group in (*groups[first:], *groups[:first]):
             if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
                 held += group
                 break
-    return [names[i] for i in held or groups[min(1, len(groups) - 1)]]
+    second = (i for group in groups[1:2] for i in group)
+    return [names[i] for i in held or second]
 
 
 def check(names: Sequence[str], wanted: Sequence[str]) -> None:
