@@ -124,8 +124,8 @@ class Curves:
 
 
 def judged(subject: Curves) -> tuple[Findings, Verdict]:
-    held = held_out(subject)
     simulate = Counter(subject.simulate)
+    held = held_out(subject, simulate)
     found = investigate(subject, held, simulate, lambda stage, share: None)
     return found, decide(found, 0.0, simulate.total)
 
@@ -246,7 +246,7 @@ def test_conditions_are_never_split_between_folds() -> None:
         inside = {runs[i].condition for i in fold}
         outside = {run.condition for i, run in enumerate(runs) if i not in fold}
         assert not inside & outside
-    held = held_out(subject)
+    held = held_out(subject, subject.simulate)
     assert {r.condition for r in runs if r.name in held}.isdisjoint(
         r.condition for r in runs if r.name not in held
     )

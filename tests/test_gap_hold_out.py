@@ -14,21 +14,21 @@ def medium_only(t: Array, speed: float, _: int) -> Array:
 
 
 def conditions(subject: Curves) -> set[str]:
-    held = held_out(subject)
+    held = held_out(subject, subject.simulate)
     return {run.condition for run in subject.runs if run.name in held}
 
 
 def test_one_condition_in_four_is_held_out_with_all_its_repeats() -> None:
     subject = Curves(nothing, repeats=3)
     assert conditions(subject) == {"medium"}
-    assert len(held_out(subject)) == 3
+    assert len(held_out(subject, subject.simulate)) == 3
 
 
 def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
     subject = Curves(nothing, names=("bump", "single"))
     medium = [i for i, run in enumerate(subject.runs) if run.condition == "medium"]
-    assert Told(subject).lost(medium) == pytest.approx(1.0)
+    assert Told(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
     assert conditions(subject) == {"fast"}
 
 
@@ -38,7 +38,8 @@ def test_what_was_measured_has_no_say() -> None:
 
 
 def test_runs_that_were_asked_for_are_held_out() -> None:
-    assert held_out(Curves(nothing), ["r3", "r0", "r3"]) == ["r3", "r0"]
+    subject = Curves(nothing)
+    assert held_out(subject, subject.simulate, ["r3", "r0", "r3"]) == ["r3", "r0"]
 
 
 @pytest.mark.parametrize(
@@ -46,5 +47,6 @@ def test_runs_that_were_asked_for_are_held_out() -> None:
     [(["r99"], "--hold-out r99: no such run"), ([f"r{i}" for i in range(8)], "all runs")],
 )
 def test_runs_that_cannot_be_held_out_are_refused(wanted: list[str], words: str) -> None:
+    subject = Curves(nothing)
     with pytest.raises(ConfigurationError, match=words):
-        held_out(Curves(nothing), wanted)
+        held_out(subject, subject.simulate, wanted)

@@ -72,7 +72,7 @@ class Ruler:
             for i, name in enumerate(motions)
         ]
         self._subject = Strip(plant, runs)
-        self._estimate = stated(self._subject)
+        self._estimate = stated(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:

@@ -24,7 +24,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "1"  # of the engine: another one starts anew
+VERSION = "2"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -50,9 +50,9 @@ def fit(
     folders = find_runs(runs)
     hold.check(run_names(folders), hold_out)
     subject = open_subject(file, folders, jobs)
-    held = hold.held_out(subject, hold_out)
     _make(out)
-    tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, held))
+    tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
+    held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
     verdict = decide(found, time.monotonic() - began, tape.total)
     verdict = verdict.model_copy(update={"notes": list(subject.notes)})

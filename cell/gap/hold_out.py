@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from cell.gap.batch import Simulate
 from cell.gap.crossvalidation import folds
 from cell.gap.model import Model, Point, request, response
 from cell.gap.projection import projection
@@ -19,7 +20,7 @@ HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand 
 SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
 
 
-def held_out(subject: Subject, wanted: Sequence[str] = ()) -> list[str]:
+def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
     """Names of the runs that only judge: those asked for, or one condition in EVERY.
 
     A condition that tells most of what the runs can tell of some effect is fitted: held out, it
@@ -30,7 +31,7 @@ def held_out(subject: Subject, wanted: Sequence[str] = ()) -> list[str]:
     if wanted:
         return list(dict.fromkeys(wanted))
     groups = folds(subject.runs, most=len(names))
-    told, held = Told(subject), list[int]()
+    told, held = Told(subject, simulate), list[int]()
     for first in range(1, len(groups), EVERY):
         for group in (*groups[first:], *groups[:first]):
             if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
@@ -58,9 +59,9 @@ class Told:
     base has moved to absorb what it can.
     """
 
-    def __init__(self, subject: Subject) -> None:
-        self._stated = stated(subject)
-        self._responses = _responses(subject, self._stated)
+    def __init__(self, subject: Subject, simulate: Simulate) -> None:
+        self._stated = stated(subject, simulate)
+        self._responses = _responses(subject, simulate, self._stated)
         self._all = self._told(range(len(subject.runs)))
 
     def lost(self, without: Sequence[int]) -> float:
@@ -78,7 +79,7 @@ class Told:
         return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
 
 
-def _responses(subject: Subject, base: Estimate) -> list[Array]:
+def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
     """Whitened response (n, candidates) of each run to each candidate's middle probe."""
     runs, candidates = base.evidence.runs, subject.scope.candidates
     asked = []
@@ -90,7 +91,7 @@ def _responses(subject: Subject, base: Estimate) -> list[Array]:
             request(model, run, shared, own)
             for run, own in zip(runs, base.point.local, strict=True)
         ]
-    answers = subject.simulate(asked)
+    answers = simulate(asked)
     return [
         np.array([
             response(answers[k * len(runs) + i], base.raw[i], base.evidence.scales[i])
