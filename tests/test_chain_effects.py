@@ -11,6 +11,8 @@ from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import Boundary, Drag, StripModel, describe
 from drivers.twin.chain import Chain
+from drivers.twin.chain_foreign import Parts
+from drivers.twin.chain_hinges import own_laws, spans
 from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_loads import Loads
 from drivers.twin.chain_lumps import Lumps
@@ -105,6 +107,32 @@ def test_drag_leaves_motion_along_the_strip_alone() -> None:
     data.qvel[Joints.of(chain, LINKS, lumps.spacing).edge] = 1.0
     loads.renew(data, H)
     assert not data.xfrc_applied.any()
+
+
+def test_air_rubs_along_the_strip_where_its_drag_says_so() -> None:
+    air, speed = Drag(coefficient=2.0, slow=0.1, oblique=0.25, along=0.5), 0.8
+    model = affected("end_slip", friction=1.0)
+    blown = replace(model, mechanics=replace(model.mechanics, drag=air))
+    lumps, chain, data, loads = loads_of(blown)
+    data.qvel[Joints.of(chain, LINKS, lumps.spacing).edge] = speed
+    loads.renew(data, 1e-9)
+    rubbed = 0.5 * 1.2 * 2.0 * 0.05 * LENGTH * (0.5 * speed + 0.1) * 0.5 * speed
+    assert data.xfrc_applied[:, 0].sum() / lumps.scale == pytest.approx(-rubbed, rel=1e-6)
+    assert not data.xfrc_applied[:, 2].any()
+
+
+def test_fifth_order_moment_is_that_of_the_law() -> None:
+    model, kappa = affected("nonlinear_bending", cubic=1e-4, fifth=0.7), 50.0
+    lumps, chain, data, _ = loads_of(model)
+    joints = Joints.of(chain, LINKS, lumps.spacing)
+    parts = Parts(model, lumps, joints)
+    data.qpos[joints.hinges] = kappa * spans(parts)
+    (law,) = own_laws(model)
+    law.begin(parts)(chain, data, 0.0, H)
+    expected = denim().rigidity * kappa * 0.7 * (1e-4 * kappa**2) ** 2
+    moment = -data.qfrc_applied[joints.hinges] / lumps.scale
+    np.testing.assert_allclose(moment, expected, rtol=1e-9)
+    assert own_laws(bare()) == ()
 
 
 def test_lightest_strip_in_the_thickest_air_stays_stable() -> None:

@@ -9,7 +9,7 @@ import pytest
 from cell.gap.batch import alone
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model
-from cell.gap.search import bent, exhausted, library, merged, without_each
+from cell.gap.search import bent, exhausted, merged, with_bent, without_each
 from cell.gap.subject import Parameter, Request, Residuals, Scope
 from tests.test_gap_engine import Curves, Law, bump, hidden, wave
 from tests.test_gap_engine import fitted as at
@@ -73,7 +73,7 @@ def test_law_that_only_resembles_the_librarys_is_bent() -> None:
     subject, pool = Bending(BOTH), pool_of(lean=0.5)
     (found,) = bent(subject.simulate, pool)
     assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
-    (known, *_) = library(subject.scope.candidates, merged(pool, [found]))
+    (known, *_) = with_bent(subject.scope.candidates, merged(pool, [found]))
     assert [p.name for p in known.parameters] == ["size", "lean"]
     assert not known.finer
 

@@ -24,7 +24,7 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     """Names of the runs that only judge: those asked for, or one condition in EVERY.
 
     A condition that tells most of what the runs can tell of some effect is fitted: held out, it
-    would hide that effect. What was measured has no say in this, only what was done.
+    would hide that effect. How well the model fits has no say in this, only what was done.
     """
     names = [run.name for run in subject.runs]
     check(names, wanted)

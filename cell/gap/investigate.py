@@ -119,8 +119,8 @@ def _refit(
         return [base]
 
     def tried(pool: Sequence[Validated], scores: Sequence[Score]) -> list[Validated]:
-        library = search.library(candidates, pool)
-        more = search.fit_scores(simulate, base.estimate, scores, library)
+        known = search.with_bent(candidates, pool)
+        more = search.fit_scores(simulate, base.estimate, scores, known)
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])

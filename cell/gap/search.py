@@ -20,6 +20,7 @@ from drivers.types import Array
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
 WORTH = 0.5  # of the best model's gain, from which a rival's law is bent too
+GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 MATERIAL = 0.25  # of the excess gap that a step must remove
 
@@ -105,13 +106,13 @@ def _bent(model: Model) -> Model:
 
 
 def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
-    """The values with the finer parameters at their start, and off it by a third of what is
+    """The values with the finer parameters at their start, and off it by GUESS of what is
     believed of them: at the start itself some do nothing yet.
     """
     whole = {e.name: e.completed(effects[e.name]) for e in model.effects}
     moved = {}
     for e in model.effects:
-        added = np.array([p.spread / 3.0 for p in e.parameters])
+        added = np.array([GUESS * p.spread for p in e.parameters])
         added[: len(effects[e.name])] = 0.0
         moved[e.name] = whole[e.name] + added
     return [whole, moved]
@@ -122,7 +123,7 @@ def _better(new: Validated, plain: Validated, by: Yardstick) -> bool:
     return ahead.gain > by.least and ahead.p < LEVEL
 
 
-def library(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> list[Candidate]:
+def with_bent(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> list[Candidate]:
     """The candidates, bent where a single one was worth it."""
     known = {e.name: e for m in pool if len(m.model.effects) == 1 for e in m.model.effects}
     return [known.get(c.name, c) for c in candidates]

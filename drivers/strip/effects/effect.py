@@ -24,8 +24,8 @@ class Parameter:
 
     The first parameter of an effect is its switch, and those after it that have a null; one
     whose `null` is None is switched off by absence. Without a `default` it must be given. One
-    that is `finer` bends the law to a specimen: it stays at its default until measurements of
-    this effect ask for more; it is the size of a first guess.
+    that has a `finer`, the size of a first guess, bends the law to a specimen: it stays at its
+    default until measurements of this effect ask for more.
     """
 
     name: str
