@@ -12,6 +12,7 @@ from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import describe
 from drivers.twin.chain import Chain
+from drivers.twin.chain_lumps import places
 from policies.path import circular, triangular
 from tests.chain_moves import LENGTH, SPEED, H, carry, displacement, fold, middling, settle
 
@@ -29,23 +30,31 @@ def test_flat_strip_stays_flat_and_still() -> None:
     assert chain.step(np.array([[LENGTH, 0.0, 0.0]]), H).contact_x[0] == pytest.approx(LENGTH)
 
 
-def test_tip_follows_its_path_within_a_tenth_of_a_millimetre() -> None:
+def test_tip_follows_its_path_within_two_hundredths_of_a_millimetre() -> None:
+    """After the jerk with which a triangular path takes up a taut strip."""
     chain, path = Chain(60), triangular(LENGTH)
     chain.reset([describe(middling())])
     for travel in np.arange(0.0, 0.40, SPEED * H)[1:]:
         pose = path.poses(float(travel))
         chain.step(pose[None], H)
-        if travel > 0.05:
-            assert np.abs(chain.shapes()[0, -1] - pose[:2]).max() < 1e-4
+        if travel > 0.08:
+            assert np.abs(chain.shapes()[0, -1] - pose[:2]).max() < 2e-5
 
 
 def test_links_keep_their_length() -> None:
     chain = Chain(20)
     chain.reset([describe(middling())])
     carry(chain, 0.2, triangular(LENGTH))
-    shape = chain.shapes()[0]
-    np.testing.assert_allclose(np.hypot(*np.diff(shape, axis=0).T), LENGTH / 20, rtol=1e-12)
-    np.testing.assert_allclose(chain.arc()[0], np.linspace(0.0, LENGTH, 21))
+    shape, arc = chain.shapes()[0], chain.arc()[0]
+    np.testing.assert_allclose(np.hypot(*np.diff(shape, axis=0).T), np.diff(arc), rtol=1e-12)
+    assert arc[-1] == pytest.approx(LENGTH)
+
+
+def test_links_grow_shorter_towards_the_grip_alone() -> None:
+    spans = np.diff(places(LENGTH, 200))
+    np.testing.assert_allclose(spans[:190], spans[0], rtol=1e-9)
+    assert (np.diff(spans[189:]) < 0).all()
+    assert spans[-1] == pytest.approx(spans[0] / 4, rel=0.1)
 
 
 def test_triangle_and_circle_miss_by_what_a_fine_chain_misses(triangle: StripMotion) -> None:

@@ -12,7 +12,7 @@ from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import Boundary, Drag, StripModel, describe
 from drivers.twin.chain import Chain
 from drivers.twin.chain_foreign import Parts
-from drivers.twin.chain_hinges import own_laws, spans
+from drivers.twin.chain_hinges import own_laws
 from drivers.twin.chain_joints import Joints
 from drivers.twin.chain_loads import Loads
 from drivers.twin.chain_lumps import Lumps
@@ -83,7 +83,7 @@ def test_yarn_friction_costs_no_small_steps(
 def loads_of(model: StripModel) -> tuple[Lumps, mujoco.MjModel, mujoco.MjData, Loads]:
     lumps = Lumps.of(model, LINKS)
     chain = build(model, LINKS).compile()
-    return lumps, chain, mujoco.MjData(chain), Loads(lumps, Joints.of(chain, LINKS, lumps.spacing))
+    return lumps, chain, mujoco.MjData(chain), Loads(lumps, Joints.of(chain, lumps.spans))
 
 
 def test_drag_is_that_of_a_plate_that_turns_about_its_edge() -> None:
@@ -104,7 +104,7 @@ def test_drag_leaves_motion_along_the_strip_alone() -> None:
     model = affected("end_slip", friction=1.0)
     blown = replace(model, mechanics=replace(model.mechanics, drag=Drag(coefficient=2.0)))
     lumps, chain, data, loads = loads_of(blown)
-    data.qvel[Joints.of(chain, LINKS, lumps.spacing).edge] = 1.0
+    data.qvel[Joints.of(chain, lumps.spans).edge] = 1.0
     loads.renew(data, H)
     assert not data.xfrc_applied.any()
 
@@ -114,7 +114,7 @@ def test_air_rubs_along_the_strip_where_its_drag_says_so() -> None:
     model = affected("end_slip", friction=1.0)
     blown = replace(model, mechanics=replace(model.mechanics, drag=air))
     lumps, chain, data, loads = loads_of(blown)
-    data.qvel[Joints.of(chain, LINKS, lumps.spacing).edge] = speed
+    data.qvel[Joints.of(chain, lumps.spans).edge] = speed
     loads.renew(data, 1e-9)
     rubbed = 0.5 * 1.2 * 2.0 * 0.05 * LENGTH * (0.5 * speed + 0.1) * 0.5 * speed
     assert data.xfrc_applied[:, 0].sum() / lumps.scale == pytest.approx(-rubbed, rel=1e-6)
@@ -124,9 +124,9 @@ def test_air_rubs_along_the_strip_where_its_drag_says_so() -> None:
 def test_fifth_order_moment_is_that_of_the_law() -> None:
     model, kappa = affected("nonlinear_bending", cubic=1e-4, fifth=0.7), 50.0
     lumps, chain, data, _ = loads_of(model)
-    joints = Joints.of(chain, LINKS, lumps.spacing)
+    joints = Joints.of(chain, lumps.spans)
     parts = Parts(model, lumps, joints)
-    data.qpos[joints.hinges] = kappa * spans(parts)
+    data.qpos[joints.hinges] = kappa * lumps.reach
     (law,) = own_laws(model)
     law.begin(parts)(chain, data, 0.0, H)
     expected = denim().rigidity * kappa * 0.7 * (1e-4 * kappa**2) ** 2
@@ -146,7 +146,7 @@ def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(rate:
     model = affected("quadratic_damping", coefficient=coefficient)
     lumps, chain, data, _ = loads_of(model)
     chain.dof_damping[:] = 0.0
-    data.qvel[:] = rate * lumps.spacing
+    data.qvel[:] = rate * lumps.reach
     mujoco.mj_forward(chain, data)
     moment = -data.qfrc_damper[1:-1] / lumps.scale
     np.testing.assert_allclose(moment, denim().rigidity * coefficient * abs(rate) * rate, rtol=1e-9)
@@ -183,7 +183,8 @@ def test_stretched_strip_pulls_with_its_stiffness_times_its_strain() -> None:
     seen = chain.step(np.array([[LENGTH, 0.0, 0.0]]), H)
     expected = stiffness * -error / (LENGTH + error)
     assert -seen.holding_force[0] == pytest.approx(expected, rel=1e-2)
-    np.testing.assert_allclose(np.diff(shape[:, 0]), LENGTH / LINKS, rtol=1e-3)
+    spans = np.diff(chain.arc()[0])
+    np.testing.assert_allclose(np.diff(shape[:, 0]) / spans, LENGTH / (LENGTH + error), rtol=1e-3)
 
 
 @pytest.mark.parametrize("error", [-0.004, 0.0005, 0.008])
@@ -216,10 +217,10 @@ def test_grip_lets_go_of_what_is_pulled_harder_and_keeps_what_it_has() -> None:
     away[:, 0] = LENGTH + 0.02 * np.linspace(0.0, 1.0, 200) ** 2
     pulls = [-chain.step(pose[None], H).holding_force[0] for pose in away]
     assert max(pulls) < 1.2 * force
-    for pose in away[::-1]:
-        chain.step(pose[None] + (0.0, 0.02, 0.0), H)
-    lengths = np.hypot(*np.diff(chain.shapes()[0], axis=0).T)
-    assert lengths[-1] - lengths[0] == pytest.approx(0.02, abs=1e-3)
+    for pose, height in zip(away[::-1], np.linspace(0.0, 0.02, 200), strict=True):
+        chain.step(pose[None] + (0.0, height, 0.0), H)
+    last = np.hypot(*np.diff(chain.shapes()[0], axis=0).T)[-1]
+    assert last - np.diff(chain.arc()[0])[-1] == pytest.approx(0.02, abs=1e-3)
 
 
 def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
@@ -232,10 +233,11 @@ def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
         for share in np.linspace(0.0, 1.0, 200):
             chain.step((flat + share * (pose - flat))[None], H)
         shape = settle(chain, pose, 0.5)
+        spans = np.diff(chain.arc()[0])
         angles = np.arctan2(*np.diff(shape, axis=0).T[::-1])
-        before, last = np.diff(angles)[-2:] * LINKS / 0.1
-        bend = 2 * last - before
-        turned.append((angles[-1] + bend * 0.05 / LINKS, strip.rigidity * bend))
+        before, last = np.diff(angles)[-2:] / (0.5 * (spans[1:] + spans[:-1]))[-2:]
+        bend = last + (last - before) * spans[-1] / spans[-2]
+        turned.append((angles[-1] + bend * 0.5 * spans[-1], strip.rigidity * bend))
     assert turned[0][0] == pytest.approx(0.8, abs=0.01)
     assert 0.8 - turned[1][0] == pytest.approx(compliance * turned[1][1], rel=0.05)
 

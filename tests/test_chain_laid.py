@@ -69,7 +69,7 @@ def test_edge_is_laid_off_by_the_displacement(laid: Laid) -> None:
 
 
 def test_released_edge_falls_to_the_desk() -> None:
-    chain = Chain(20)
+    chain = Chain(40)
     chain.reset([describe(middling())])
     pose = carry(chain, 0.15, triangular(LENGTH))
     chain.release()

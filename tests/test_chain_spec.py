@@ -34,7 +34,7 @@ def moments(model: StripModel, curvature: float) -> np.ndarray:
     """Moments at the inner hinges of a chain bent to a uniform curvature [N m]."""
     chain = build(model, LINKS).compile()
     state = mujoco.MjData(chain)
-    state.qpos[:] = curvature * model.mechanics.length / LINKS
+    state.qpos[:] = curvature * Lumps.of(model, LINKS).reach
     mujoco.mj_forward(chain, state)
     return -state.qfrc_spring[1:-1] / Lumps.of(model, LINKS).scale
 
@@ -43,10 +43,12 @@ def test_every_build_is_a_fresh_one(model: StripModel) -> None:
     assert build(model, LINKS).to_xml() == build(model, LINKS).to_xml()
 
 
-def test_hinges_at_both_clamps_are_twice_as_stiff_and_damped(model: StripModel) -> None:
+def test_hinges_at_both_clamps_stand_for_half_a_link(model: StripModel) -> None:
     chain = build(model, LINKS).compile()
+    spans = Lumps.of(model, LINKS).spans
     for values in (chain.jnt_stiffness, chain.dof_damping):
-        np.testing.assert_allclose(values[[0, -1]], 2 * values[1], rtol=1e-12)
+        ends = np.array([spans[0], spans[-1]])
+        np.testing.assert_allclose(values[[0, -1]] * ends, 2 * values[1] * spans[0], rtol=1e-12)
 
 
 def test_hinges_together_bend_like_the_strip_whatever_their_number(strip: StripFile) -> None:

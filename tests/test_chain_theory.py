@@ -64,8 +64,9 @@ def bent_and_let_go(model: StripModel, curvature: float) -> Array:
         edge = np.array([np.sin(turn) / kappa, (1 - np.cos(turn)) / kappa, turn])
         chain.step(edge[None], H)
     chain.release()
-    edges = np.diff(settle(chain, edge, 4.0), axis=0)
-    return np.diff(np.arctan2(edges[:, 1], edges[:, 0])) / (length / links)
+    edges, spans = np.diff(settle(chain, edge, 4.0), axis=0), np.diff(chain.arc()[0])
+    turns = np.diff(np.arctan2(edges[:, 1], edges[:, 0]))
+    return np.asarray(turns / (0.5 * (spans[1:] + spans[:-1])))
 
 
 def test_yarn_friction_keeps_a_sharply_bent_strip_bent_at_its_yield_curvature() -> None:

@@ -41,7 +41,7 @@ FRAMES = (120, 200, 290)
 
 @lru_cache
 def _fold() -> TwinFold:
-    return simulate_fold(DENIM, triangular(DENIM.length), 0.1)
+    return simulate_fold(DENIM, triangular(DENIM.length), 0.1, links=120)
 
 
 def _model(name: str, values: Values) -> StripModel:

@@ -98,6 +98,17 @@ def test_profile_runs_from_the_contact_to_the_fingers() -> None:
     assert steps.max() < 2 * np.median(steps)
 
 
+@pytest.mark.parametrize("slid", [0.002, 0.006, 0.015])
+def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid: float) -> None:
+    perception, camera, fold = _ready()
+    away = np.array([slid, 0.0])
+    moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + (slid, 0.0, 0.0))
+    sight = perception.look(camera.frame(moved, 200), moved.pose(200 / 60))
+    assert sight.contact_x == pytest.approx(fold.contact_x(200 / 60) + slid, abs=0.0015)
+    assert sight.contact_confidence > 0.9
+    assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
+
+
 def test_rightmost_point_of_the_lifted_strip_is_within_1_mm() -> None:
     perception, camera, fold = _ready()
     for sequence in (100, 160, 220):

@@ -12,7 +12,6 @@ from drivers.types import Array, Image
 SPACING = 0.0003  # m between samples along the line
 FRONT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
-START = 15  # samples that tell whether the strip lies at the line's beginning
 MARGIN = 0.004  # m of desk that must follow
 
 
@@ -65,8 +64,6 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     strip = along > 0.5
     if not strip[: len(strip) // 8].any():
         return Contact(float("nan"), 0.0)
-    if along[:START].mean() < 0.3:  # the strip rises at its very beginning
-        return Contact(float(line.x[0]), 0.5)
     ahead = int(MARGIN / SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
     started = np.maximum.accumulate(strip)

@@ -20,7 +20,7 @@ class Chain:
 
     Steps longer than 5 ms are taken in equal parts along the straight line between poses.
     After layer_touch the run goes on: the layers rest on each other. A grip is compliant
-    (10 N pull it by 0.07 mm on the paper's strip), so a pose that the strip cannot reach costs
+    (10 N pull it by 7 um on the paper's strip), so a pose that the strip cannot reach costs
     force, not a fault. `foreign` laws act on the strips besides those of their models.
     """
 

@@ -70,7 +70,7 @@ class Ends:
         if grip is not None and np.isinf(limit):
             grip = None
         cling = boundary.edge_friction * float(lumps.mass.sum()) * press
-        held, loose = min(lumps.along, limit / GIVE), min(lumps.held, cling / GIVE)
+        held, loose = min(lumps.along[-1], limit / GIVE), min(lumps.held[0], cling / GIVE)
         return cls(
             grip=None if grip is None else Slide(grip, held, limit, both_ways=False),
             edge=None if edge is None else Slide(edge, loose, cling, both_ways=True),

@@ -11,14 +11,6 @@ from drivers.twin.chain_foreign import Act, Foreign, Parts
 from drivers.types import Array
 
 
-def spans(parts: Parts) -> Array:
-    """Length of strip (n + 1,) [m] for which each hinge stands: half a link at both ends."""
-    links = len(parts.lumps.mass)
-    span = np.full(links + 1, parts.lumps.spacing)
-    span[[0, -1]] *= 0.5
-    return span
-
-
 class MomentLaw(Protocol):
     """A moment that resists bending, as a function of the angles of all hinges and their past."""
 

@@ -16,13 +16,13 @@ Indices = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True)
 class Joints:
-    """Coordinates of a chain of n links, `spacing` [m] long at rest.
+    """Coordinates of a chain of n links, `spans` (n,) [m] long at rest.
 
     `hinges` (n + 1,) are those of the nodes; `slides` those by which the links `lengthened` grow
     longer; `edge` moves the fixed edge along the desk, `grip` the end of the last link.
     """
 
-    spacing: float
+    spans: Array
     hinges: Indices
     slides: Indices
     lengthened: Indices
@@ -30,13 +30,14 @@ class Joints:
     grip: int | None
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, links: int, spacing: float) -> Self:
+    def of(cls, model: mujoco.MjModel, spans: Array) -> Self:
         """Coordinates of a compiled chain."""
+        links = len(spans)
         found = {model.joint(j).name: j for j in range(model.njnt)}
         slides = {k: found[f"{SLIDE}{k}"] for k in range(links + 1) if f"{SLIDE}{k}" in found}
         stretching = [node for node in slides if node > 0]
         return cls(
-            spacing=spacing,
+            spans=spans,
             hinges=np.array([found[f"{HINGE}{k}"] for k in range(links + 1)]),
             slides=np.array([slides[node] for node in stretching], dtype=int),
             lengthened=np.array(stretching, dtype=int) - 1,
@@ -54,8 +55,6 @@ class Joints:
         nodes = np.zeros((len(self.hinges), 2))
         nodes[1:, 0] = np.cos(angles)
         nodes[1:, 1] = np.sin(angles)
-        if len(self.slides) == 0 and self.edge is None:
-            return np.asarray(nodes.cumsum(axis=0) * self.spacing)
         nodes[1:] *= self._lengths(position)
         if self.edge is not None:
             nodes[0, 0] = position[self.edge]
@@ -78,6 +77,6 @@ class Joints:
         return np.stack([(middles * way).sum(axis=1) for way in (along, normals)], axis=1), along
 
     def _lengths(self, position: Array) -> Array:
-        lengths = np.full((len(self.hinges) - 1, 1), self.spacing)
+        lengths = self.spans[:, None].copy()
         lengths[self.lengthened, 0] += position[self.slides]
         return lengths

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from drivers.twin.chain_contact import solid
+from drivers.twin.chain_lumps import Lumps
 from drivers.types import Array
 
 THICK = 0.005  # m, how far one layer may fall through the other and is still pushed back
@@ -37,15 +38,14 @@ class Layers:
             upper=turned + int(back[0]) if len(back) else len(angle),
         )
 
-    def add(
-        self, body: mujoco.MjsBody, node: int, spacing: float, gap: float, cling: float
-    ) -> None:
+    def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
         """Give the link that begins at `node` its part in keeping midlines `gap` [m] apart, and
-        together against a pull of `cling` [N].
+        together where strips cling.
 
         Its body lies on the outer side of the fold and is thick, because a falling layer moves
         by more than the thickness of fabric within a step.
         """
+        link = min(node, len(lumps.spans) - 1)
         radius = max(THICK, gap)
         outside = 0.5 * gap - radius
         if node >= self.upper:
@@ -56,10 +56,10 @@ class Layers:
             bead = solid(body, contype=0, conaffinity=UPPER)
             bead.type = mujoco.mjtGeom.mjGEOM_CAPSULE
             bead.size = [radius, 0.0, 0.0]
-            bead.fromto = [0.0, 0.0, outside, spacing, 0.0, outside]
+            bead.fromto = [0.0, 0.0, outside, lumps.spans[link], 0.0, outside]
         else:
             return
-        if cling > 0:
-            bead.adhesion, bead.gap = cling, REACH
+        if lumps.cling[link] > 0:
+            bead.adhesion, bead.gap = lumps.cling[link], REACH
         bead.condim = 3
         bead.friction = [FRICTION, 0.0, 0.0]

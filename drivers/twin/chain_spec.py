@@ -12,7 +12,7 @@ from drivers.twin.chain_joints import HINGE, SLIDE
 from drivers.twin.chain_layers import Layers
 from drivers.twin.chain_lumps import Lumps
 
-GRIP_WEIGHT = 300.0  # 1/kg: a pull of 10 N stretches the grip by 0.07 mm
+GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
 TIP_MASS = 1e-3  # of a link's mass
 DESK = 1  # collision class
 KNOWN: dict[type, str] = {
@@ -39,7 +39,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     _add_desk(spec, gap / 2)
     body = spec.worldbody
     for node in range(links + 1):
-        place = [0.0, 0.0, 0.0] if node == 0 else [lumps.spacing, 0.0, 0.0]
+        place = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
         body = body.add_body(name=f"node{node}", pos=place)
         _add_slide(body, model, lumps, node)
         _add_hinge(spec, body, lumps, node)
@@ -47,7 +47,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
         if node > 0:
             solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
         if layers is not None:
-            layers.add(body, node, lumps.spacing, gap, lumps.cling)
+            layers.add(body, node, lumps, gap)
     _add_grip(spec, links, model.mechanics.length)
     _add_force_sensor(spec)
     return spec
@@ -105,7 +105,7 @@ def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int)
             name=f"{SLIDE}{node}",
             type=mujoco.mjtJoint.mjJNT_SLIDE,
             axis=[1.0, 0.0, 0.0],
-            stiffness=[lumps.held if node == 0 else lumps.along, 0.0, 0.0],
+            stiffness=[lumps.held[0] if node == 0 else lumps.along[node - 1], 0.0, 0.0],
         )
 
 
@@ -132,8 +132,8 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
 
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
     if node < len(lumps.mass):
-        mass, centre = lumps.mass[node], 0.5 * lumps.spacing
-        inertia = mass * lumps.spacing**2 / 12
+        mass, centre = lumps.mass[node], 0.5 * lumps.spans[node]
+        inertia = mass * lumps.spans[node] ** 2 / 12
     else:
         mass, centre = TIP_MASS * lumps.mass[-1], 0.0
         inertia = STEP**2 * lumps.stiffness[-1]

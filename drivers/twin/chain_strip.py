@@ -24,7 +24,7 @@ from drivers.twin.chain_spec import compiled
 from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
-PULL = 2e-4  # m beyond a strip's reach: some three times its weight
+PULL = 2e-5  # m beyond a strip's reach: some three times its weight
 WILD = np.pi  # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -41,7 +41,7 @@ class ChainStrip:
         self._description, self._links = model, links
         self._lumps = Lumps.of(model, links)
         self._load(compiled(model, links))
-        self._joints = Joints.of(self._model, links, self._lumps.spacing)
+        self._joints = Joints.of(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
         self._foreign = Foreigners(
             (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
@@ -52,7 +52,7 @@ class ChainStrip:
         self._held = True
         self._time = 0.0
         self._gap: Gap | None = None
-        self.arc = np.linspace(0.0, model.mechanics.length, links + 1)
+        self.arc = np.concatenate([[0.0], np.cumsum(self._lumps.spans)])
         self.points = self._joints.nodes(self._data.qpos)
         self.touch: Touch | None = None
         self._bring_in()

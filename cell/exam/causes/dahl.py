@@ -7,7 +7,7 @@ from pydantic import Field
 
 from cell.exam.causes.cause import Cause
 from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted, spans
+from drivers.twin.chain_hinges import resisted
 from drivers.types import Array
 
 
@@ -31,7 +31,9 @@ class Dahl(Cause):
             return None
         stiffness = parts.lumps.stiffness
         element = Element(
-            stiffness * self.yield_curvature * spans(parts), self.ratio * stiffness, self.exponent
+            stiffness * self.yield_curvature * parts.lumps.reach,
+            self.ratio * stiffness,
+            self.exponent,
         )
         return resisted(parts, element)
 

@@ -31,7 +31,7 @@ class Draught(Cause):
         if self.speed == 0:
             return None
         lumps = parts.lumps
-        size = 0.5 * AIR * self.drag * parts.model.mechanics.width * lumps.spacing * lumps.scale
+        size = 0.5 * AIR * self.drag * parts.model.mechanics.width * lumps.spans * lumps.scale
         gust = float(rng.standard_normal())
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:

@@ -33,14 +33,14 @@ class ObliqueDrag(Cause):
             return None
         lumps = parts.lumps
         size = 0.5 * AIR * self.coefficient * parts.model.mechanics.width
-        size *= lumps.spacing * lumps.scale * self.speed**2
+        size *= lumps.scale * self.speed**2
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, h: float) -> None:
             _middles, speed, along = moving(parts.joints, data.qpos, data.qvel)
             length = np.maximum(np.hypot(speed[:, 0], speed[:, 1]), 1e-9)[:, None]
             push = (speed * along).sum(axis=1)[:, None] * along
             way = (speed - (1.0 - self.along) * push) / length
-            force = -size * (length / self.speed) ** self.exponent * way
+            force = -size * lumps.spans[:, None] * (length / self.speed) ** self.exponent * way
             data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, speed, h)
 
         return act

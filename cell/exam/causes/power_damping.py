@@ -8,7 +8,6 @@ from pydantic import Field
 
 from cell.exam.causes.cause import Cause
 from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import spans
 
 
 class PowerDamping(Cause):
@@ -29,7 +28,7 @@ class PowerDamping(Cause):
         if self.coefficient == 0:
             return None
         hinges = parts.joints.hinges
-        span = spans(parts)
+        span = parts.lumps.reach
         # moment = K span c r^2 (|w| / (span r))^p = [K c r (|w| / (span r))^(p - 1)] w
         size = parts.lumps.stiffness * self.coefficient * self.rate
 

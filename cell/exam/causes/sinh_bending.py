@@ -7,7 +7,7 @@ from pydantic import Field
 
 from cell.exam.causes.cause import Cause
 from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted, spans
+from drivers.twin.chain_hinges import resisted
 from drivers.types import Array
 
 STEEPEST = 6.0  # times the curvature of the law from which on it is led straight
@@ -31,7 +31,7 @@ class SinhBending(Cause):
             return None
         hard = self.cubic > 0
         bend = np.sqrt(1.0 / ((6.0 if hard else 3.0) * abs(self.cubic)))
-        return resisted(parts, Excess(parts.lumps.stiffness, bend * spans(parts), hard=hard))
+        return resisted(parts, Excess(parts.lumps.stiffness, bend * parts.lumps.reach, hard=hard))
 
 
 class Excess:

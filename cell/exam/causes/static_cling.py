@@ -23,12 +23,12 @@ class StaticCling(Cause):
         if self.pressure == 0:
             return None
         lumps, joints = parts.lumps, parts.joints
-        size = self.pressure * parts.model.mechanics.width * lumps.spacing * lumps.scale
+        size = self.pressure * parts.model.mechanics.width * lumps.spans * lumps.scale
 
         def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
             nodes = joints.nodes(data.qpos)
             height = np.maximum(0.5 * (nodes[1:, 1] + nodes[:-1, 1]), 0.0)
-            level = np.abs(np.diff(nodes[:, 0])) / lumps.spacing  # what faces the desk
+            level = np.abs(np.diff(nodes[:, 0])) / lumps.spans  # what faces the desk
             data.xfrc_applied[1:-2, 2] -= size * level * np.exp(-height / self.reach)
 
         return act

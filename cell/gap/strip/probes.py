@@ -22,7 +22,7 @@ def sizes(effect: Effect, strip: StripFile) -> tuple[float, ...]:
         "nonlinear_bending": (-4e-6, 3e-5, 2e-4),
         "quadratic_damping": (1e-4, 1e-3),
         "relaxation": (0.03, 0.2),
-        "stretch": (weight / 0.002, weight / 0.02),
+        "stretch": (weight / 0.002, weight / 0.006, weight / 0.02),
         "air_drag": (0.3, 1.5),
         "pre_curl": (0.5, 5.0),
         "crease": (-0.3, 0.3),

@@ -6,6 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from drivers.errors import Unsupported
+from drivers.strip.lattice import graded
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
 from drivers.strip.rod import layout as at
 from drivers.types import Array
@@ -24,15 +25,8 @@ AIR = 1.2  # kg/m^3
 
 
 def lattice(length: float, segments: int) -> Array:
-    """Arc lengths of the nodes (segments + 1,) [m]: equal segments, finer towards the grip.
-
-    A taut strip bends to the grip's pitch within sqrt(EI / T), a millimetre or two, and where it
-    leaves the desk hangs on the length lost in that bend.
-    """
-    before_grip = (segments - 0.5 - np.arange(segments)) / segments
-    spans = np.minimum(1.0, FINEST ** (1.0 - before_grip / GRADED))
-    arc = np.concatenate([[0.0], np.cumsum(spans)])
-    return np.asarray(arc * (length / arc[-1]))
+    """Arc lengths of the nodes (segments + 1,) [m]: equal segments, finer towards the grip."""
+    return graded(length, segments, GRADED, FINEST)
 
 
 def needs_terms(model: StripModel) -> bool:

@@ -42,7 +42,7 @@ def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
     length = float(middle.arc[-1])
     count = max(int(np.ceil(length / spacing)), 8)
     s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
-    points, derivatives = through_nodes(smoothed(middle.points), middle.arc, s)
+    points, derivatives = through_nodes(smoothed(middle.points, middle.arc), middle.arc, s)
     size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
     motion = None
     if first.points is not last.points:
@@ -51,15 +51,18 @@ def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
     return Curve(s, points, derivatives / size[:, None], motion)
 
 
-def smoothed(points: Array) -> Array:
+def smoothed(points: Array, arc: Array) -> Array:
     """Nodes (n, 2) whose smooth curve is the nearest to the straight links between `points`.
 
     A curve through the ends of straight links stays on their outer side, by kappa h^2 / 12 on
-    average. Nodes that move in by a twelfth of their second difference take that away, so that
-    contact and profile measured along the links are those of the picture.
+    average. Nodes that move in by as much, a twelfth of their second difference where the links
+    are equal, take that away, so that contact and profile measured along the links are those of
+    the picture.
     """
+    spans = np.diff(arc)
+    bend = np.diff(np.diff(points, axis=0) / spans[:, None], axis=0)
     nodes = points.copy()
-    nodes[1:-1] += (points[:-2] - 2 * points[1:-1] + points[2:]) / 12
+    nodes[1:-1] += bend * (spans[:-1] * spans[1:] / (6 * (spans[:-1] + spans[1:])))[:, None]
     return nodes
 
 
