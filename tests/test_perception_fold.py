@@ -102,7 +102,7 @@ def test_profile_runs_from_the_contact_to_the_fingers() -> None:
 def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid: float) -> None:
     perception, camera, fold = _ready()
     away = np.array([slid, 0.0])
-    moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + (slid, 0.0, 0.0))
+    moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + np.array([slid, 0, 0]))
     sight = perception.look(camera.frame(moved, 200), moved.pose(200 / 60))
     assert sight.contact_x == pytest.approx(fold.contact_x(200 / 60) + slid, abs=0.0015)
     assert sight.contact_confidence > 0.9
