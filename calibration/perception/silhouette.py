@@ -1,6 +1,7 @@
 """The strip's silhouette, and its outer side in order from the desk to the gripper."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import cv2
 import numpy as np
@@ -13,6 +14,8 @@ SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 HANGING = 9  # px over which columns are averaged for an edge-on strip
 SPECK = 12  # px, smaller patches are noise
 BRIDGE = 45.0  # px, longest break of an edge-on strip that is bridged
+ARM, THIN = 8, 5.0  # px: an outline that comes this near to itself so far from a tip turns there
+FACING = 0.8  # cosine within which two tips point at each other
 ASIDE = 30.0  # px about the gripper point within which the fingers end the strip
 SMOOTH = 4  # px along the outline to either side of which directions are averaged
 
@@ -101,11 +104,13 @@ def _smoothed(ring: Array) -> Array:
 
 
 def _body(mask: Image, contact: Array, gripper: Array) -> Array | None:
-    """Outline (n, 2) of the body at the contact, counter-clockwise as seen, breaks bridged."""
+    """Outline (n, 2) of the body at the contact, counter-clockwise as seen, breaks bridged:
+    between bodies, and in one whose parts hang together elsewhere, as touching layers do.
+    """
     outlines = _outlines(mask)
     if not outlines:
         return None
-    body = min(outlines, key=lambda o: float(np.hypot(*(o - contact).T).min()))
+    body = _nearest(outlines, contact)
     others = [o for o in outlines if o is not body]
     bridged = False
     while others and np.hypot(*(body - gripper).T).min() > 6:
@@ -120,8 +125,10 @@ def _body(mask: Image, contact: Array, gripper: Array) -> Array | None:
         body = np.vstack([body, nearest])
         bridged = True
     if bridged:
-        outlines = _outlines(mask)
-        body = min(outlines, key=lambda o: float(np.hypot(*(o - contact).T).min()))
+        body = _nearest(_outlines(mask), contact)
+    for here, there in _breaks(body):
+        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+        body = _nearest(_outlines(mask), contact)
     if len(body) < 4 * SMOOTH:
         return None
     area = cv2.contourArea(body.reshape(-1, 1, 2), oriented=True)
@@ -131,6 +138,37 @@ def _body(mask: Image, contact: Array, gripper: Array) -> Array | None:
 def _outlines(mask: Image) -> list[Outline]:
     found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return [outline.reshape(-1, 2) for outline in found if len(outline) >= SPECK]
+
+
+def _nearest(outlines: list[Outline], point: Array) -> Outline:
+    return min(outlines, key=lambda o: float(np.hypot(*(o - point).T).min()))
+
+
+def _breaks(outline: Outline) -> list[tuple[Outline, Outline]]:
+    """Pairs of tips that point at each other over a break of the strip."""
+    tips, ways = _tips(outline)
+    found = []
+    for i, j in combinations(range(len(tips)), 2):
+        across = (tips[j] - tips[i]).astype(np.float64)
+        length = float(np.hypot(*across))
+        facing = min(ways[i] @ across, -(ways[j] @ across)) > FACING * length
+        if 0.0 < length < BRIDGE and facing:
+            found.append((tips[i], tips[j]))
+    return found
+
+
+def _tips(outline: Outline) -> tuple[Outline, Array]:
+    """Points (k, 2) where an outline turns back on itself, and unit directions (k, 2) outwards."""
+    after, before = np.roll(outline, -ARM, axis=0), np.roll(outline, ARM, axis=0)
+    way = outline - 0.5 * (after + before)
+    length = np.hypot(*way.T)
+    turns = (np.hypot(*(after - before).T) < THIN) & (length > 0.6 * ARM)
+    first = np.flatnonzero(turns & ~np.roll(turns, 1))
+    last = np.flatnonzero(turns & ~np.roll(turns, -1))
+    if len(first) and first[0] > last[0]:  # one begins before the outline's first point
+        last = np.roll(last, -1) + np.where(np.arange(len(last)) == len(last) - 1, len(turns), 0)
+    middle = ((first + last) // 2) % len(turns)
+    return outline[middle], way[middle] / length[middle, None]
 
 
 def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
