@@ -33,6 +33,7 @@ class LayerTouch:
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
         self._settings = settings
         self._distance = max(strip.thickness, 0.001)
+        self._most = strip.length + settings.length_error
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
@@ -43,10 +44,15 @@ class LayerTouch:
         """
         if self._touch is None:
             fall = _fall(sight, gripper)
-            if fall is not None and (not self._falls or fall.time > self._falls[-1].time):
+            if fall is not None and self._follows(fall):
                 self._falls = [*self._falls, fall][-self._settings.touch_frames :]
                 self._touch = self._judged()
         return self._touch
+
+    def _follows(self, fall: Fall) -> bool:
+        """Whether it is later than those before, and leaves no more strip than there is."""
+        later = not self._falls or fall.time > self._falls[-1].time
+        return later and fall.x + fall.to_grasped < self._most
 
     def _judged(self) -> SeenTouch | None:
         t = np.array([f.time for f in self._falls])

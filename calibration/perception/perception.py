@@ -11,7 +11,7 @@ from calibration.perception.profile import Geometry, midline_points, ordered, re
 from calibration.perception.region import START, Region, hide_hand, strip_region, zones
 from calibration.perception.settings import PerceptionSettings
 from calibration.perception.sight import Sight
-from calibration.perception.silhouette import Grip, outer_side, silhouette
+from calibration.perception.silhouette import Grip, Side, outer_side, silhouette
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
@@ -89,11 +89,9 @@ class Perception:
             return UNSEEN
         if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
             return Curve(np.empty((0, 2)), contact.confidence)
-        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
-        mask = silhouette(smooth, self._faint, zone, high)
-        hide_hand(mask, region, self._calibration, gripper)
-        start, grip = self._ends(contact, gripper, region)
-        side = outer_side(mask, start, grip, self._settings.outline_step)
+        side = self._side(smooth, region, contact, gripper, askew=False)
+        if side is None or side.missing > 0:
+            side = self._side(smooth, region, contact, gripper, askew=True)
         if side is None:
             return UNSEEN
         geometry = Geometry(
@@ -110,6 +108,16 @@ class Perception:
         error = max(abs(length - self._strip.length), reach - self._settings.reach)
         whole = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
         return Curve(even, float(whole * midline.seen.mean()))
+
+    def _side(
+        self, smooth: Image, region: Region, contact: Contact, gripper: Pose, *, askew: bool
+    ) -> Side | None:
+        """The lifted strip's outer side in the window."""
+        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
+        mask = silhouette(smooth, self._faint, zone, high, askew=askew)
+        hide_hand(mask, region, self._calibration, gripper)
+        start, grip = self._ends(contact, gripper, region)
+        return outer_side(mask, start, grip, self._settings.outline_step)
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """The fold's rightmost point and the gap between the layers, where a profile was seen."""

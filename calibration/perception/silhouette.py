@@ -12,6 +12,7 @@ from drivers.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
 HANGING = 9  # px over which columns are averaged for an edge-on strip
+SLANTS = (-65.0, -45.0, -25.0, 25.0, 45.0, 65.0)  # degrees from the columns, where it hangs askew
 SPECK = 12  # px, smaller patches are noise
 BRIDGE = 45.0  # px, longest break of an edge-on strip that is bridged
 ARM, THIN = 8, 5.0  # px: an outline that comes this near to itself so far from a tip turns there
@@ -51,16 +52,31 @@ class Grip:
         return np.asarray((along > -self.clearance) & (aside < ASIDE) & (along < ASIDE))
 
 
-def silhouette(soft: Image, faint: float, strip: Image, lifted: Image) -> Image:
+def silhouette(
+    soft: Image, faint: float, strip: Image, lifted: Image, *, askew: bool = False
+) -> Image:
     """Mask of the strip in softened matte levels, all (h, w): share SOLID in the zone `strip`,
     `faint` where it is `lifted`.
 
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour. It hangs
-    when it is edge-on for long, so that averaging down the columns brings it out of the noise.
+    when it is edge-on for long, so that averaging down the columns brings it out of the noise;
+    `askew` averages along slanted lines too, which takes three times as long.
     """
     hanging = _over(cv2.blur(soft, (1, HANGING)), faint)
+    for angle in SLANTS if askew else ():
+        hanging |= _over(cv2.filter2D(soft, -1, _line(angle)), faint)
     thin = hanging & _over(soft, faint / 2) & lifted
     return np.asarray((_over(soft, SOLID) | thin) & strip)
+
+
+def _line(angle: float) -> Array:
+    """Kernel that averages over HANGING pixels along a line `angle` [degrees] from the columns."""
+    half = HANGING // 2
+    along = np.array([np.sin(np.radians(angle)), np.cos(np.radians(angle))])
+    u, v = np.rint(np.arange(-half, half + 1)[:, None] * along).astype(int).T + half
+    kernel = np.zeros((HANGING, HANGING))
+    np.add.at(kernel, (v, u), 1.0 / HANGING)
+    return kernel
 
 
 def _over(levels: Image, share: float) -> Image:
