@@ -25,7 +25,7 @@ USUAL = {
     "factor": 5.0, "position": 0.3, "width": 0.03, "ratio": 0.3, "time": 0.5, "angle": 0.1,
     "mass": 1e-3, "x": 0.003, "z": 0.003, "stiffness_ratio": 8.0, "yield_curvature": 12.0,
     "cubic": 3e-5, "coefficient": 2.0, "fifth": 0.3, "slow": 0.03, "oblique": 0.3, "along": 0.1,
-    "softness": 0.3,
+    "softness": 0.3, "set": 0.4,
 }  # fmt: skip
 INDEX = 2  # runs that the specimen has been through before
 

@@ -31,7 +31,11 @@ VALUES: dict[str, list[Values]] = {
         {"cubic": 1e-4, "fifth": 1.0},
     ],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
-    "relaxation": [{"ratio": 0.45, "time": 1.0}, {"ratio": 0.9, "time": 0.05}],
+    "relaxation": [
+        {"ratio": 0.45, "time": 1.0},
+        {"ratio": 0.9, "time": 0.05},
+        {"ratio": 0.5, "time": 0.3, "set": 0.8},
+    ],
     "stretch": [{"stiffness": 300.0}, {"stiffness": 1.0}],
     "air_drag": [
         {"coefficient": 5.0},

@@ -21,7 +21,7 @@ from tests.gap_strip_cases import CELL, STRIP, denim, folds, in_noise, residuals
 
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
-    "bending_hysteresis": (8.0, 8.0),
+    "bending_hysteresis": (8.0, 8.0, 0.5),
     "nonlinear_bending": (1e-4, 1.0),
     "camera_latency": (0.02,),
     "desk_tilt": (0.01,),

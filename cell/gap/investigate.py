@@ -92,7 +92,7 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     return Screened(
         tuple(probed),
         tuple(singles),
-        tuple(ranked_pairs(known, search.PAIRS)),
+        tuple(ranked_pairs(known, search.SIFTED)),
         _screened_p(subject, singles, by),
         detectable(about, probed, by),
     )
@@ -129,7 +129,8 @@ def _refit(
     if search.exhausted(pool) or not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)
-    pool = tried(pool, screened.pairs)
+    pairs = search.sifted(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
+    pool = tried(pool, pairs)
     pool = tried(pool, search.extended(simulate, pool, 1, candidates))
     pair = len(search.choose(pool).accepted.model.effects) == 2
     if pair and not search.exhausted(pool) and _unsettled(pool, anywhere=False):

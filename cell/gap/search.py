@@ -19,6 +19,7 @@ from cell.gap.subject import Candidate
 from drivers.types import Array
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
+SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
 WORTH = 0.5  # of the best model's gain, from which a rival's law is bent too
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
@@ -56,12 +57,46 @@ def fit_scores(
     """Screened models refitted with the base, from null and from what the screen found."""
     tasks = []
     for s in scores:
-        model = with_effects(base.model, s.names, candidates)
-        origin = s.after or base
-        shared, _ = origin.model.split(origin.shared)
-        points = [Point(model.joined(shared, v), origin.point.local) for v in s.starts]
+        model, points = _starts(base, s, candidates)
         tasks.append(_fitted(model, base.evidence, points))
     return together(simulate, [validate(e) for e in together(simulate, tasks)])
+
+
+def sifted(
+    simulate: Simulate,
+    base: Estimate,
+    scores: Sequence[Score],
+    candidates: Sequence[Candidate],
+    most: int,
+) -> list[Score]:
+    """The `most` scores whose models come farthest in a few steps, to go on from there.
+
+    Responses are far from linear where one effect of a pair moves what the other one does.
+    """
+    tasks = []
+    for s in scores:
+        model, points = _starts(base, s, candidates)
+        tasks.append(_begun(model, base.evidence, points[1:] or points))
+    done = together(simulate, tasks)
+    scale = min((e.scale for e in done), default=1.0)
+    order = sorted(range(len(done)), key=lambda i: judged(done[i], scale))
+    return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
+
+
+def _begun(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
+    """The best of the first few steps from each start."""
+    fits = [refit(model, evidence, p, enough=ROUGHLY, steps=SIFTING) for p in starts]
+    return best((yield from side_by_side(fits)))
+
+
+def _starts(
+    base: Estimate, score: Score, candidates: Sequence[Candidate]
+) -> tuple[Model, list[Point]]:
+    """The model of a score, and the points where its fits begin."""
+    model = with_effects(base.model, score.names, candidates)
+    origin = score.after or base
+    shared, _ = origin.model.split(origin.shared)
+    return model, [Point(model.joined(shared, v), origin.point.local) for v in score.starts]
 
 
 def _fitted(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:

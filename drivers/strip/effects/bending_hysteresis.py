@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from drivers.strip.crease import set_down
 from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import StripModel
 
@@ -13,7 +14,8 @@ def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         yield_curvature=values["yield_curvature"],
         stiffness_ratio=values["stiffness_ratio"],
     )
-    return replace(model, mechanics=replace(model.mechanics, law=law))
+    lawful = replace(model, mechanics=replace(model.mechanics, law=law))
+    return set_down(lawful, values["set"])
 
 
 EFFECT = Effect(
@@ -24,6 +26,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
         Parameter("stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0),
+        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, finer=0.3),
     ),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),

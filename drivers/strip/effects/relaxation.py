@@ -3,13 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from drivers.strip.crease import set_down
 from drivers.strip.effects.effect import Effect, Parameter, Stage
 from drivers.strip.model import StripModel
 
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     law = replace(model.mechanics.law, relaxing=values["ratio"], relaxation_time=values["time"])
-    return replace(model, mechanics=replace(model.mechanics, law=law))
+    lawful = replace(model, mechanics=replace(model.mechanics, law=law))
+    return set_down(lawful, values["set"])
 
 
 EFFECT = Effect(
@@ -20,6 +22,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("ratio", "1", low=0.0, high=0.9),
         Parameter("time", "s", low=0.01, high=100.0, null=None),
+        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, finer=0.3),
     ),
     apply=_apply,
     channels=frozenset({"contact_x", "profile", "layer_touch"}),
