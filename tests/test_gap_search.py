@@ -9,7 +9,8 @@ import pytest
 from cell.gap.batch import alone
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model
-from cell.gap.search import bent, exhausted, merged, with_bent, without_each
+from cell.gap.screen import Score
+from cell.gap.search import bent, exhausted, merged, sifted, with_bent, without_each
 from cell.gap.subject import Parameter, Request, Residuals, Scope
 from tests.test_gap_engine import Curves, Law, bump, hidden, wave
 from tests.test_gap_engine import fitted as at
@@ -67,6 +68,18 @@ def pool_of(lean: float) -> list[Validated]:
     subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
     found = [at(subject, names) for names in ((), ("bump",))]
     return [alone(subject.simulate, validate(fit)) for fit in found]
+
+
+def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
+    subject = Curves(BOTH)
+    base = at(subject)
+    some = np.array([0.1])
+    screened = [Score(names, gain, dict.fromkeys(names, some), linear=False)
+                for names, gain in ((("bump", "dead"), 9.0), (("bump", "wave"), 1.0))]  # fmt: skip
+    (first,) = sifted(subject.simulate, base, screened, subject.scope.candidates, 1)
+    assert first.names == ("bump", "wave")
+    (start,) = first.starts
+    assert [start[n][0] for n in first.names] == pytest.approx([0.2, -0.15], abs=0.02)
 
 
 def test_law_that_only_resembles_the_librarys_is_bent() -> None:

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from cell.gap import quadratic, robust
-from cell.gap.compare import holm
+from cell.gap.compare import bounded, excess, holm
 from cell.gap.subject import Run, Samples
 
 
@@ -34,6 +34,13 @@ def test_effects_that_cancel_alone_are_freed_together_from_their_bounds() -> Non
 
 def test_holm_probabilities_are_the_textbook_ones() -> None:
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def test_no_sample_that_went_another_way_decides_what_a_model_removes() -> None:
+    before = [np.array([4.0, -4.0, 4.0, 60.0])]
+    after = [np.array([1.0, -1.0, 1.0, 70.0])]
+    assert excess(after, 1.0) > excess(before, 1.0)
+    assert excess(bounded(after, 1.0), 1.0) < 0.75 * excess(bounded(before, 1.0), 1.0)
 
 
 def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:

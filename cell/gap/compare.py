@@ -86,7 +86,7 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
         p = _nested(model, other, by)
     else:
         p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    before, after = (excess(within(m.left_out, by.scale), by.level) for m in (other, model))
+    before, after = (excess(bounded(m.left_out, by.scale), by.level) for m in (other, model))
     removed = 1.0 - after / before if before > 0.0 else 0.0
     return Margin(gain, se, p, distance, removed)
 
@@ -117,7 +117,7 @@ def excess(residuals: Sequence[Array], level: float) -> float:
     return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
 
 
-def within(residuals: Sequence[Array], scale: float) -> list[Array]:
+def bounded(residuals: Sequence[Array], scale: float) -> list[Array]:
     """Residuals up to what is wild: no sample that went another way may decide."""
     return [np.clip(r, -robust.WILD * scale, robust.WILD * scale) for r in residuals]
 
