@@ -60,7 +60,7 @@ def silhouette(
 
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour. It hangs
     when it is edge-on for long, so that averaging down the columns brings it out of the noise;
-    `askew` averages along slanted lines too, which takes three times as long.
+    `askew` averages along slanted lines too, six times the work.
     """
     hanging = _over(cv2.blur(soft, (1, HANGING)), faint)
     for angle in SLANTS if askew else ():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap import quadratic, robust, shrink
-from cell.gap.compare import LEVEL, MARGIN, holm, margin
+from cell.gap.compare import LEVEL, MARGIN, bounded, holm, margin
 from cell.gap.crossvalidation import Validated
 from cell.gap.findings import Findings
 from cell.gap.refit import Estimate
@@ -57,14 +57,14 @@ def unseen_remains(found: Findings) -> bool:
     """
     judged, shown = found.judged, found.shown
     whole = judged.found.accepted.model.names == judged.whole.model.names
-    most = robust.WILD * robust.scale(np.concatenate(shown.after.residuals))
-    before, after = (_gap_within(most, estimate) for estimate in (shown.before, shown.after))
+    scale = robust.scale(np.concatenate(shown.after.residuals))
+    before, after = (_bounded_gap(estimate, scale) for estimate in (shown.before, shown.after))
     return whole and before > CLEAR and after > HALF * before
 
 
-def _gap_within(most: float, estimate: Estimate) -> float:
-    bounded = tuple(np.clip(r, -most, most) for r in estimate.residuals)
-    return float(shrink.excess(shrink.run_squares(replace(estimate, residuals=bounded))))
+def _bounded_gap(estimate: Estimate, scale: float) -> float:
+    residuals = tuple(bounded(estimate.residuals, scale))
+    return float(shrink.excess(shrink.run_squares(replace(estimate, residuals=residuals))))
 
 
 def drifting(found: Findings) -> list[str]:
