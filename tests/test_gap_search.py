@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from cell.gap.batch import alone
+from cell.gap.choose import exhausted
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Model
 from cell.gap.screen import Score
-from cell.gap.search import bent, exhausted, merged, sifted, with_bent, without_each
+from cell.gap.search import bent, merged, sifted, with_bent, without_each
 from cell.gap.subject import Parameter, Request, Residuals, Scope
 from tests.test_gap_engine import Curves, Law, bump, hidden, wave
 from tests.test_gap_engine import fitted as at

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.gap.strip import subject
 from cell.gap.strip.layout import LIFTED, SNAP, Floors
 from cell.gap.strip.prepare import SLACK, Fold
 from cell.gap.strip.scope import EXACT, UNTRUE, scope
@@ -133,7 +134,9 @@ def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
         assert np.abs(moved - stated).max() > 1e-3
 
 
-def test_a_prediction_does_not_depend_on_company_or_threads(plain: Strip) -> None:
+def test_a_prediction_does_not_depend_on_company_threads_or_portions(
+    plain: Strip, monkeypatch: pytest.MonkeyPatch
+) -> None:
     base = np.array([p.start for p in plain.scope.base])
     asked = [
         Request(run, base * factor, {}, np.zeros(1))
@@ -144,7 +147,8 @@ def test_a_prediction_does_not_depend_on_company_or_threads(plain: Strip) -> Non
     plain._simulation._known.clear()
     alone = [plain.simulate([one])[0] for one in asked]
     plain._simulation._known.clear()
-    plain._simulation._jobs = 2
+    monkeypatch.setattr(plain._simulation, "_jobs", 2)
+    monkeypatch.setattr(subject, "PORTION", 5)
     threaded = plain.simulate(asked[::-1])[::-1]
     for a, b, c in zip(together, alone, threaded, strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)

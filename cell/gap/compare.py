@@ -64,11 +64,12 @@ def _feigned(evidence: Evidence) -> float:
 class Margin:
     """How much better one model predicts than another.
 
-    `gain` [nats] over runs left out, `se` its standard error over runs, `p` the probability of
-    such a margin if the other model were true, `distance` [sigma] between their fitted
-    predictions, `excess` the share of the other's excess gap that it removes.
+    `each` (R,) [nats] in every run when left out, `gain` their sum, `se` its standard error over
+    runs, `p` the probability of such a margin if the other model were true, `distance` [sigma]
+    between their fitted predictions, `removed` the share of the other's excess gap that it removes.
     """
 
+    each: Array
     gain: float
     se: float
     p: float
@@ -86,9 +87,18 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
         p = _nested(model, other, by)
     else:
         p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
-    before, after = (excess(bounded(m.left_out, by.scale), by.level) for m in (other, model))
-    removed = 1.0 - after / before if before > 0.0 else 0.0
-    return Margin(gain, se, p, distance, removed)
+    return Margin(each, gain, se, p, distance, removed(model, other, by))
+
+
+def removed(model: Validated, other: Validated, by: Yardstick, without: str | None = None) -> float:
+    """Share of the other's excess gap that the model removes, of all runs but one."""
+    runs = model.estimate.evidence.runs
+    before, after = (
+        excess(bounded([r for r, run in zip(m.left_out, runs, strict=True) if run.name != without],
+                       by.scale), by.level)
+        for m in (other, model)
+    )  # fmt: skip
+    return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def _within(other: Validated, model: Validated) -> bool:

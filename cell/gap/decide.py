@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap import quadratic, robust, shrink
-from cell.gap.compare import LEVEL, MARGIN, bounded, holm, margin
+from cell.gap.compare import LEVEL, MARGIN, bounded, holm, margin, removed
 from cell.gap.crossvalidation import Validated
 from cell.gap.findings import Findings
 from cell.gap.refit import Estimate
@@ -45,10 +45,13 @@ def kind(found: Findings) -> Kind:
 
 
 def _mostly(found: Findings) -> bool:
-    """Whether the whole model leaves only noise, or has removed most of the excess gap."""
+    """Whether the whole model leaves only noise, or has removed most of the excess gap of the
+    runs that did not go another way.
+    """
     judged = found.judged
     base = next(m for m in judged.found.tried if not m.model.effects)
-    return not judged.remains or margin(judged.whole, base, judged.found.by).removed > MOST
+    by, astray = judged.found.by, judged.astray
+    return not judged.remains or removed(judged.whole, base, by, astray) > MOST
 
 
 def unseen_remains(found: Findings) -> bool:
@@ -283,6 +286,8 @@ def remainder(found: Findings) -> str:
     why = f"; the amplitude of {', '.join(drift)} drifts between conditions" if drift else ""
     if found.judged.drifts and found.judged.drift is not None:
         why += f"; the specimen changes from run to run: {found.judged.drift.words}"
+    if found.judged.astray is not None:
+        why += f"; run {found.judged.astray} goes another way"
     if found.judged.unsteady:
         factor = max(found.judged.inflation.values())
         why += f"; repeats of one condition differ by {factor:.1f} times the stated noise"

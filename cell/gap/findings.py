@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from cell.gap import search, shrink
+from cell.gap import shrink
 from cell.gap.advise import Advice
 from cell.gap.ambiguity import Rival
+from cell.gap.choose import Found
 from cell.gap.compare import LEVEL
 from cell.gap.crossvalidation import Validated
 from cell.gap.describe import Law
@@ -64,15 +65,17 @@ class Judged:
     """The accepted model and every doubt about it.
 
     `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
-    lack of fit against noise alone, `leftover` against noise and tolerance; `drift` and
-    `inflation` are what repeats tell of changes that it leaves.
+    lack of fit against noise alone, `leftover` against noise and tolerance, without the run that
+    went `astray` where it fits all others; `drift` and `inflation` are what repeats tell of changes
+    that it leaves.
     """
 
-    found: search.Found
+    found: Found
     whole: Validated
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
+    astray: str | None
     drift: Drift | None
     inflation: dict[str, float]
     rivals: tuple[Rival, ...]

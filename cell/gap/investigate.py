@@ -10,6 +10,7 @@ from cell.gap import lack_of_fit, search, shrink
 from cell.gap.advise import Advice, advise
 from cell.gap.ambiguity import classes, rivals
 from cell.gap.batch import Simulate, alone, together
+from cell.gap.choose import Found, choose, exhausted, only_sure
 from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.describe import describe
@@ -124,18 +125,19 @@ def _refit(
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])
-    if not search.exhausted(pool):
+    if not exhausted(pool):
         pool = search.merged(pool, search.bent(simulate, pool))
-    if search.exhausted(pool) or not _unsettled(pool, anywhere=True):
+    if exhausted(pool) or not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)
     pairs = search.sifted(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
     pool = tried(pool, pairs)
-    pool = tried(pool, search.extended(simulate, pool, 1, candidates))
-    pair = len(search.choose(pool).accepted.model.effects) == 2
-    if pair and not search.exhausted(pool) and _unsettled(pool, anywhere=False):
+    if not exhausted(pool):
+        pool = tried(pool, search.extended(simulate, pool, 1, search.with_bent(candidates, pool)))
+    pair = len(choose(pool).accepted.model.effects) == 2
+    if pair and not exhausted(pool) and _unsettled(pool, anywhere=False):
         progress("refit triples", 0.7)
-        pool = tried(pool, search.extended(simulate, pool, 2, candidates))
+        pool = tried(pool, search.extended(simulate, pool, 2, search.with_bent(candidates, pool)))
     return tried(pool, search.without_each(pool))
 
 
@@ -162,7 +164,7 @@ def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
 def _judge(
     subject: Subject, pool: Sequence[Validated], simulate: Simulate, rng: np.random.Generator
 ) -> Judged:
-    found = _finished(subject, simulate, search.choose(pool))
+    found = _finished(subject, simulate, choose(pool))
     best = found.accepted.estimate
     tested = [(m, e.name) for m in found.tried if _worth_testing(m, found) for e in m.model.effects]
     results = together(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
@@ -175,21 +177,33 @@ def _judge(
     kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
-    leftover = lack_of_fit.lack_of_fit(best, noise, kind)
+    leftover, astray = _leftover(best, noise, kind)
     close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
     terms = together(simulate, [probe(best, t) for t in subject.scope.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
-    sure = search.only_sure(found, groups)
+    sure = only_sure(found, groups)
     if sure is not found:
         sure = _finished(subject, simulate, sure)
     return Judged(
-        sure, found.accepted, invariances, misfit, leftover, drift(best), inflation,
-        tuple(close), tuple(map(tuple, groups)), law,
+        sure, found.accepted, invariances, misfit, leftover, astray, drift(best),
+        inflation, tuple(close), tuple(map(tuple, groups)), law,
     )  # fmt: skip
 
 
-def _finished(subject: Subject, simulate: Simulate, found: search.Found) -> search.Found:
+def _leftover(
+    estimate: Estimate, noise: Array, allowed: Array
+) -> tuple[lack_of_fit.Misfit, str | None]:
+    """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
+    whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
+    if whole.p >= LEVEL or not estimate.model.effects:
+        return whole, None
+    name, samples = lack_of_fit.astray(estimate)
+    others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
+    return (others, name) if others.p >= LEVEL else (whole, None)
+
+
+def _finished(subject: Subject, simulate: Simulate, found: Found) -> Found:
     """The accepted model fitted to the end; the others are compared as they are."""
     rough = found.accepted
     if not rough.model.effects:
@@ -199,7 +213,7 @@ def _finished(subject: Subject, simulate: Simulate, found: search.Found) -> sear
     return replace(found, accepted=done, tried=tried)
 
 
-def _worth_testing(model: Validated, found: search.Found) -> bool:
+def _worth_testing(model: Validated, found: Found) -> bool:
     return model is found.accepted or len(model.model.effects) == 1
 
 

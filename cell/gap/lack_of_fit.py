@@ -17,6 +17,7 @@ from drivers.types import Array
 
 SPAN = 0.3  # s of one bin in which repeats are compared
 DRAWS = 400
+OTHERS = 6  # runs that a model must describe before one may go another way
 
 
 def pure_error(
@@ -127,6 +128,18 @@ def slack(
         extra = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
         factors.append(np.hypot(more * scale, extra) / scale)
     return np.concatenate(factors)
+
+
+def astray(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
+    """The run that departs most from the model, where OTHERS can bear that out, and which samples
+    (N,) are its.
+    """
+    squares = [float(np.mean(robust.clipped(r) ** 2)) for r in estimate.residuals]
+    owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
+    if len(squares) <= OTHERS:
+        return None, np.zeros(len(owner), dtype=bool)
+    worst = int(np.argmax(squares))
+    return estimate.evidence.runs[worst].name, owner == worst
 
 
 def unshown(estimate: Estimate) -> NDArray[np.bool_]:

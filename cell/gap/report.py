@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap import figures, shrink
+from cell.gap.choose import MATERIAL
 from cell.gap.drawing import replayed
 from cell.gap.findings import Findings
-from cell.gap.search import MATERIAL
 from cell.gap.sentence import capital, change, label, sentence, smallest, undetectable
 from cell.gap.verdict import Compared, Verdict, write_text
 from cell.gap.words import interval, number, probability, unit
@@ -111,8 +111,8 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
     untrue = max((e.untrue for e in found.judged.whole.model.effects), default=0.0)
     if untrue:
         note += (
-            f" Beside those taken it must gain {100 * untrue:.0f} % of what they gained on top: "
-            "their laws may be wrong by as much."
+            f" Beside those taken, up to {100 * untrue:.0f} % of what they gained in a run is put "
+            "down to their laws there, which may be wrong by as much."
         )
     head = (
         "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"

@@ -1,54 +1,28 @@
-"""Which effects: single ones, pairs jointly, three at most, each step earned and checked back."""
+"""Which models are fitted, and from where: single effects, pairs jointly, three at most."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from cell.gap import robust
 from cell.gap.batch import Simulate, Task, alone, side_by_side, together
-from cell.gap.compare import LEVEL, MARGIN, Margin, Yardstick, holm, margin, yardstick
+from cell.gap.choose import by_loss, choose
+from cell.gap.compare import LEVEL, MARGIN, Yardstick, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Evidence, Model, Point
 from cell.gap.projection import projection
 from cell.gap.refit import ROUGHLY, Estimate, refit
-from cell.gap.resolved import resolved
 from cell.gap.screen import Score, probe, ranked, table
 from cell.gap.starts import best, judged
 from cell.gap.subject import Candidate
 from drivers.types import Array
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
+BEAM = 3  # models beside which others are looked for
 SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
 WORTH = 0.5  # of the best model's gain, from which a rival's law is bent too
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
-MATERIAL = 0.25  # of the excess gap that a step must remove
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One level of the search: its best model against what was accepted before.
-
-    `p` is family-wise over the models of the level.
-    """
-
-    model: Validated
-    before: Validated
-    gain: float
-    p: float
-    removed: float
-    accepted: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """The outcome: the accepted model (the base where none is), every model tried, the steps."""
-
-    accepted: Validated
-    tried: tuple[Validated, ...]
-    by: Yardstick
-    steps: tuple[Step, ...]
 
 
 def fit_scores(
@@ -117,11 +91,8 @@ def bent(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
     is earned: a specimen seldom obeys a law of the library to the letter.
     """
     by = yardstick(pool)
-    base = next(m for m in pool if not m.model.effects)
-    first = _sorted(pool, by)[0]
-    size, least = len(first.model.effects), WORTH * margin(first, base, by).gain
-    rivals = [m for m in pool if size and len(m.model.effects) == size and _bends(m.model)]
-    worth = [m for m in rivals if margin(m, base, by).gain > least]
+    size = len(by_loss(pool, by)[0].model.effects)
+    worth = [m for m in _worth(pool, size) if _bends(m.model)]
     tasks = []
     for m in worth:
         fit, model = m.estimate, _bent(m.model)
@@ -130,6 +101,15 @@ def bent(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
         tasks.append(_fitted(model, fit.evidence, points))
     done = together(simulate, [validate(e) for e in together(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
+
+
+def _worth(pool: Sequence[Validated], size: int) -> list[Validated]:
+    """The models of `size` effects that gain a good part of what the best of them does."""
+    by = yardstick(pool)
+    base = next(m for m in pool if not m.model.effects)
+    rivals = by_loss([m for m in pool if size and len(m.model.effects) == size], by)
+    gains = [margin(m, base, by).gain for m in rivals]
+    return [m for m, gain in zip(rivals, gains, strict=True) if gain > WORTH * gains[0]]
 
 
 def _bends(model: Model) -> bool:
@@ -167,18 +147,20 @@ def with_bent(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> lis
 def extended(
     simulate: Simulate, pool: Sequence[Validated], size: int, candidates: Sequence[Candidate]
 ) -> list[Score]:
-    """The best model of `size` effects with each of the most promising others beside it.
+    """The best models of `size` effects with the most promising others beside each, sifted.
 
-    Screened from where that model was fitted: responses to a further effect at the base mean
-    little where the first one is strong.
+    Screened from where those models were fitted: responses to a further effect at the base mean
+    little where another one is strong.
     """
-    rivals = _sorted([m for m in pool if len(m.model.effects) == size], yardstick(pool))
-    if not rivals:
-        return []
-    fit = rivals[0].estimate
-    others = [c for c in candidates if c.name not in fit.model.names]
-    probed = together(simulate, [probe(fit, c) for c in others])
-    return [s.beside(fit) for s in ranked(table(projection(fit), probed))[:FURTHER]]
+    base = next(m for m in pool if not m.model.effects).estimate
+    found: dict[tuple[str, ...], Score] = {}
+    for fit in [m.estimate for m in _worth(pool, size)[:BEAM]]:
+        others = [c for c in candidates if c.name not in fit.model.names]
+        probed = together(simulate, [probe(fit, c) for c in others])
+        for s in ranked(table(projection(fit), probed))[:FURTHER]:
+            beside = s.beside(fit)
+            found.setdefault(beside.names, beside)
+    return sifted(simulate, base, list(found.values()), candidates, FURTHER)
 
 
 def without_each(pool: Sequence[Validated]) -> list[Score]:
@@ -186,7 +168,7 @@ def without_each(pool: Sequence[Validated]) -> list[Score]:
     were fitted: beside another effect a fit may have left a local minimum.
     """
     found = choose(pool)
-    best = _sorted(pool, found.by)[0]
+    best = by_loss(pool, found.by)[0]
     scores = []
     for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
         names, fit = sorted(model.model.names), model.estimate
@@ -219,86 +201,3 @@ def merged(pool: Sequence[Validated], more: Sequence[Validated]) -> list[Validat
         if known is None or best([known.estimate, m.estimate]) is m.estimate:
             found[m.model.names] = m
     return list(found.values())
-
-
-def choose(pool: Sequence[Validated]) -> Found:
-    """The largest model of which every effect is earned."""
-    by = yardstick(pool)
-    accepted = next(m for m in pool if not m.model.effects)
-    steps = []
-    for level in (1, 2, 3):
-        rivals = _sorted([m for m in pool if len(m.model.effects) == level], by)
-        if not rivals:
-            continue
-        step = _step(rivals, accepted, pool, by)
-        steps.append(step)
-        if step.accepted:
-            accepted = step.model
-    return Found(accepted, tuple(pool), by, tuple(steps))
-
-
-def only_sure(found: Found, classes: Sequence[Sequence[str]]) -> Found:
-    """Accepting the effects that no other stands in for, where they are worth it by themselves."""
-    doubtful = {name for group in classes for name in group}
-    sure = found.accepted.model.names - doubtful
-    if not doubtful or not sure:
-        return found
-    base = next(m for m in found.tried if not m.model.effects)
-    for model in found.tried:
-        if model.model.names == sure and _earned(margin(model, base, found.by), found.by.least):
-            return replace(found, accepted=model)
-    return found
-
-
-def _earned(ahead: Margin, needed: float) -> bool:
-    return ahead.gain > needed and ahead.p < LEVEL and ahead.removed > MATERIAL
-
-
-def _step(
-    rivals: Sequence[Validated], before: Validated, pool: Sequence[Validated], by: Yardstick
-) -> Step:
-    margins = [margin(m, before, by) for m in rivals]
-    p = holm([m.p for m in margins])[0]
-    first, needed = margins[0], _asked(before, pool, by)
-    good = _earned(replace(first, p=p), needed) and all(
-        _needed(rivals[0], e.name, pool, by) and resolved(rivals[0].estimate, e, by)
-        for e in rivals[0].model.effects
-    )
-    return Step(rivals[0], before, first.gain, p, first.removed, good)
-
-
-def exhausted(pool: Sequence[Validated]) -> bool:
-    """Whether all that the accepted model leaves beyond noise is less than a further effect must
-    gain, so that none could be accepted; in the nats of one that leaves nothing but noise, which
-    is what most samples show: a generous floor leaves less than it states.
-    """
-    found = choose(pool)
-    accepted, ideal = found.accepted, replace(found.by, scale=1.0, inefficiency=1.0)
-    if not accepted.model.effects:
-        return False
-    noise = 0.5 * sum(len(r) * robust.spread(r) ** 2 for r in accepted.left_out)
-    left = float(accepted.losses(ideal.scale).sum()) - noise
-    return left < _asked(accepted, pool, ideal)
-
-
-def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardstick) -> bool:
-    """Backward check: the model without the effect, where it was tried, predicts worse."""
-    without = [m for m in pool if m.model.names == model.model.names - {effect}]
-    if not without or not model.model.names - {effect}:
-        return True
-    return _earned(margin(model, without[0], by), _asked(without[0], pool, by))
-
-
-def _asked(model: Validated, pool: Sequence[Validated], by: Yardstick) -> float:
-    """Nats that count as a further effect beside `model`: what its effects' laws get wrong of
-    what it explains, another effect would take up.
-    """
-    if not model.model.effects:
-        return by.least
-    base = next(m for m in pool if not m.model.effects)
-    gained = max(0.0, margin(model, base, by).gain)
-    return by.least + max(e.untrue for e in model.model.effects) * gained
-
-
-def _sorted(models: Sequence[Validated], by: Yardstick) -> list[Validated]:
-    return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

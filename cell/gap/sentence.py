@@ -24,6 +24,10 @@ def _named(found: Findings, verdict: Verdict) -> str:
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
+    if found.judged.astray is not None:
+        text += f" Run {found.judged.astray} goes another way and bears none of this out."
+    if ends := at_their_ends(found):
+        text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
         text += f" Beside it something is missing that these runs cannot tell apart: {either}."
@@ -89,6 +93,18 @@ def sigmas(found: Findings) -> float:
     base = next(m for m in result.tried if not m.model.effects)
     gain = margin(result.accepted, base, result.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)
+
+
+def at_their_ends(found: Findings) -> list[str]:
+    """Parameters of the accepted effects that a bound stopped."""
+    fit = found.judged.found.accepted.estimate
+    _, values = fit.model.split(fit.shared)
+    return [
+        f"{e.name} {p.name.replace('_', ' ')}"
+        for e in fit.model.effects
+        for p, value in zip(e.parameters, values[e.name], strict=True)
+        if value in (p.low, p.high) and value != p.start
+    ]
 
 
 def _values(parameters: dict[str, Measured]) -> str:

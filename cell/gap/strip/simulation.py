@@ -104,7 +104,7 @@ class Simulation:
 
         A lane that finds its shapes with effort makes the others of its vector wait.
         """
-        order = sorted(wanted, key=lambda k: wanted[k].way.t[0] - wanted[k].way.t[-1])
+        order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
         batches = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, Shown | None] = {}

@@ -24,7 +24,9 @@ from drivers.strip.model import Observation, StripModel, describe
 
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
+PORTION = 128  # motions that are held at once
 Values = tuple[float, ...]
+Look = tuple[str, bytes, Observation]  # run, key of the motion, how it is looked at
 
 
 class Strip:
@@ -67,16 +69,31 @@ class Strip:
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
-        seen: dict[tuple[str, bytes, Observation], Residuals] = {}
-        found = []
         folds, drives = self._driven(requests)
-        shown = self._simulation(drives)
-        for request, fold, drive, motion in zip(requests, folds, drives, shown, strict=True):
-            look = request.run.name, drive.key, drive.model.observation
-            if look not in seen:
+        looks = [
+            (request.run.name, drive.key, drive.model.observation)
+            for request, drive in zip(requests, drives, strict=True)
+        ]
+        seen = self._compared(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
+        return [
+            fold.corrected(seen[look], float(request.local[0]))
+            for request, fold, look in zip(requests, folds, looks, strict=True)
+        ]
+
+    def _compared(self, asked: Mapping[Look, tuple[Fold, Drive]]) -> dict[Look, Residuals]:
+        """Each motion against its run, a portion at a time: motions are large, residuals small.
+
+        Motions of one length together, in the order in which they are asked, as they are simulated.
+        """
+        first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
+        order = sorted(asked, key=lambda look: (asked[look][1].way.duration, first[look[1]]))
+        seen = {}
+        for portion in (order[i : i + PORTION] for i in range(0, len(order), PORTION)):
+            pairs = [asked[look] for look in portion]
+            shown = self._simulation([drive for _, drive in pairs])
+            for look, (fold, drive), motion in zip(portion, pairs, shown, strict=True):
                 seen[look] = fold.comparison(drive.model, motion)
-            found.append(fold.corrected(seen[look], float(request.local[0])))
-        return found
+        return seen
 
     def measured(self, run: Run) -> Scene:
         """The fold as it was measured."""

@@ -24,6 +24,11 @@ class Way(NamedTuple):
     poses: Array
     hanging: bool = False
 
+    @property
+    def duration(self) -> float:
+        """Time [s] that it takes."""
+        return float(self.t[-1] - self.t[0])
+
 
 def simulate_all(
     rod: Rod,
