@@ -132,8 +132,7 @@ def _refit(
     progress("refit pairs", 0.45)
     pairs = search.sifted(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
     pool = tried(pool, pairs)
-    if not exhausted(pool):
-        pool = tried(pool, search.extended(simulate, pool, 1, search.with_bent(candidates, pool)))
+    pool = tried(pool, search.extended(simulate, pool, 1, search.with_bent(candidates, pool)))
     pair = len(choose(pool).accepted.model.effects) == 2
     if pair and not exhausted(pool) and _unsettled(pool, anywhere=False):
         progress("refit triples", 0.7)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from cell.gap.batch import Simulate, Task, alone, side_by_side, together
-from cell.gap.choose import by_loss, choose
+from cell.gap.choose import by_loss, choose, exhausted
 from cell.gap.compare import LEVEL, MARGIN, Yardstick, margin, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.model import Evidence, Model, Point
@@ -147,20 +147,23 @@ def with_bent(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> lis
 def extended(
     simulate: Simulate, pool: Sequence[Validated], size: int, candidates: Sequence[Candidate]
 ) -> list[Score]:
-    """The best models of `size` effects with the most promising others beside each, sifted.
+    """The best models of `size` effects with the most promising others beside each, sifted; only
+    the best one where a larger model leaves nothing: its rivals are beside that.
 
     Screened from where those models were fitted: responses to a further effect at the base mean
     little where another one is strong.
     """
+    beam = 1 if exhausted(pool) else BEAM
     base = next(m for m in pool if not m.model.effects).estimate
     found: dict[tuple[str, ...], Score] = {}
-    for fit in [m.estimate for m in _worth(pool, size)[:BEAM]]:
+    for fit in [m.estimate for m in _worth(pool, size)[:beam]]:
         others = [c for c in candidates if c.name not in fit.model.names]
         probed = together(simulate, [probe(fit, c) for c in others])
         for s in ranked(table(projection(fit), probed))[:FURTHER]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
-    return sifted(simulate, base, list(found.values()), candidates, FURTHER)
+    scores = list(found.values())
+    return scores if beam == 1 else sifted(simulate, base, scores, candidates, FURTHER)
 
 
 def without_each(pool: Sequence[Validated]) -> list[Score]:
