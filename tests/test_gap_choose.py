@@ -91,6 +91,13 @@ def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
     assert verdict.verdict == "unexplained"
 
 
+@pytest.mark.usefixtures("single")
+@pytest.mark.parametrize("shape", [bump, wave, lambda t, s, i: np.cos(25.0 * t)])
+def test_a_mishap_in_one_run_is_no_effect(shape: Law) -> None:
+    _, verdict = judged(Curves(lambda t, s, i: 0.3 * shape(t, s, i) * (i == 4), repeats=1))
+    assert verdict.verdict == "unexplained"
+
+
 def test_a_run_is_set_aside_only_where_enough_others_bear_that_out() -> None:
     many, few = (fitted(Curves(astray(2), repeats=n), ("bump",)) for n in (2, 1))
     name, samples = lack_of_fit.astray(many)

@@ -45,13 +45,17 @@ def kind(found: Findings) -> Kind:
 
 
 def _mostly(found: Findings) -> bool:
-    """Whether the whole model leaves only noise, or has removed most of the excess gap of the
-    runs that did not go another way.
+    """Whether the whole model leaves only noise, or has removed most of the excess gap; where a
+    run went another way, the others alone must bear the model out.
     """
-    judged = found.judged
+    judged, by = found.judged, found.judged.found.by
+    if not judged.remains:
+        return True
     base = next(m for m in judged.found.tried if not m.model.effects)
-    by, astray = judged.found.by, judged.astray
-    return not judged.remains or removed(judged.whole, base, by, astray) > MOST
+    each = margin(judged.whole, base, by).each
+    others = [run.name != judged.astray for run in base.estimate.evidence.runs]
+    gain = float(each[others].sum())
+    return gain > by.least and removed(judged.whole, base, by, judged.astray) > MOST
 
 
 def unseen_remains(found: Findings) -> bool:
