@@ -1,5 +1,6 @@
 """What must not decide a verdict: a wild sample, a lost base, repeats that scatter."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +14,15 @@ from cell.gap.decide import kind, remainder, unseen_remains
 from cell.gap.drift import drift
 from cell.gap.lack_of_fit import unshown
 from cell.gap.model import Model, Point, evidence, response
+from cell.gap.polish import finished, founded
 from cell.gap.refit import Estimate, refit
 from cell.gap.resolved import resolved
 from cell.gap.search import better_base
-from cell.gap.subject import Residuals
+from cell.gap.subject import Request, Residuals, Run
 from drivers.types import Array
 from tests.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
+
+GRAIN = 0.1
 
 
 def test_loss_is_bounded_where_fits_are_judged() -> None:
@@ -106,6 +110,25 @@ def test_lost_samples_are_left_to_others_of_their_run() -> None:
     found = np.split(unshown(estimate), len(raw))
     assert found[0].sum() == (T < 0.1).sum()
     assert not np.any(found[1:])
+
+
+class Grained(Curves):
+    """Curves whose simulation turns out coarse: no model gets them right below `GRAIN`."""
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        return [replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
+                for q in requests]  # fmt: skip
+
+
+def test_what_the_grain_of_the_base_leaves_is_no_gap_and_all_are_judged_by_it() -> None:
+    _, verdict = judged(Grained(hidden(wave, 0.01)))
+    assert verdict.verdict == "no_gap"
+    assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
+    subject = Grained(hidden(wave, 0.3))
+    base = founded(subject, subject.simulate, fitted(subject))
+    assert base.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
+    rough = fitted(subject, ("wave",))
+    assert finished(subject, subject.simulate, rough).evidence.scales is rough.evidence.scales
 
 
 def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> None:

@@ -155,6 +155,20 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
         np.testing.assert_array_equal(a.mean, c.mean)
 
 
+def test_a_strip_that_swings_longer_than_stated_is_trusted_less_where_grains_differ(
+    plain: Strip,
+) -> None:
+    base = {p.name: p.start for p in plain.scope.base}
+    lively = np.array(list((base | {"retardation_time": 0.2 * base["retardation_time"]}).values()))
+    runs = plain.refined([Request(run, lively, {}, np.zeros(1)) for run in plain.runs])
+    rises = [
+        new.samples.floor / run.samples.floor for new, run in zip(runs, plain.runs, strict=True)
+    ]
+    assert all((rise >= 1.0).all() for rise in rises)
+    shaken = next(i for i, run in enumerate(runs) if "early-shake" in run.name)
+    assert rises[shaken].max() > 2.0
+
+
 def test_slack_of_a_run_is_like_so_much_more_strip(plain: Strip) -> None:
     stated = whitened(plain, residuals(plain))
     slack = whitened(plain, residuals(plain, slack=-2 * SLACK)) - stated

@@ -19,7 +19,7 @@ from cell.gap.drift import drift
 from cell.gap.findings import Findings, Fitted, Judged, Screened, Shown
 from cell.gap.invariance import Invariance, invariance
 from cell.gap.model import Evidence, Model, Point, evidence
-from cell.gap.polish import finished, refined
+from cell.gap.polish import finished, founded, refined
 from cell.gap.projection import projection
 from cell.gap.refit import Estimate
 from cell.gap.screen import Score, probe, ranked, ranked_pairs, table
@@ -70,7 +70,7 @@ def _fit_base(
 def _judged_base(
     subject: Subject, rough: Estimate, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
-    base = finished(subject, simulate, rough)
+    base = founded(subject, simulate, rough)
     inflation, noise = _inflation(base), _noise(base, rng)
     allowed = lack_of_fit.slack(base.evidence, inflation, {})
     return Fitted(
@@ -224,14 +224,14 @@ def _show(
     test: Evidence,
     rng: np.random.Generator,
 ) -> Shown:
-    def unseen(fit: Estimate) -> Estimate:
-        start = Point(fit.shared, test.start())
-        return shrink.unseen(simulate, fit, refined(subject, fit.model, start, test))
+    def at(fit: Estimate) -> Evidence:
+        return refined(subject, fit.model, Point(fit.shared, test.start()), test)
 
-    before = unseen(fitted.base.estimate)
-    after = before
-    if judged.found.accepted.model.effects:
-        after = unseen(judged.found.accepted.estimate)
+    base, best = fitted.base.estimate, judged.found.accepted.estimate
+    known = at(base)
+    before = after = shrink.unseen(simulate, base, known)
+    if best.model.effects:
+        after = shrink.unseen(simulate, best, Evidence(at(best).runs, known.scales))
     share = shrink.shrink(shrink.run_squares(before), shrink.run_squares(after), rng)
     return Shown(before, after, share)
 

@@ -202,7 +202,9 @@ class Subject(Protocol):
         ...
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs of `requests`, corrected for how coarse their simulation is at these values."""
+        """The runs of `requests`, corrected for how coarse their simulation is at these values, and
+        with floors that allow for it.
+        """
         ...
 
     def experiments(self) -> Sequence[Experiment]:

@@ -95,10 +95,15 @@ def _run(
 def corrected(
     run: Run, fold: Fold, model: StripModel, rough: Shown | None, exact: Shown | None
 ) -> Run:
-    """The run with what a finer rod shows otherwise of this model."""
+    """The run with what a finer rod shows otherwise of this model, and a floor that allows for it:
+    a strip that is less damped than stated swings on, where grains differ.
+    """
+    bare = fold.comparison.layout.samples.floor
     means = [fold.comparison(model, shown).mean for shown in (rough, exact)]
-    finer = _within(means[0] - means[1], MOST * run.samples.floor)
-    return replace(run, content=replace(fold, finer=frozen(finer)))
+    finer = _within(means[0] - means[1], MOST * bare)
+    floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * finer))
+    content = replace(fold, finer=frozen(finer))
+    return replace(run, samples=replace(run.samples, floor=floor), content=content)
 
 
 def _within(change: Array, limit: Array) -> Array:
