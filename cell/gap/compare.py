@@ -92,12 +92,10 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
 
 def removed(model: Validated, other: Validated, by: Yardstick, without: str | None = None) -> float:
     """Share of the other's excess gap that the model removes, of all runs but one."""
-    runs = model.estimate.evidence.runs
+    kept = [i for i, run in enumerate(model.estimate.evidence.runs) if run.name != without]
     before, after = (
-        excess(bounded([r for r, run in zip(m.left_out, runs, strict=True) if run.name != without],
-                       by.scale), by.level)
-        for m in (other, model)
-    )  # fmt: skip
+        excess(bounded([m.left_out[i] for i in kept], by.scale), by.level) for m in (other, model)
+    )
     return 1.0 - after / before if before > 0.0 else 0.0
 
 

@@ -20,7 +20,7 @@ from drivers.types import Array
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
 BEAM = 3  # models beside which others are looked for
 SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
-WORTH = 0.5  # of the best model's gain, from which a rival's law is bent too
+WORTH = 0.5  # of the best model's gain, from which rivals are bent and extended too
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 
