@@ -10,7 +10,8 @@ from policies.motion import Go, Motion, Part, Rest, Shake, motion
 from policies.path import Path, circular
 
 END = 0.05  # of the length, height at which the paths end over the fixed edge
-BEND = 0.15  # of the length, height up to which all paths climb alike
+TURN = 0.15  # of the length, radius of the arc on which a path begins
+TAUT = 0.40  # the same, where the strip is drawn taut at first
 THIRD = 1 / 3
 
 
@@ -28,16 +29,20 @@ class Standard:
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
-def tent(height: float) -> Callable[[float], Path]:
-    """Up at 45 degrees, to an apex of `height` over the middle, down to over the fixed edge.
+def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
+    """Straight up, on an arc of radius `turn` to 45 degrees, to an apex of `height` over the
+    middle, down to over the fixed edge.
 
-    All in units of the strip's length.
+    All in units of the strip's length. A strip that is drawn in before it is lifted throws a ruck,
+    to one side or the other by a hair's breadth: what it shows then is chance.
     """
-    corners = np.array([(1.0, 0.0), (1.0 - BEND, BEND), (0.5, height), (0.0, END)])
+    angle = np.linspace(0.0, np.pi / 4, 46)
+    arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)
+    corners = np.concatenate([arc, [(0.5, height), (0.0, END)]])
     return lambda length: Path.through(length * corners)
 
 
-HIGH, LOW, MIDDLE = tent(0.56), tent(0.40), tent(0.50)
+HIGH, LOW, MIDDLE = tent(0.56, TAUT), tent(0.40), tent(0.50)
 WHOLE = (Go(1.0),)
 
 STANDARD: Mapping[str, Standard] = MappingProxyType(
@@ -45,7 +50,7 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
         "normal": Standard("everything a little", 0.10, MIDDLE, WHOLE),
         "slow-low": Standard("stiffness and friction between yarns", 0.05, LOW, WHOLE),
         "fast": Standard("damping, air drag, latency", 0.15, MIDDLE, WHOLE),
-        "high": Standard("stiffness by curvature and along the strip", 0.10, HIGH, WHOLE),
+        "high": Standard("stiffness by curvature, and what gives way to a pull", 0.10, HIGH, WHOLE),
         "hold": Standard("creep", 0.10, MIDDLE, (Go(0.45), Rest(2.0), Go(1.0))),
         "there-and-back": Standard(
             "friction between yarns", 0.10, MIDDLE, (Go(0.6), Go(0.3), Go(1.0))
