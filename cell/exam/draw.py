@@ -20,7 +20,7 @@ from drivers.strip.file import StripFile
 from policies.standard import FIRST, STANDARD
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
-PLACED = 4  # draws of where one of them sits
+PLACED = 12  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 CHAINED = 12  # one state-based case in so many is a chain's
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit

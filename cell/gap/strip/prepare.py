@@ -18,6 +18,8 @@ from drivers.types import Array, frozen
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
 TAKEN_UP = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
+LIFTED = 0.03  # m of travel in which a strip leaves the desk
+STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
 SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run
 FARTHEST = 0.002  # m of slack that any run may have
@@ -30,7 +32,7 @@ class Fold:
 
     A strip that is pushed throws a ruck, whose place depends on how it slides and how the grip
     yields: nobody measures that, a hair's breadth changes it, and only yarns that rub remember it.
-    Their models go `taken_up`, the way without the push.
+    Their models go `taken_up`, the way without the push; the standard runs lift first and have none.
 
     Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
     the residuals change by per metre of slack.
@@ -131,11 +133,18 @@ def _taken_up(way: Way, run: Measured) -> Way:
 
     Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
     """
-    share = run.travel[: len(way.t)] / TAKEN_UP
+    travel = run.travel[: len(way.t)]
+    share = travel / TAKEN_UP
     early = share < 1.0
-    if way.hanging or early.all():
+    if way.hanging or early.all() or not _pushes(way, travel):
         return way
     poses, begin = way.poses.copy(), way.poses[0, 0]
     drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
     poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
     return Way(way.t, poses)
+
+
+def _pushes(way: Way, travel: Array) -> bool:
+    """Whether the grip is drawn in before the strip has left the desk."""
+    moved = [np.interp(LIFTED, travel, column) - column[0] for column in way.poses.T[:2]]
+    return bool(-moved[0] > STEEP * moved[1])
