@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.config.places import find_configs
-from cell.exam.causes import CAUSES, STEPS, cause_of
+from cell.exam.causes import AMOUNT, CAUSES, cause_of
 from cell.exam.causes.cause import Cause
 from cell.exam.causes.dahl import Element
 from cell.exam.causes.log_creep import Fading
@@ -45,7 +45,7 @@ LOADED: Effects = {
 
 
 def null(name: str) -> Cause:
-    return cause_of(name, {STEPS[name][0]: 1.0 if name in ONES else 0.0})
+    return cause_of(name, {AMOUNT[name]: 1.0 if name in ONES else 0.0})
 
 
 def described(effects: Effects | None = None, index: int = LATE) -> StripModel:
@@ -87,7 +87,7 @@ def test_cause_changes_a_fold_like_the_effect_that_it_resembles(
 ) -> None:
     effect, values = CAUSES[name].answers, ALIKE[name]
     assert effect is not None
-    own = {STEPS[name][0]: next(iter(values.values()))}
+    own = {AMOUNT[name]: next(iter(values.values()))}
     changed = moved(Specimen(LINKS, [cause_of(name, own)], 5), described())
     library = moved(Chain(LINKS), described({effect: values}))
     last = min(len(m.t) for m in (bare, changed, library)) - 30
@@ -156,8 +156,8 @@ def test_cling_keeps_more_of_the_strip_on_the_desk(bare: StripMotion) -> None:
 
 
 def test_specimen_changes_from_run_to_run_but_not_in_the_first() -> None:
-    fresh, half = lifted(index=0), STEPS["softening"][2]
-    softened = cause_of("softening", {"loss": half})
+    fresh = lifted(index=0)
+    softened = cause_of("softening", {"loss": 0.92})
     broken = cause_of("broken_in", {"factor": 0.7, "first": 4})
     assert np.array_equal(lifted(softened, index=0), fresh)
     assert np.array_equal(lifted(broken, index=3), fresh)
@@ -218,7 +218,7 @@ def test_clock_that_drifts_shows_an_older_world_the_longer_the_run() -> None:
 
 def test_touched_lens_moves_the_edge_of_the_picture_by_pixels() -> None:
     settings = find_configs(None).cell().twin.camera
-    lens = cause_of("lens", {"k1": STEPS["lens"][2]})
+    lens = cause_of("lens", {"k1": 0.1})
     now = settings.model_copy(update={"distortion": lens.distorted(settings.distortion)})
     corner, middle = np.array([[0.62, 0.3]]), np.array([[settings.aim_x, settings.aim_z]])
     before, after = Optics.of(settings), Optics.of(now)
@@ -226,16 +226,13 @@ def test_touched_lens_moves_the_edge_of_the_picture_by_pixels() -> None:
     assert np.linalg.norm(after.plane(middle) - before.plane(middle)) < 0.05
 
 
-def test_answers_are_effects_and_steps_grow() -> None:
-    assert set(STEPS) == set(CAUSES)
-    for name, (parameter, *sizes) in STEPS.items():
-        cause, start = CAUSES[name], 1.0 if name in ONES else 0.0
-        assert cause.answers is None or cause.answers in registry()
+def test_causes_answer_to_effects_and_are_measured_as_those_are() -> None:
+    assert set(AMOUNT) == set(CAUSES)
+    for name, parameter in AMOUNT.items():
+        cause = CAUSES[name]
         assert parameter in cause.model_fields
-        away = [abs(size - start) for size in sizes]
-        assert 0 < away[0] < away[1] < away[2]
-        for size in sizes:
-            cause_of(name, {parameter: size})
+        if cause.answers is not None:
+            assert registry()[cause.answers].parameters[0].name == parameter
 
 
 def test_unknown_causes_and_values_are_refused_in_a_line() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
-from cell.exam.causes import CAUSES, STEPS
+from cell.exam.causes import CAUSES
 from cell.exam.images import refusal
 from cell.exam.outside import OUTSIDE
 from cell.exam.state_runs import BY, MOTIONS
@@ -20,7 +20,7 @@ from drivers.strip.file import StripFile
 from policies.standard import FIRST, STANDARD
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
-PLACED = 12  # draws of where one of them sits
+PLACED = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 CHAINED = 12  # one state-based case in so many is a chain's
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
@@ -90,31 +90,32 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     if case.tier == "state" or turn % UNLIKE == 0:
         return _hiding(case, level, drawn(case, 1, level, rng))
     names = sorted(RESEMBLING)
-    name = names[(turn // UNLIKE * len(LEVELS) + place) % len(names)]
-    strip, path = _showing(case, registry()[name], level, rng)
-    cause = RESEMBLING[name]
-    amount, *sizes = STEPS[cause]
-    known = CAUSES[cause].model_fields
-    values = {key: value for key, value in path.at(1.0).items() if key in known}
-    values[str(amount)] = float(sizes[LEVELS.index(level)])
-    update = {"strip": strip, "causes": {cause: values}, "answer": (name,), "strength": level}
-    return case.model_copy(update=update)
+    first = (turn // UNLIKE * len(LEVELS) + place) % len(names)
+    for name in [*names[first:], *names[:first]]:
+        shown = _showing(case, registry()[name], STRENGTHS[level], rng)
+        if shown is not None:
+            strip, values = shown
+            cause = RESEMBLING[name]
+            known = {k: v for k, v in values.items() if k in CAUSES[cause].model_fields}
+            update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
+            return case.model_copy(update={**update, "strength": level})
+    raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
 
 
 def _showing(
-    case: Case, effect: Effect, level: Strength, rng: np.random.Generator
-) -> tuple[str, Path]:
-    """Where an effect can be as strong as asked, or of medium strength at least, and on which
-    strip: no air that a heavy strip does not feel, no seam where nothing is lifted.
+    case: Case, effect: Effect, target: float, rng: np.random.Generator
+) -> tuple[str, Values] | None:
+    """A strip on which an effect leaves a gap of `target`, and its values; None where none does:
+    no air that a heavy strip does not feel, no seam where nothing is lifted.
     """
-    enough = min(STRENGTHS[level], STRENGTHS["medium"])
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACED):
             path = _path(effect, find_configs(None).strip(strip), rng)
-            if _ruler(strip, case.tier).share(path, enough) is not None:
-                return strip, path
-    raise Fault("exam", f"{case.name}: {effect.name} is {level} on no strip")
+            share = _ruler(strip, case.tier).share(path, target)
+            if share is not None:
+                return strip, path.at(share)
+    return None
 
 
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:

@@ -130,15 +130,18 @@ class Ruler:
     def share(self, path: Path, target: float) -> float | None:
         """How far along `path` the gap is `target`; None where it never gets there."""
         try:
-            excess = self.excess([{path.effect.name: path.at(s)} for s in LADDER])
+            if self._along(path, LADDER[-1:]).max() < target:
+                return None
+            excess = self._along(path, LADDER)
         except ConfigurationError:
             return None
         beyond = np.flatnonzero(excess >= target)
-        if not len(beyond):
-            return None
         k = max(1, int(beyond[0]))
         (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
         return float(low * (high / low) ** ((target - a) / (b - a)))
+
+    def _along(self, path: Path, shares: Array) -> Array:
+        return self.excess([{path.effect.name: path.at(s)} for s in shares])
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:

@@ -42,29 +42,29 @@ CAUSES: Mapping[str, type[Cause]] = MappingProxyType(
     }
 )
 
-STEPS: Mapping[str, tuple[str, float, float, float]] = MappingProxyType(
+AMOUNT: Mapping[str, str] = MappingProxyType(
     {
-        "dahl": ("yield_curvature", 15.0, 28.0, 49.0),
-        "oblique_drag": ("coefficient", 7.0, 18.0, 50.0),
-        "sinh_bending": ("cubic", 7e-5, 2.7e-4, 1e-3),
-        "power_damping": ("coefficient", 4e-3, 7e-3, 1.5e-2),
-        "smooth_gradient": ("slope", 0.8, 1.4, 1.9),
-        "soft_seam": ("factor", 1.3, 2.0, 4.7),
-        "log_creep": ("ratio", 0.6, 0.8, 0.9),
-        "draught": ("speed", 0.2, 0.33, 0.53),
-        "static_cling": ("pressure", 1.6, 4.0, 13.5),
-        "softening": ("loss", 0.85, 0.92, 0.98),
-        "broken_in": ("factor", 0.77, 0.59, 0.2),
-        "humidity": ("spread", 0.12, 0.3, 0.75),
-        "wobble": ("amplitude", 0.0018, 0.0033, 0.006),
-        "clock_drift": ("drift", 0.003, 0.008, 0.02),
-        "lens": ("k1", 0.05, 0.1, 0.2),
+        "dahl": "yield_curvature",
+        "oblique_drag": "coefficient",
+        "sinh_bending": "cubic",
+        "power_damping": "coefficient",
+        "smooth_gradient": "slope",
+        "soft_seam": "factor",
+        "log_creep": "ratio",
+        "draught": "speed",
+        "static_cling": "pressure",
+        "softening": "loss",
+        "broken_in": "factor",
+        "humidity": "spread",
+        "wobble": "amplitude",
+        "clock_drift": "drift",
+        "lens": "k1",
     }
 )
-"""The parameter that says how much of a cause there is: weak, medium and strong.
+"""The parameter that says how much of a cause there is.
 
-For denim, from the excess gap that is left after the base is refitted. Those of smooth_gradient,
-log_creep and softening do not reach it at any strength; clock_drift and lens are guesses.
+Of one that resembles an effect it has the name and the meaning of that effect's own: as much of
+either changes a fold about as much.
 """
 
 
