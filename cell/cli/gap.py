@@ -104,8 +104,10 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield f"  cannot tell apart: {', '.join(names)}"
     if verdict.unexplained is not None:
         yield f"  unexplained: {verdict.unexplained.description}"
-    if verdict.effects:
+    if verdict.effects and verdict.gap.before["excess"]:
         yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %"
+    elif verdict.effects:
+        yield "  the held-out runs showed no gap: it sits in the runs that were fitted"
     for note in verdict.notes:
         yield f"  note: {note}"
 

@@ -32,7 +32,7 @@ class Fold:
 
     A strip that is pushed throws a ruck, whose place depends on how it slides and how the grip
     yields: nobody measures that, a hair's breadth changes it, and only yarns that rub remember it.
-    Their models go `taken_up`, the way without the push; the standard runs lift first and have none.
+    Their models go `taken_up`, the way without the push. The standard runs lift first: no ruck.
 
     Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
     the residuals change by per metre of slack.
