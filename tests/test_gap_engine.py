@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from cell.gap.batch import Counter, alone, together
+from cell.gap.compose import verdict as compose
 from cell.gap.crossvalidation import folds
-from cell.gap.decide import verdict as decide
 from cell.gap.findings import Findings
 from cell.gap.hold_out import held_out
 from cell.gap.investigate import investigate
@@ -127,7 +127,7 @@ def judged(subject: Curves) -> tuple[Findings, Verdict]:
     simulate = Counter(subject.simulate)
     held = held_out(subject, simulate)
     found = investigate(subject, held, simulate, lambda stage, share: None)
-    return found, decide(found, 0.0, simulate.total)
+    return found, compose(found, 0.0, simulate.total)
 
 
 def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:

@@ -10,12 +10,13 @@ from cell.gap import robust
 from cell.gap.batch import alone
 from cell.gap.compare import yardstick
 from cell.gap.crossvalidation import Validated, validate
-from cell.gap.decide import kind, remainder, unseen_remains
+from cell.gap.decide import kind, unseen_remains
 from cell.gap.drift import drift
 from cell.gap.lack_of_fit import unshown
 from cell.gap.model import Model, Point, evidence, response
 from cell.gap.polish import finished, founded
 from cell.gap.refit import Estimate, refit
+from cell.gap.remainder import remainder
 from cell.gap.resolved import resolved
 from cell.gap.search import better_base
 from cell.gap.subject import Request, Residuals, Run

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cell.gap import hold_out as hold
 from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
-from cell.gap.decide import verdict as decide
+from cell.gap.compose import verdict as compose
 from cell.gap.findings import Findings
 from cell.gap.folders import find_runs, run_names
 from cell.gap.investigate import Progress, investigate
@@ -54,7 +54,7 @@ def fit(
     tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
     held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
-    verdict = decide(found, time.monotonic() - began, tape.total)
+    verdict = compose(found, time.monotonic() - began, tape.total)
     verdict = verdict.model_copy(update={"notes": list(subject.notes)})
     progress("write", 0.97)
     _write(found, verdict, file, out)

@@ -82,6 +82,11 @@ def excess(squares: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
+def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """The gap by quantity as shown, and its excess."""
+    return {**rms(estimate, quantities), "excess": float(excess(run_squares(estimate)))}
+
+
 def shrink(before: Array, after: Array, rng: np.random.Generator) -> Shrink:
     """1 - excess after / before, with a percentile bootstrap over runs (Efron 1979)."""
     drawn = rng.integers(0, len(before), (DRAWS, len(before)))
