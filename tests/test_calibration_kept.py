@@ -138,3 +138,14 @@ def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> No
         calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
     assert stopped.value.exit_code == 4
     assert not kept_calibration(SETTINGS).exists()
+
+
+def test_one_that_the_cell_file_names_lies_beside_it(tmp_path, monkeypatch, cache, count) -> None:
+    for name in ("configs", "elsewhere"):
+        (tmp_path / name).mkdir()
+    stated = (BESIDE / "cell.yaml").read_text(encoding="utf-8")
+    (tmp_path / "configs" / "cell.yaml").write_text(f"{stated}\ncalibration: mine.yaml\n")
+    save_calibration(made(), tmp_path / "configs" / "mine.yaml")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert calibration_of(Configs(tmp_path / "configs").cell()).id == made().id
+    assert not count

@@ -44,7 +44,7 @@ class CellFile(Settings):
     schema_: Literal[1] = Field(1, alias="schema")
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
-    calibration: str | None = None  # file; None: the one that `cell calibrate` keeps
+    calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
     installation: Installation = Installation()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()

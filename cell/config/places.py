@@ -21,11 +21,13 @@ class Configs:
     folder: Path
 
     def cell(self) -> CellFile:
-        """cell.yaml, its effects checked."""
+        """cell.yaml, its effects checked, the calibration that it names found from its folder."""
         path = self.folder / "cell.yaml"
         cell = load(path, CellFile)
         check_effects(cell.effects, origin=str(path), of="cell")
-        return cell
+        if cell.calibration is None:
+            return cell
+        return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
         """The file of a strip given by name, or by path when it ends in .yaml."""
