@@ -15,6 +15,7 @@ from cell.gap.investigate import investigate
 from cell.gap.lack_of_fit import pure_error
 from cell.gap.model import Model, Point, evidence
 from cell.gap.refit import Estimate, refit
+from cell.gap.sentence import sentence
 from cell.gap.starts import undetermined
 from cell.gap.subject import (
     Candidate,
@@ -185,6 +186,19 @@ def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
     assert verdict.verdict == "ambiguous"
     assert verdict.ambiguous == [["bump", "twin"]]
     assert verdict.effects == []
+
+
+def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_them() -> None:
+    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.03 * wave(t, s, i)  # noqa: E731
+    found, verdict = judged(Curves(both, names=("bump", "twin", "wave")))
+    assert verdict.verdict == "named"
+    assert verdict.ambiguous == [["bump", "twin"]]
+    (effect,) = verdict.effects
+    size = effect.parameters["size"]
+    assert effect.name == "wave"
+    assert size.low < -0.03 < size.high
+    assert "cannot tell apart: bump or twin (the numbers are with " in sentence(found, verdict)
+    assert verdict.gap.shrink > 0.9
 
 
 def test_cause_outside_the_library_is_unexplained() -> None:

@@ -105,7 +105,8 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
     if verdict.unexplained is not None:
         yield f"  unexplained: {verdict.unexplained.description}"
     if verdict.effects and verdict.gap.before["excess"]:
-        yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %"
+        beside = ", with one of each that cannot be told apart" if verdict.ambiguous else ""
+        yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %{beside}"
     elif verdict.effects:
         yield "  the held-out runs showed no gap: it sits in the runs that were fitted"
     for note in verdict.notes:

@@ -55,21 +55,6 @@ def choose(pool: Sequence[Validated]) -> Found:
     return Found(accepted, tuple(pool), by, tuple(steps))
 
 
-def only_sure(found: Found, classes: Sequence[Sequence[str]]) -> Found:
-    """Accepting the effects that no other stands in for, where they are worth it by themselves."""
-    doubtful = {name for group in classes for name in group}
-    sure = found.accepted.model.names - doubtful
-    if not doubtful or not sure:
-        return found
-    base = next(m for m in found.tried if not m.model.effects)
-    for model in found.tried:
-        if model.model.names == sure and _earned(
-            margin(model, base, found.by), base, found.tried, found.by
-        ):
-            return replace(found, accepted=model)
-    return found
-
-
 def _earned(ahead: Margin, before: Validated, pool: Sequence[Validated], by: Yardstick) -> bool:
     gain = _unfeigned(ahead.each, before, pool, by)
     return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL

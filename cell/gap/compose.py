@@ -77,7 +77,7 @@ def _named(found: Findings) -> list[NamedEffect]:
     sure = confidence(found)
     return [
         NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
-        for e in accepted.model.effects
+        for e in found.judged.sure
     ]
 
 

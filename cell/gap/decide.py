@@ -24,8 +24,7 @@ def kind(found: Findings) -> Kind:
     changes = judged.drifts or judged.unsteady or drifting(found)
     if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
-    doubtful = {name for group in judged.classes for name in group}
-    return "ambiguous" if doubtful & judged.found.accepted.model.names else "named"
+    return "named" if judged.sure else "ambiguous"
 
 
 def _mostly(found: Findings) -> bool:
@@ -36,21 +35,20 @@ def _mostly(found: Findings) -> bool:
     if not judged.remains:
         return True
     base = next(m for m in judged.found.tried if not m.model.effects)
-    each = margin(judged.whole, base, by).each
+    each = margin(judged.found.accepted, base, by).each
     others = [run.name != judged.astray for run in base.estimate.evidence.runs]
     gain = float(each[others].sum())
-    return gain > by.least and removed(judged.whole, base, by, judged.astray) > MOST
+    return gain > by.least and removed(judged.found.accepted, base, by, judged.astray) > MOST
 
 
 def unseen_remains(found: Findings) -> bool:
     """Whether runs that took no part show a clear gap, and the model does not even halve it; no
     sample counts beyond what is wild among those that the model leaves.
     """
-    judged, shown = found.judged, found.shown
-    whole = judged.found.accepted.model.names == judged.whole.model.names
+    shown = found.shown
     scale = robust.scale(np.concatenate(shown.after.residuals))
     before, after = (_bounded_gap(estimate, scale) for estimate in (shown.before, shown.after))
-    return whole and before > CLEAR and after > HALF * before
+    return before > CLEAR and after > HALF * before
 
 
 def _bounded_gap(estimate: Estimate, scale: float) -> float:
@@ -60,7 +58,7 @@ def _bounded_gap(estimate: Estimate, scale: float) -> float:
 
 def drifting(found: Findings) -> list[str]:
     """Effects whose amplitude does not serve all conditions: proxies, not causes."""
-    tests = found.judged.invariances.get(found.judged.whole.model.name, {})
+    tests = found.judged.invariances.get(found.judged.found.accepted.model.name, {})
     return [name for name, test in tests.items() if not test.holds]
 
 
@@ -69,11 +67,12 @@ def confidence(found: Findings) -> float:
     and the base; of what it is ahead of the others a part may be feigned.
     """
     judged, by = found.judged, found.judged.found.by
-    size = len(judged.whole.model.effects)
-    own = {judged.whole.model.names, *(r.model.model.names for r in judged.rivals)}
+    whole = judged.found.accepted
+    size = len(whole.model.effects)
+    own = {whole.model.names, *(r.model.model.names for r in judged.rivals)}
     among = [m for m in judged.found.tried if len(m.model.effects) in (0, size)]
     others = [m for m in among if m.model.names not in own]
     base = next(m for m in judged.found.tried if not m.model.effects)
-    feigned = by.ahead(margin(judged.whole, base, by).gain) - MARGIN
-    ahead = [margin(judged.whole, m, by).gain - feigned for m in others]
+    feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
+    ahead = [margin(whole, m, by).gain - feigned for m in others]
     return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))

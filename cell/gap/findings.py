@@ -15,7 +15,7 @@ from cell.gap.lack_of_fit import Misfit
 from cell.gap.refit import Estimate
 from cell.gap.screen import Probed, Score
 from cell.gap.starts import Undetermined
-from cell.gap.subject import Subject
+from cell.gap.subject import Candidate, Subject
 from cell.gap.where import Place
 
 UNSTEADY = 3.0  # times the stated noise by which repeats may differ
@@ -64,14 +64,13 @@ class Screened:
 class Judged:
     """The accepted model and every doubt about it.
 
-    `whole` is the largest model that was earned; accepted is what of it is sure. `misfit` is its
-    lack of fit against noise alone, `leftover` against noise and tolerance, without the run that
-    went `astray` where it fits all others; `drift` and `inflation` are what repeats tell of changes
-    that it leaves.
+    `misfit` is the accepted model's lack of fit against noise alone, `leftover` against noise and
+    tolerance, without the run that went `astray` where it fits all others; `drift` and `inflation`
+    are what repeats tell of changes that it leaves. `classes` are effects that stand in for one
+    another.
     """
 
     found: Found
-    whole: Validated
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
@@ -81,6 +80,12 @@ class Judged:
     rivals: tuple[Rival, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
+
+    @property
+    def sure(self) -> tuple[Candidate, ...]:
+        """The accepted effects that no other stands in for."""
+        doubtful = {name for group in self.classes for name in group}
+        return tuple(e for e in self.found.accepted.model.effects if e.name not in doubtful)
 
     @property
     def remains(self) -> bool:

@@ -10,7 +10,7 @@ from cell.gap import lack_of_fit, search, shrink
 from cell.gap.advise import Advice, advise
 from cell.gap.ambiguity import classes, rivals
 from cell.gap.batch import Simulate, alone, together
-from cell.gap.choose import Found, choose, exhausted, only_sure
+from cell.gap.choose import Found, choose, exhausted
 from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
 from cell.gap.crossvalidation import Validated, validate
 from cell.gap.describe import describe
@@ -181,12 +181,9 @@ def _judge(
     groups = classes(found.accepted, close)
     terms = together(simulate, [probe(best, t) for t in subject.scope.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
-    sure = only_sure(found, groups)
-    if sure is not found:
-        sure = _finished(subject, simulate, sure)
     return Judged(
-        sure, found.accepted, invariances, misfit, leftover, astray, drift(best),
-        inflation, tuple(close), tuple(map(tuple, groups)), law,
+        found, invariances, misfit, leftover, astray, drift(best), inflation,
+        tuple(close), tuple(map(tuple, groups)), law,
     )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
         f"{found.judged.found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
         f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
-    untrue = max((e.untrue for e in found.judged.whole.model.effects), default=0.0)
+    untrue = max((e.untrue for e in found.judged.found.accepted.model.effects), default=0.0)
     if untrue:
         note += (
             f" Beside those taken, up to {100 * untrue:.0f} % of what they gained in a run is put "

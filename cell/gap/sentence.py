@@ -30,21 +30,25 @@ def _named(found: Findings, verdict: Verdict) -> str:
         text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
-        text += f" Beside it something is missing that these runs cannot tell apart: {either}."
+        text += f" Beside it something is missing that these runs cannot tell apart: {either}"
+        text += f" (the numbers are with {' and '.join(sorted(_taken(found)))})."
     return capital(text)
+
+
+def _taken(found: Findings) -> frozenset[str]:
+    """The effects that stand in the accepted model for a class of their like."""
+    return found.judged.found.accepted.model.names - {e.name for e in found.judged.sure}
 
 
 def _ambiguous(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
     groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
     either = "; ".join(", or ".join(group) for group in groups)
-    known = found.judged.whole.model.names - {n for g in verdict.ambiguous for n in g}
-    sure = f" beside {', '.join(sorted(known))}" if known else ""
     split = "No planned experiment would split them"
     if verdict.advice:
         split = f"The experiment that would split them: {verdict.advice[0].experiment}"
     return (
-        f"Something is missing that these runs cannot tell apart: {either}{sure}; "
+        f"Something is missing that these runs cannot tell apart: {either}; "
         f"{change(found, verdict)}. {split}."
     )
 
@@ -88,20 +92,23 @@ def change(found: Findings, verdict: Verdict) -> str:
 
 
 def sigmas(found: Findings) -> float:
-    """Strength of the accepted model over the base, as the sigma of an equal likelihood ratio."""
+    """What the sure effects add to the accepted model, as the sigma of an equal likelihood ratio;
+    over the base where the model without them was not tried.
+    """
     result = found.judged.found
-    base = next(m for m in result.tried if not m.model.effects)
-    gain = margin(result.accepted, base, result.by).gain
+    before = [m for m in result.tried if m.model.names in (_taken(found), frozenset())]
+    without = max(before, key=lambda m: len(m.model.effects))
+    gain = margin(result.accepted, without, result.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)
 
 
 def at_their_ends(found: Findings) -> list[str]:
-    """Parameters of the accepted effects that a bound stopped."""
+    """Parameters of the sure effects that a bound stopped."""
     fit = found.judged.found.accepted.estimate
     _, values = fit.model.split(fit.shared)
     return [
         f"{e.name} {p.name.replace('_', ' ')}"
-        for e in fit.model.effects
+        for e in found.judged.sure
         for p, value in zip(e.parameters, values[e.name], strict=True)
         if value in (p.low, p.high) and value != p.start
     ]
