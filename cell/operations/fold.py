@@ -14,16 +14,16 @@ from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.plant import load_plant
-from cell.devices.devices import Choice, Devices
-from cell.devices.open import Opener, open_cell
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.result import FoldResult
-from cell.orchestrator.context import Knowledge
-from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, Stopped
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Observer, Run
-from cell.orchestrator.safe_stop import attempt
+from cell.orchestrator.safe_stop import suppressed
 from cell.record.documents import replace_file
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.frames import Keep
@@ -46,7 +46,7 @@ class Request:
     strip: str
     policy: str
     checkpoint: Path | None
-    choice: Choice
+    choice: DeviceSelection
     runs: Path
     configs: Path | None
     frames: Keep | None
@@ -61,7 +61,7 @@ def fold(
     interrupted: Callable[[], bool] = lambda: False,
     calibration: Calibration | None = None,
     *,
-    opened: Opener | None = None,
+    opened: DeviceFactory | None = None,
     page: bool = True,
 ) -> FoldResult:
     """Fold once, with `calibration` or the one that the cell uses.
@@ -85,7 +85,7 @@ def fold(
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
     recorder = Recorder(writer)
-    knowledge = Knowledge(settings, strip, policy, calibration)
+    knowledge = FoldContext(settings, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
@@ -112,9 +112,9 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
-        outcome = Outcome.of(Stopped.by(error), devices.clock.now())
+        outcome = Outcome.of(StopReason.by(error), devices.clock.now())
     finally:
-        attempt(devices.close)
+        suppressed(devices.close)
     content = result_content(outcome)
     try:
         recorder.finish(content)
@@ -122,9 +122,9 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
         recorder.finish(content)
         raise
     except Fault as fault:
-        outcome = outcome.but(Stopped.by(fault))
+        outcome = outcome.but(StopReason.by(fault))
     finally:
-        attempt(recorder.close)
+        suppressed(recorder.close)
     return outcome
 
 
@@ -188,14 +188,14 @@ def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page
             write_report(folder)
     except OSError as error:
         return outcome.but(
-            Stopped("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
+            StopReason("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
         )
     except CellError as error:
-        return outcome.but(Stopped("record", str(error), Fault.exit_code))
+        return outcome.but(StopReason("record", str(error), Fault.exit_code))
     return outcome
 
 
-def _plant_hash(choice: Choice, strip: StripFile) -> str:
+def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
     plant = strip if choice.plant is None else load_plant(choice.plant)
     content = plant.model_dump(mode="json", by_alias=True)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -10,7 +10,7 @@ import numpy as np
 from calibration.calibration import load_calibration
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
-from calibration.perception.sight import Sight
+from calibration.perception.sight import StripMeasurement
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
@@ -109,7 +109,7 @@ def _look_again(
     return images, differences
 
 
-def _differences(sight: Sight, sights: Sights, row: int) -> Iterator[str]:
+def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
     now = {"contact_x": sight.contact_x, "tip_x": sight.tip[0], "tip_z": sight.tip[1]}
     now |= {"gap": sight.gap, "gap_x": sight.gap_x}
     for name, value in now.items():

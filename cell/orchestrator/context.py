@@ -16,7 +16,7 @@ from policies.policy import Policy
 
 
 @dataclass(slots=True)
-class Knowledge:
+class FoldContext:
     """One run's knowledge. The strip is the controller's; the plant is nowhere in here.
 
     A run given a `lens` and no `calibration` calibrates, and leaves its `touches`; any other run

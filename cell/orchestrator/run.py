@@ -1,4 +1,4 @@
-"""One run: senses, monitors, command, record, at the control rate, until the run is over."""
+"""One run: snapshot, monitors, command, record, at the control rate, until it is over."""
 
 import time
 from collections.abc import Callable
@@ -8,15 +8,15 @@ from typing import Protocol
 import numpy as np
 
 from calibration.perception.sanity import ImageSanity
-from calibration.perception.sight import SeenTouch, Sight
+from calibration.perception.sight import SeenTouch, StripMeasurement
 from cell.devices.devices import Devices
-from cell.orchestrator.context import Knowledge
+from cell.orchestrator.context import FoldContext
 from cell.orchestrator.monitors import Rules, check_all
-from cell.orchestrator.outcome import INTERRUPTED, Outcome, Stopped
+from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import PHASES
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.safe_stop import Brakes, attempt
-from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Senses
+from cell.orchestrator.safe_stop import SafeStop, suppressed
+from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from drivers.errors import Fault
@@ -31,7 +31,7 @@ GLANCE = 0.1  # s between images where nothing is read from them
 class Observer(Protocol):
     """Someone who watches a run: the live view, the progress bar. Never blocks, never fails."""
 
-    def see(self, senses: Senses) -> None:
+    def see(self, snapshot: Snapshot) -> None:
         """One tick."""
         ...
 
@@ -46,7 +46,7 @@ class Run:
     def __init__(
         self,
         devices: Devices,
-        knowledge: Knowledge,
+        knowledge: FoldContext,
         recorder: Record,
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
@@ -64,16 +64,16 @@ class Run:
         self._started = False
         self._rests = False
         self._command: Command | None = None
-        self._stopped: Stopped | None = None
-        self._brakes = Brakes(
+        self._stopped: StopReason | None = None
+        self._safe_stop = SafeStop(
             devices, round(settings.fold.stop_timeout * settings.fold.control_rate)
         )
-        self._senses: Senses | None = None
+        self._snapshot: Snapshot | None = None
         self._sanity = ImageSanity()
         self._arm_history: list[ArmState] = []
         self._frame: Frame | None = None
         self._identical = 1
-        self._sight: Sight | None = None
+        self._sight: StripMeasurement | None = None
         self._touch: SeenTouch | None = None
         self._doubtful_since: float | None = None
 
@@ -91,14 +91,14 @@ class Run:
                 tick += 1
                 self._turn_at(start + tick * period)
         finally:
-            attempt(self._devices.arm.stop)
+            suppressed(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
 
     def _guarded(self, action: Callable[[], None]) -> None:
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
-            self._stop(Stopped.by(error))
+            self._stop(StopReason.by(error))
 
     def _turn_at(self, due: float) -> None:
         """The turn of the loop at `due` [s]."""
@@ -116,42 +116,42 @@ class Run:
     def _turn(self, due: float) -> None:
         self._devices.clock.wait_until(due)
         begun = time.perf_counter()
-        senses = self._sense()
-        command = self._decide(senses)
+        snapshot = self._sense()
+        command = self._decide(snapshot)
         if command is not None:
-            now = replace(senses, state=self._machine.state, entered=self._entered)
+            now = replace(snapshot, state=self._machine.state, entered=self._entered)
             check_all(now, command, self._rules)
             self._send(command)
-        elif senses.arm.moving:  # the path ended, and nothing came after it
-            self._brakes.apply(senses.hand)
+        elif snapshot.arm.moving:  # the path ended, and nothing came after it
+            self._safe_stop.apply(snapshot.hand)
         else:
             self._rests = True
-        self._recorder.tick(senses, time.perf_counter() - begun)
-        self._show(lambda observer: observer.see(senses))
+        self._recorder.tick(snapshot, time.perf_counter() - begun)
+        self._show(lambda observer: observer.see(snapshot))
 
-    def _decide(self, senses: Senses) -> Command | None:
+    def _decide(self, snapshot: Snapshot) -> Command | None:
         """The phase's next command; an ended phase hands over to that of the next state."""
         try:
             if self._started:
-                return self._phase.send(senses)
+                return self._phase.send(snapshot)
             self._started = True
             return next(self._phase)
         except StopIteration as end:
-            self._take(end.value, senses.time)
-        return None if self._machine.over else self._decide(senses)
+            self._take(end.value, snapshot.time)
+        return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
         """One turn of braking; recorded and shown as far as that is possible."""
-        arm = self._brakes.turn(due)
-        if arm is not None and self._senses is not None:
-            self._senses = senses = replace(
-                self._senses, time=arm.arrival, state=self._machine.state, arm=arm, fresh=False
+        arm = self._safe_stop.turn(due)
+        if arm is not None and self._snapshot is not None:
+            self._snapshot = snapshot = replace(
+                self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, fresh=False
             )
-            attempt(lambda: self._recorder.tick(senses, float("nan")))
-            self._show(lambda observer: observer.see(senses))
-        self._rests = self._brakes.ended(arm)
+            suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
+            self._show(lambda observer: observer.see(snapshot))
+        self._rests = self._safe_stop.ended(arm)
         if self._rests and not self._machine.over:
-            attempt(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
+            suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
     def _take(self, event: Event, now: float) -> None:
         """Follow an event into the next state; the lift starts measured time."""
@@ -163,16 +163,16 @@ class Run:
         if state in PHASES:
             self._phase, self._started = PHASES[state](self._cell, self._recorder), False
 
-    def _stop(self, stopped: Stopped) -> None:
+    def _stop(self, stopped: StopReason) -> None:
         """Brake now; a run that is over already only ends otherwise."""
-        self._brakes.apply(None if self._senses is None else self._senses.hand)
+        self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
         self._stopped = stopped
         if not self._machine.over:
             self._entered = now = self._devices.clock.now()
             state = self._machine.take(Event.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
-            attempt(lambda: self._note(now, "fault", **facts))
-            attempt(lambda: self._note(now, "state", state=state, event=Event.STOP))
+            suppressed(lambda: self._note(now, "fault", **facts))
+            suppressed(lambda: self._note(now, "state", state=state, event=Event.STOP))
 
     def _note(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)
@@ -180,13 +180,13 @@ class Run:
 
     def _show(self, news: Callable[[Observer], None]) -> None:
         """Tell the observers; one that fails is told nothing more and holds nothing up."""
-        self._observers = tuple(o for o in self._observers if attempt(lambda: news(o)))  # noqa: B023
+        self._observers = tuple(o for o in self._observers if suppressed(lambda: news(o)))  # noqa: B023
 
-    def _sense(self) -> Senses:
+    def _sense(self) -> Snapshot:
         arm = self._devices.arm.state()
         self._arm_history = [*self._arm_history[1 - HISTORY :], arm]
         fresh = self._look()
-        self._senses = Senses(
+        self._snapshot = Snapshot(
             time=self._devices.clock.now(),
             state=self._machine.state,
             entered=self._entered,
@@ -199,7 +199,7 @@ class Run:
             touch=self._touch,
             doubtful_since=self._doubtful_since,
         )
-        return self._senses
+        return self._snapshot
 
     def _look(self) -> bool:
         """Take the newest image, if there is news, and read the strip in it."""
@@ -228,7 +228,7 @@ class Run:
         if self._machine.state is not State.LIFT:
             self._touch = cell.touch.tell(self._sight, gripper)
 
-    def _judge(self, sight: Sight) -> None:
+    def _judge(self, sight: StripMeasurement) -> None:
         """Remember since when the images have not deserved confidence."""
         if sight.confidence >= self._cell.settings.monitors.confidence:
             self._doubtful_since = None

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from calibration.perception.sight import SeenTouch, Sight
+from calibration.perception.sight import SeenTouch, StripMeasurement
 from cell.orchestrator.states import State
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 
 @dataclass(frozen=True, slots=True)
-class Senses:
+class Snapshot:
     """One tick's knowledge; times in seconds of the cell's clock.
 
     `frame` is the newest image, `fresh` whether it arrived on this tick; `identical` counts the
@@ -25,7 +25,7 @@ class Senses:
     frame: Frame | None
     fresh: bool
     identical: int
-    sight: Sight | None
+    sight: StripMeasurement | None
     touch: SeenTouch | None
     doubtful_since: float | None
 

@@ -28,7 +28,7 @@ def as_it_is(world: World) -> Visible:
 
 
 @dataclass(frozen=True, slots=True)
-class Staging:
+class PlantOptions:
     """What a twin is made of besides its settings: another plant, another view of its world.
 
     `engine` makes the plant from a number of links, `view` is what the camera looks at.
@@ -38,7 +38,7 @@ class Staging:
     view: Callable[[World], Visible] = as_it_is
 
 
-ORDINARY = Staging()
+ORDINARY = PlantOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def open_twin(
     seed: int,
     index: int = 0,
     installation: Installation = AS_USUAL,
-    staging: Staging = ORDINARY,
+    staging: PlantOptions = ORDINARY,
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from cell.cli.app import app
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.batch import side_by_side
 from cell.operations.replay import replay
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
@@ -155,7 +155,7 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    asked = {"truth": False, "viz": "save", "choice": Choice(plant=plant)}
+    asked = {"truth": False, "viz": "save", "choice": DeviceSelection(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
 
@@ -190,7 +190,7 @@ def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Pa
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
     requests = [
         request_for("denim", "triangular", tmp_path / "again"),
-        request_for("denim", "triangular", tmp_path / "again", choice=Choice(seed=4)),
+        request_for("denim", "triangular", tmp_path / "again", choice=DeviceSelection(seed=4)),
     ]
     same, other = side_by_side(requests, jobs=2)
     lines = [denim.result.line(), same.line(), other.line()]

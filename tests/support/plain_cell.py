@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from calibration.perception.sight import Sight
+from calibration.perception.sight import StripMeasurement
 from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices
-from cell.orchestrator.context import Knowledge
+from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import Unrecorded
+from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
 from drivers.limits import Workspace
@@ -114,13 +114,13 @@ class Bench:
     arm: PlainArm
     hand: PlainHand
     camera: NoiseCamera
-    record: Unrecorded = field(default_factory=Unrecorded)
+    record: NullRecorder = field(default_factory=NullRecorder)
     observers: tuple = ()
     interrupted: Callable[[], bool] = lambda: False
 
     def run(self) -> Outcome:
         settings = Configs(BESIDE).cell()
-        knowledge = Knowledge(settings, Configs(BESIDE).strip("denim"), Triangular())
+        knowledge = FoldContext(settings, Configs(BESIDE).strip("denim"), Triangular())
         knowledge.touch = SimpleNamespace(tell=lambda sight, gripper: None)
         knowledge.perception = SimpleNamespace(look=sight_of)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
@@ -131,9 +131,11 @@ class Bench:
         return not self.arm.profile.moving
 
 
-def sight_of(frame: Frame, gripper: Pose) -> Sight:
+def sight_of(frame: Frame, gripper: Pose) -> StripMeasurement:
     points = np.zeros((3, 2))
-    return Sight(frame.stamp, frame.sequence, 0.3, 1.0, points, 1.0, (0.5, 0.0), math.nan, math.nan)
+    return StripMeasurement(
+        frame.stamp, frame.sequence, 0.3, 1.0, points, 1.0, (0.5, 0.0), math.nan, math.nan
+    )
 
 
 def plain_bench() -> Bench:

@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.benchmark.parts.critical import STEP, level_motion
 from cell.benchmark.parts.paper_range import knowing
-from cell.benchmark.parts.recording_engine import Witness
+from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import Curve, Evolution
 from drivers.strip.engine import simulate
 from drivers.strip.model import describe
@@ -61,7 +61,7 @@ class Evolved:
         return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, HEIGHT - 1e-9)
 
     def _fold(self) -> "_Seen":
-        strip, witness = strip_at(*PLACE), Witness(Rod(), shapes=True)
+        strip, witness = strip_at(*PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
             witness,

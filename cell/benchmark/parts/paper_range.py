@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.benchmark.parts.recording_engine import Witness
+from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import RangeFolds
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
@@ -48,7 +48,7 @@ class OverRange:
     def measure(self) -> RangeFolds:
         """Fold all strips."""
         strips = grid(self.side)
-        witness = Witness(_engine(self.engine))
+        witness = RecordingEngine(_engine(self.engine))
         folds = roll_out(
             knowing(self.policy, strips),
             witness,

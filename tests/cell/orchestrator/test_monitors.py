@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.perception.sight import Sight
+from calibration.perception.sight import StripMeasurement
 from cell.orchestrator.monitors import MONITORS, MonitorLimits, Rules, check_all
-from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Senses
+from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from drivers.errors import Fault
 from drivers.limits import Workspace
@@ -18,8 +18,8 @@ POSE = Pose(0.4, 0.2, math.pi / 2)
 ARM = ArmState(10.0, 10.0, "test", POSE, STILL, POSE, moving=True, expired=False)
 HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
 FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
-SIGHT = Sight(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
-GOOD = Senses(
+SIGHT = StripMeasurement(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
+GOOD = Snapshot(
     time=10.0,
     state=State.FOLD,
     entered=5.0,

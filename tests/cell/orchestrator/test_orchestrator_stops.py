@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 import cell.orchestrator.run as orchestrator
-from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Senses
+from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import close_hand, move, open_hand
 from drivers.errors import Fault
@@ -181,7 +181,7 @@ def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
     def broken(*news) -> None:
         raise ZeroDivisionError
 
-    seen: list[Senses] = []
+    seen: list[Snapshot] = []
     good = SimpleNamespace(see=seen.append, happened=lambda *news: None)
     bad = SimpleNamespace(see=broken, happened=broken)
     bench.observers = (bad, good)
@@ -206,10 +206,10 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
     checked: list[tuple[State, object]] = []
     check_all = orchestrator.check_all
 
-    def checking(senses, command, rules) -> None:
-        assert senses.entered <= senses.time
-        checked.append((senses.state, command))
-        check_all(senses, command, rules)
+    def checking(snapshot, command, rules) -> None:
+        assert snapshot.entered <= snapshot.time
+        checked.append((snapshot.state, command))
+        check_all(snapshot, command, rules)
 
     def grasping(knowledge, record):
         yield from open_hand()
@@ -254,7 +254,7 @@ def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
     bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
     states: list[str] = []
     note = SimpleNamespace(
-        see=lambda senses: None,
+        see=lambda snapshot: None,
         happened=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
     )
     bench.observers = (note,)

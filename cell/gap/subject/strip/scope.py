@@ -90,7 +90,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         parameters=tuple(_parameters(effect, strip, coarse(effect))),
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
-        untrue=UNTRUE if effect.stage is Stage.LAW else EXACT,
+        model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
         finer=tuple(_shape(p, strip) for p in effect.parameters if p.finer is not None),
     )
 
