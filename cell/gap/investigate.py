@@ -13,18 +13,28 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
+from cell.gap.fitting.spreads import Spread, estimated, scattered, spreads, with_scatter
 from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, holm, likelihood_scale
-from cell.gap.selection.screening import Score, probe, ranked, ranked_pairs, table
+from cell.gap.selection.screening import (
+    Probed,
+    Score,
+    best_responses,
+    probe,
+    ranked,
+    ranked_pairs,
+    table,
+)
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.findings import Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, judge, show
 
+SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
 
@@ -37,22 +47,29 @@ def investigate(
     train = [run for run in subject.runs if run.name not in held_out]
     test = [run for run in subject.runs if run.name in held_out]
     progress("refit the base", 0.02)
-    fitted = _fit_base(subject, evidence(train), simulate, rng)
+    whole = evidence(train)
+    fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
+    less = _less_scatter(fitted, screened, whole, simulate)
+    if less is not None:
+        again = with_scatter(fitted.base.estimate, less, whole)
+        fitted = _judged_base(subject, again, less, simulate, rng)
+        screened = _screened(subject, fitted, screened.probed)
     progress("refit the best", 0.25)
     fits = _refit(subject, fitted, screened, simulate, progress)
     better = search.better_base(simulate, fits)
     if better is not None:
         progress("begin anew from a better base", 0.3)
-        fitted = _judged_base(subject, better, simulate, rng)
+        fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
         screened = _screen(subject, fitted, simulate)
         fits = _refit(subject, fitted, screened, simulate, progress)
     progress("judge", 0.8)
     choice = chosen(subject, simulate, fits)
-    judged = judge(subject, choice, simulate, rng)
+    judged = judge(subject, choice, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
-    shown = show(subject, simulate, fitted.base, choice.accepted, evidence(test), rng)
+    unseen = scattered(evidence(test), fitted.scatter)
+    shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     advised = advice(subject, screened, choice, judged, simulate)
     return Findings(
@@ -63,14 +80,20 @@ def investigate(
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
+    """The base refitted from several starts, and how much the runs differ for no reason."""
     rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
-    return _judged_base(subject, rough, simulate, rng)
+    found = spreads(rough)
+    return _judged_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
 
 
 def _judged_base(
-    subject: Subject, rough: Estimate, simulate: Simulate, rng: np.random.Generator
+    subject: Subject,
+    rough: Estimate,
+    scatter: Sequence[Spread],
+    simulate: Simulate,
+    rng: np.random.Generator,
 ) -> Fitted:
-    """The base refitted finely from `rough`, and what it leaves, beyond noise and repeats."""
+    """The base refitted finely from `rough`, and what it leaves beyond noise, scatter, repeats."""
     base = refit_base_fine(subject, simulate, rough)
     change = drift(base)
     inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
@@ -83,14 +106,39 @@ def _judged_base(
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
         tuple(undetermined(base)),
+        tuple(scatter),
     )
+
+
+def _less_scatter(
+    fitted: Fitted, screened: Screened, whole: Evidence, simulate: Simulate
+) -> tuple[Spread, ...] | None:
+    """Spreads beside the most promising candidate, where they are clearly smaller.
+
+    A base that lacks an effect takes a part of it for scatter.
+    """
+    by = likelihood_scale([fitted.base])
+    first = next(iter(screened.singles), None)
+    if first is None or not fitted.scatter or first.gain < by.least * by.inefficiency:
+        return None
+    base = fitted.base.estimate
+    probed = next(p for p in screened.probed if p.candidate.name == first.names[0])
+    found = estimated(simulate, base, whole, best_responses(projection(base), probed))
+    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
+    smaller = any(now.get(name, 0.0) < SMALLER * value for name, value in before.items())
+    return found if smaller else None
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
-    about = projection(base)
-    by = likelihood_scale([fitted.base])
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
+    return _screened(subject, fitted, probed)
+
+
+def _screened(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
+    """Scores of the candidates by their responses, beside the base as it was refitted."""
+    about = projection(fitted.base.estimate)
+    by = likelihood_scale([fitted.base])
     known = table(about, probed)
     singles = ranked(known)
     return Screened(

@@ -11,6 +11,7 @@ from cell.gap.diagnosis.next_experiment import Advice
 from cell.gap.diagnosis.sparse_law import Law
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
@@ -26,7 +27,8 @@ class Fitted:
     """The refitted base and what it leaves.
 
     `inflation` by channel is the factor on the stated noise that repeats demand; `drift` is None
-    where no condition was repeated; `weak` are directions that the runs do not determine.
+    where no condition was repeated; `weak` are directions that the runs do not determine, `scatter`
+    the quantities that differ from run to run.
     """
 
     base: Validated
@@ -35,6 +37,7 @@ class Fitted:
     misfit: Misfit
     places: tuple[Bin, ...]
     weak: tuple[Undetermined, ...]
+    scatter: tuple[Spread, ...] = ()
 
     @property
     def gap(self) -> bool:
@@ -72,7 +75,8 @@ class Judged:
 
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
-    changes between repeats that it leaves. `classes` are effects that stand in for one another.
+    changes between repeats that it leaves. `classes` are effects that stand in for one another,
+    `scatter` the quantities that differ from run to run beside it.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -84,6 +88,7 @@ class Judged:
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
+    scatter: tuple[Spread, ...] = ()
 
     @property
     def remains(self) -> bool:

@@ -12,6 +12,7 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
+from cell.gap.fitting.spreads import estimated
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, choose
@@ -38,8 +39,17 @@ def chosen(subject: Subject, simulate: Simulate, fits: Fits) -> Choice:
     return replace(found, accepted=done, fits=Fits(models))
 
 
-def judge(subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.Generator) -> Judged:
-    """Test the accepted model of `choice` for what it leaves, drift and alternatives."""
+def judge(
+    subject: Subject,
+    choice: Choice,
+    simulate: Simulate,
+    whole: Evidence,
+    rng: np.random.Generator,
+) -> Judged:
+    """Test the accepted model of `choice` for what it leaves, drift and alternatives.
+
+    `whole` are the runs with every random unknown that they may have.
+    """
     best = choice.accepted.estimate
     about = projection(best)
     invariances = _invariances(choice, simulate)
@@ -56,8 +66,9 @@ def judge(subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.G
     terms = run_all(simulate, [probe(best, t) for t in subject.scope.terms])
     law = describe(best, about, terms, choice.by.inefficiency, rng)
     groups = tuple(map(tuple, classes(choice.accepted, close)))
+    scatter = estimated(simulate, best, whole)
     return Judged(
-        invariances, misfit, leftover, astray, change, inflation, tuple(close), groups, law
+        invariances, misfit, leftover, astray, change, inflation, tuple(close), groups, law, scatter
     )
 
 
