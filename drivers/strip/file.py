@@ -25,7 +25,10 @@ class Provenance(Settings):
 
 
 class StripFile(Settings):
-    """A fabric strip in SI units; see the strip file contract."""
+    """A fabric strip in SI units; see the strip file contract.
+
+    `law` holds amounts of laws that describe what no effect explains; written only where it has.
+    """
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["strip"] = "strip"
@@ -38,6 +41,7 @@ class StripFile(Settings):
     thickness: float = Field(0.001, gt=0, le=0.02)  # m
     colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+    law: dict[str, float] = Field(default_factory=dict, exclude_if=lambda law: not law)
     spread: dict[str, tuple[float, float]] = Field(default_factory=dict)
     provenance: tuple[Provenance, ...] = ()
 
@@ -66,9 +70,11 @@ class StripFile(Settings):
 def load_strip(path: Path) -> StripFile:
     """The strip or plant file at `path`, its effects checked against the registry."""
     from drivers.strip.effects import check_effects
+    from drivers.strip.law import check_law
 
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
+    check_law(strip.law, origin=str(path))
     check_described(strip, origin=str(path))
     return strip
 

@@ -215,6 +215,7 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
     `index` counts the runs that this specimen has been through before.
     """
     from drivers.strip.effects import apply_effects
+    from drivers.strip.law import with_law
 
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
@@ -227,4 +228,5 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
     bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=index)
-    return apply_effects(bare, {**strip.effects, **(cell_effects or {})})
+    whole = apply_effects(bare, {**strip.effects, **(cell_effects or {})})
+    return with_law(whole, strip.law) if strip.law else whole

@@ -14,7 +14,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 
 RECORD = "fit.json"
-PATCH, CELL_PATCH = "patch.yaml", "cell-patch.yaml"
+PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +38,22 @@ def dumped(content: Mapping[str, object]) -> str:
     return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
 
 
-def accept(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
+def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False) -> Accepted:
     """Put the patches of the fit in `out` into `file` and, where one belongs there, the cell.
 
-    Refuses when `file` is not the one that was fitted, has changed since, or nothing was named.
+    With `law`, the law that describes what no effect explains. Raises ConfigurationError when
+    `file` is not the one that was fitted, has changed since, or there is nothing to accept.
     """
     record = _record(out)
-    patch, cell_patch = out / PATCH, out / CELL_PATCH
+    patch, cell_patch = out / (LAW_PATCH if law else PATCH), out / CELL_PATCH
     if not patch.is_file():
-        raise ConfigurationError(f"{out}: nothing was named, so there is nothing to accept")
+        raise ConfigurationError(f"{out}: {_nothing(out, law=law)}")
     if sha256(file) != record["file_sha256"]:
         raise ConfigurationError(
             f"{file}: has changed since it was fitted (or is another file); fit again"
         )
     changes = {file: patch.read_text(encoding="utf-8")}
-    if cell_patch.is_file():
+    if cell_patch.is_file() and not law:
         if cell_file is None:
             raise ConfigurationError(
                 f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
@@ -63,7 +64,16 @@ def accept(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
     write_text(out / "accepted.json", json.dumps({"before": before, "after": after}, indent=1))
     for path, text in changes.items():
         write_text(path, text)
-    return Accepted(tuple(changes), tuple(record["effects"]))
+    put = tuple((record.get("law") or {}).get("terms", ())) if law else tuple(record["effects"])
+    return Accepted(tuple(changes), put)
+
+
+def _nothing(out: Path, *, law: bool) -> str:
+    """Why there is nothing to accept, and what there is instead."""
+    if law:
+        return "no law was offered, so there is none to accept"
+    offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""
+    return f"nothing was named, so there is nothing to accept{offered}"
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
@@ -85,7 +95,9 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
     for name, path in paths.items():
         write_text(path, stored["before"][name])
     kept.unlink()
-    return Accepted(tuple(paths.values()), tuple(_record(out)["effects"]))
+    record = _record(out)
+    taken = record["effects"] or tuple((record.get("law") or {}).get("terms", ()))
+    return Accepted(tuple(paths.values()), tuple(taken))
 
 
 def _with_cell(path: Path, patch: Mapping[str, Any]) -> str:
