@@ -13,7 +13,6 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
@@ -33,6 +32,7 @@ from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import parse
+from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 

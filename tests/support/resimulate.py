@@ -10,9 +10,10 @@ from cell.devices.rig_correction import as_recorded
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
+from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 
 STEP = 0.005  # s

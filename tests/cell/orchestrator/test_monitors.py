@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from calibration.perception.sight import StripMeasurement
-from cell.orchestrator.monitors import MONITORS, MonitorLimits, Rules, check_all
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.monitors import MONITORS, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from drivers.errors import Fault

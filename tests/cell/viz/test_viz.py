@@ -18,9 +18,9 @@ from cell.record.run import read_run
 from cell.viz.model_view import Shadow
 from cell.viz.recording import Screen, viz_from_run
 from cell.viz.watch import WAITING, Viz, watching
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
 from policies.path import triangular
