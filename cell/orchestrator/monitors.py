@@ -54,9 +54,9 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.frame is None:
+    if snapshot.view.frame is None:
         return "the camera has delivered no image"
-    age = snapshot.time - snapshot.frame.stamp
+    age = snapshot.time - snapshot.view.frame.stamp
     if abs(age) <= limits.image_age:
         return None
     return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
@@ -64,16 +64,19 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.identical < limits.identical_images:
+    if snapshot.view.identical < limits.identical_images:
         return None
-    return f"{snapshot.identical} images in a row are identical: the camera is frozen"
+    return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.doubtful_since is None or snapshot.time - snapshot.doubtful_since <= limits.doubt:
+    if (
+        snapshot.view.doubtful_since is None
+        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
+    ):
         return None
-    seen = snapshot.sight.confidence if snapshot.sight is not None else 0.0
+    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
