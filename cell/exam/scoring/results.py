@@ -57,6 +57,7 @@ class Ledger:
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
         """Open or begin; `again` forgets everything."""
+        self.path = path
         self._journal = Journal(path, again=again)
         self._known = {e.case.name: e for e in map(_entry, self._journal.lines) if e is not None}
 
