@@ -145,7 +145,10 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
 
 
 def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
-    """`count` effects, each of strength `level` for itself on the case's strip as stated."""
+    """`count` effects, each of strength `level` for itself on the case's strip as stated.
+
+    Raises Fault where no effect of that strip can be that strong.
+    """
     strip, ruler = find_configs(None).strip(case.strip), _ruler(case.strip, case.tier)
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
