@@ -12,6 +12,12 @@ from typing import Any
 import numpy as np
 import yaml
 
+from drivers.files import MEGABYTE, read_bytes
+
+JOURNAL = 32 * MEGABYTE  # a fold of two minutes writes half of one
+LINES = 200_000
+DIGITS = 18  # of a whole number that fits 64 bits
+
 
 def plain(value: object) -> Any:
     """`value` as text, numbers, lists and mappings; a number that is not finite becomes None.
@@ -42,7 +48,7 @@ def _scalar(value: object) -> str | int | float | None:
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """`content` as YAML at `path`, on the disk when this returns, never half of it."""
     text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
-    replace_file(path, text.encode())
+    replace_file(path, text.encode(errors="backslashreplace"))
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -78,22 +84,29 @@ def sync_folder(folder: Path) -> None:
 
 def json_line(content: Mapping[str, Any]) -> bytes:
     """`content` as one line of JSON."""
-    return json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": ")).encode() + b"\n"
+    text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
+    return text.encode(errors="backslashreplace") + b"\n"
 
 
 def read_json_lines(path: Path) -> list[dict[str, Any]]:
     """The whole lines of a JSON lines file; empty without the file.
 
-    What a killed process left half written is passed over.
+    What a killed process left half written is passed over. Raises ConfigurationError for what is
+    no regular file, or larger than any record.
     """
     if not path.exists():
         return []
     lines: list[dict[str, Any]] = []
-    for line in path.read_bytes().split(b"\n"):
+    for line in read_bytes(path, JOURNAL).split(b"\n", LINES)[:LINES]:
         try:
-            content = json.loads(line)
-        except ValueError:
+            content = json.loads(line, parse_int=_integer)
+        except (ValueError, RecursionError):
             continue
         if isinstance(content, dict):
             lines.append(content)
     return lines
+
+
+def _integer(text: str) -> int | float:
+    """A whole number; as a float where no index, count or time is so large."""
+    return int(text) if len(text) <= DIGITS else float(text)

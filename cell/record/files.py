@@ -17,11 +17,13 @@ def is_run(folder: Path) -> bool:
 
 def is_under_way(folder: Path) -> bool:
     """Whether a living process is writing the run in `folder`: it holds a lock on the events."""
+    if not (folder / EVENTS).is_file():  # a pipe would be waited for
+        return False
     try:
         with (folder / EVENTS).open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return False
     except BlockingIOError:
         return True
+    except OSError:
+        return False
     return False

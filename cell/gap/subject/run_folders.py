@@ -4,11 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
-from pyarrow import ArrowException
 
+from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA
 from drivers.types import Array
 
 HEAD = "run.yaml"
@@ -86,20 +84,9 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 def read_table(path: Path) -> dict[str, Array]:
     """Columns of a parquet file as floats; a missing or broken file is a ConfigurationError."""
-    try:
-        table = pq.read_table(path)
-    except FileNotFoundError:
-        raise ConfigurationError(f"{path}: is missing; add it") from None
-    except (ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigurationError(
-            f"{path}: is not a whole Parquet file; write it again: {reason}"
-        ) from None
-    stored = (table.schema.metadata or {}).get(b"schema", b"1")
-    if not stored.isdigit() or int(stored) > SCHEMA:
-        raise ConfigurationError(
-            f"{path}: schema: is {stored.decode(errors='replace')}, this version reads {SCHEMA}"
-        )
+    table = read_parquet(
+        path, "is missing; add it", "is not a whole Parquet file; write it again", newer=""
+    )
     columns = {}
     for name in table.column_names:
         try:
