@@ -14,12 +14,15 @@ Run = Annotated[Path, typer.Argument(help="A run folder.")]
 
 def report(run: Run, as_json: Json = False) -> None:
     """Write report.html for a run, finished or not, and say in a line what it came to."""
-    from cell.record.run import read_run
+    from cell.record.salvage import Salvage
     from cell.report.page import write_report
     from cell.report.verdict import verdict
 
     page = write_report(run)
-    sentence = verdict(read_run(run))
+    found = Salvage.of(run)
+    for problem in found.problems:
+        sys.stderr.write(f"cell: {problem}\n")
+    sentence = verdict(found)
     if as_json:
         sys.stdout.write(json.dumps({"run": str(run), "report": str(page)}) + "\n")
         return

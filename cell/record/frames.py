@@ -130,12 +130,19 @@ def read_frames(folder: Path) -> Iterator[Frame]:
     Raises ConfigurationError for an image that is not the one that was recorded.
     """
     for note in read_index(folder):
-        if note.file is None:
-            continue
-        image = decode(note.file)
-        if digest(image) != note.sha256:
-            raise ConfigurationError(f"{note.file}: is not the image that was recorded")
-        yield Frame(note.stamp, note.arrival, note.source, note.sequence, image)
+        frame = read_frame(note)
+        if frame is not None:
+            yield frame
+
+
+def read_frame(note: FrameNote) -> Frame | None:
+    """The image of a note, checked against its hash; None where it was not kept."""
+    if note.file is None:
+        return None
+    image = decode(note.file)
+    if digest(image) != note.sha256:
+        raise ConfigurationError(f"{note.file}: is not the image that was recorded")
+    return Frame(note.stamp, note.arrival, note.source, note.sequence, image)
 
 
 def _note(folder: Path, line: dict[str, Any]) -> FrameNote:

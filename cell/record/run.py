@@ -124,7 +124,7 @@ def read_run(folder: Path) -> Run:
     result = load(folder / RESULT, Result, bare=True) if (folder / RESULT).exists() else None
     ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
-        tables, origin = _broken_off(folder, header)
+        tables, origin = broken_off(folder, header)
         return Run(
             folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
         )
@@ -163,7 +163,7 @@ def _moment(value: object) -> float:
     return float(value) if isfinite(value) and abs(value) < LATEST else 0.0
 
 
-def _broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
+def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
     """The tables of a run that died; a cell's own may have died before its streams were begun."""
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
     if not begun and "config" not in (header.model_extra or {}):
