@@ -7,10 +7,10 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.perception.appearance import Appearance, matte, soft
 from calibration.perception.contact import Contact, SearchLine, find_contact
+from calibration.perception.measurement import StripMeasurement
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
 from calibration.perception.region import START, Region, hide_hand, strip_region, zones
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import StripMeasurement
 from calibration.perception.silhouette import Grip, Side, outer_side, silhouette
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap

@@ -8,8 +8,8 @@ import numpy as np
 
 from calibration.board_views import BoardPose
 from cell.config.cell import CellFile
-from cell.config.plant import load_plant
 from cell.devices.devices import Devices, DeviceSelection
+from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, facing

@@ -16,12 +16,11 @@ from cell.config.places import cache_folder
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.operations.interrupt import Interrupted
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.strip.file import StripFile
-from policies.fixed_paths import Triangular
 
 NO_STRIP = StripFile(
     schema=1,
@@ -105,18 +104,18 @@ def calibrate(
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
-    knowledge = FoldContext(settings, NO_STRIP, Triangular(), lens=lens)
+    context = CalibrationContext(settings.controller, lens)
     try:
         devices.connect()
         devices.aids.hold_pointer(True)
-        outcome = Run(devices, knowledge, NullRecorder(), interrupted=interrupted).execute()
+        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
     finally:
         devices.close()
     if outcome.exit_code == Interrupted.exit_code:
         raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
-    if outcome.exit_code != 0 or knowledge.touches is None:
+    if outcome.exit_code != 0 or context.touches is None:
         raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
-    return _assembled(lens, knowledge.touches, devices.camera_identity)
+    return _assembled(lens, context.touches, devices.camera_identity)
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:

@@ -13,7 +13,6 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
@@ -33,6 +32,7 @@ from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import parse
+from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
@@ -78,18 +78,18 @@ def fold(
     _check_camera(calibration, devices)
     calibration = corrected_calibration(calibration, settings, strip)
     begun = time.perf_counter()
-    header = run_header(request, settings, strip, calibration)
+    header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames
     writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
     save_calibration(calibration, writer.folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
     recorder = Recorder(writer)
-    knowledge = FoldContext(settings, strip, policy, calibration)
+    context = FoldContext(settings.controller, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
-        run = Run(blind, knowledge, recorder, watchers, interrupted)
+        run = Run(blind, context, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
@@ -142,9 +142,16 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 
 def run_header(
-    request: Request, settings: CellFile, strip: StripFile, calibration: Calibration
+    request: Request,
+    settings: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    camera_rate: float,
 ) -> dict[str, Any]:
-    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash."""
+    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash.
+
+    `camera_rate` is that of the camera that is open [Hz].
+    """
     choice = request.choice
     return {
         "strip": strip.name,
@@ -153,7 +160,7 @@ def run_header(
         "index": choice.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,
-        "camera_hz": settings.twin.camera.rate,
+        "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
         **_weights(request.checkpoint),

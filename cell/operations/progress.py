@@ -32,8 +32,10 @@ class ProgressLine:
         pose = snapshot.arm.pose
         text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
-        if snapshot.sight is not None and math.isfinite(snapshot.sight.contact_x):
-            text += f"   desk contact {1e3 * snapshot.sight.contact_x:4.0f} mm"
+        if snapshot.view.measurement is not None and math.isfinite(
+            snapshot.view.measurement.contact_x
+        ):
+            text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
         self._status.update(text)
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:

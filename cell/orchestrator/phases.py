@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 
+from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import Preflight, inspect
-from calibration.perception.sight import SeenTouch
 from calibration.touched_points import TouchedPoints
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -33,11 +35,8 @@ class Pictured:
     gripper: Pose
 
 
-def preflight(cell: FoldContext, record: Record) -> Phase:
-    """Judge the picture of the strip before it is touched; without a calibration, make one."""
-    if cell.calibration is None:
-        yield from pause(0.0)
-        return Event.NEEDS_CALIBRATION
+def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+    """Judge the picture of the strip before it is touched."""
     fold = cell.settings.fold
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
     frame = (yield from _still_picture()).frame
@@ -48,14 +47,18 @@ def preflight(cell: FoldContext, record: Record) -> Phase:
     record.describe(preflight=checks)
     if seen.appearance is None or not seen.passed:
         raise PreflightRefused(_failures(seen))
-    cell.see_with(cell.calibration, seen.appearance)
+    cell.reader = StripReader.of(cell.settings, cell.strip, cell.calibration, seen.appearance)
     return Event.CHECKED
 
 
-def calibrate(cell: FoldContext, record: Record) -> Phase:
+def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
+    """A run that calibrates has no strip to judge."""
+    yield from pause(0.0)
+    return Event.NEEDS_CALIBRATION
+
+
+def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
     """The map to the plane, from points that the pointer touches."""
-    if cell.lens is None:
-        raise PreflightRefused("there is no calibration; run `cell calibrate`")
     points = TouchedPoints(cell.lens, cell.settings.touches)
     while (pose := points.ask()) is not None:
         yield from move(pose)
@@ -67,7 +70,7 @@ def calibrate(cell: FoldContext, record: Record) -> Phase:
     return Event.CALIBRATED
 
 
-def grasp(cell: FoldContext, _: Record) -> Phase:
+def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     """Come from beyond the free edge, close the fingers on it, check that they hold it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
@@ -82,7 +85,7 @@ def grasp(cell: FoldContext, _: Record) -> Phase:
     return Event.GRASPED
 
 
-def lift(cell: FoldContext, _: Record) -> Phase:
+def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     """Follow the first stretch of the policy's own path while the pitch grows to hanging."""
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
@@ -98,15 +101,15 @@ def lift(cell: FoldContext, _: Record) -> Phase:
     return Event.LIFTED
 
 
-def fold(cell: FoldContext, record: Record) -> Phase:
+def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Decide on each new frame, command on each tick, until the layers are seen to touch."""
-    command = Drive(cell.velocity)
+    command = Drive(begin.velocity)
     while True:
         snapshot = yield command
-        if not snapshot.fresh or snapshot.sight is None:
+        if not snapshot.view.fresh or snapshot.view.measurement is None:
             continue
-        if snapshot.touch is not None:
-            cell.seen_touch = snapshot.touch
+        if snapshot.view.touch is not None:
+            cell.seen_touch = snapshot.view.touch
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
@@ -116,16 +119,16 @@ def fold(cell: FoldContext, record: Record) -> Phase:
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
-def touched(cell: FoldContext, record: Record) -> Phase:
+def touched(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Brake, let the picture settle, and take the measure of the touch."""
     snapshot = yield from pause(cell.settings.fold.touch_settle)
     snapshot = yield from wait_for(lambda now: not now.arm.moving)
-    cell.seen_touch = snapshot.touch or cell.seen_touch
+    cell.seen_touch = snapshot.view.touch or cell.seen_touch
     record.event(snapshot.time, "at_rest_after_touch", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: FoldContext, record: Record) -> Phase:
+def lay(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Lower the grasped edge to the desk, without pulling at the touch."""
     snapshot = yield from pause(0.0)
     path = lay_path(_seen(cell), snapshot.arm.pose, cell.strip.thickness)
@@ -134,7 +137,7 @@ def lay(cell: FoldContext, record: Record) -> Phase:
     return Event.LAID
 
 
-def release(cell: FoldContext, record: Record) -> Phase:
+def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Open the fingers, see where the edges ended, and retreat from the strip."""
     snapshot = yield from open_hand()
     cell.edge_offset = -snapshot.arm.pose.x
@@ -146,9 +149,9 @@ def release(cell: FoldContext, record: Record) -> Phase:
     return Event.RELEASED
 
 
-PHASES: dict[State, Callable[[FoldContext, Record], Phase]] = {
+PhaseFactory = Callable[[Record, Snapshot], Phase]
+_FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.PREFLIGHT: preflight,
-    State.CALIBRATE: calibrate,
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
@@ -156,21 +159,32 @@ PHASES: dict[State, Callable[[FoldContext, Record], Phase]] = {
     State.LAY: lay,
     State.RELEASE: release,
 }
+_CALIBRATION: dict[State, Callable[[CalibrationContext, Record, Snapshot], Phase]] = {
+    State.PREFLIGHT: go_calibrate,
+    State.CALIBRATE: calibrate,
+}
+
+
+def phases_of(context: Context) -> dict[State, PhaseFactory]:
+    """The phases of a run with this context; each starts from the snapshot that led to it."""
+    if isinstance(context, CalibrationContext):
+        return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    return {state: partial(phase, context) for state, phase in _FOLD.items()}
 
 
 def observe(snapshot: Snapshot) -> Observation:
     """What the policy may know: the gripper now, the strip when the newest image was so."""
-    sight, pose = snapshot.sight, snapshot.arm.pose
-    if sight is None:
+    seen, pose = snapshot.view.measurement, snapshot.arm.pose
+    if seen is None:
         raise Fault("image_stale", "a policy was asked to decide without an image")
     return Observation(
         time=np.array([snapshot.time]),
         x=np.array([pose.x]),
         z=np.array([pose.z]),
-        stamp=np.array([sight.stamp]),
-        contact_x=np.array([sight.contact_x]),
-        tip_x=np.array([sight.tip[0]]),
-        tip_z=np.array([sight.tip[1]]),
+        stamp=np.array([seen.stamp]),
+        contact_x=np.array([seen.contact_x]),
+        tip_x=np.array([seen.tip[0]]),
+        tip_z=np.array([seen.tip[1]]),
     )
 
 
@@ -217,8 +231,12 @@ def _still_picture() -> Generator[Command, Snapshot, Pictured]:
     still = (yield from pause(SETTLE)).time
     while True:
         snapshot = yield Hold()
-        if snapshot.fresh and snapshot.frame is not None and snapshot.frame.stamp > still:
-            return Pictured(snapshot.time, snapshot.frame, snapshot.arm.pose)
+        if (
+            snapshot.view.fresh
+            and snapshot.view.frame is not None
+            and snapshot.view.frame.stamp > still
+        ):
+            return Pictured(snapshot.time, snapshot.view.frame, snapshot.arm.pose)
 
 
 def _seen(cell: FoldContext) -> SeenTouch:

@@ -15,7 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.record.files import RECORDING, RUN, is_under_way
 from cell.record.run import read_run
 from cell.viz.model_view import LOST, Shadow
@@ -56,7 +56,7 @@ def viz_from_run(folder: Path) -> Path:
     run = read_run(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    stated = (run.header.model_extra or {}).get("strip_file")
+    stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
         with open_recording(folder) as recording:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.installation import Installation
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Effects, describe
+from drivers.strip.model import Effects
 from drivers.twin.arm import TwinArm
 from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain.engine import Chain

@@ -4,12 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.observation import seen_contact, seen_points, seen_time, seen_touch
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.motions import GripperPath, simulate_all

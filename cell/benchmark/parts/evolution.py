@@ -8,8 +8,8 @@ from cell.benchmark.parts.critical import STEP, level_motion
 from cell.benchmark.parts.paper_range import knowing
 from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import Curve, Evolution
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.strip.shape import Touch
 from drivers.types import Array
