@@ -27,19 +27,19 @@ class BoundedLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         """The next node; an alias counts as often as what it stands for."""
-        event = self.peek_event()
-        anchor = getattr(event, "anchor", None)
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        anchor: Any = getattr(event, "anchor", None)
         if self.check_event(yaml.AliasEvent):
             if anchor in self.anchors and anchor not in self._sizes:
                 raise _problem(event, f"alias {anchor!r} stands within what it names; write it out")
             self._count(event, self._sizes.get(anchor, 1))
-            return super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+            return super().compose_node(parent, index)
         before = self._nodes
         self._count(event, 1)
         self._depth += 1
         if self._depth > DEPTH:
             raise _problem(event, f"is nested more than {DEPTH} deep")
-        node = super().compose_node(parent, index)  # type: ignore[no-untyped-call]
+        node = super().compose_node(parent, index)
         self._depth -= 1
         if anchor is not None:
             self._sizes[anchor] = self._nodes - before
@@ -47,8 +47,8 @@ class BoundedLoader(yaml.SafeLoader):
 
     def compose_scalar_node(self, anchor: Any) -> Any:
         """A scalar; a number that nobody means is refused before it is computed."""
-        event = self.peek_event()
-        node = super().compose_scalar_node(anchor)  # type: ignore[no-untyped-call]
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        node = super().compose_scalar_node(anchor)
         if node.tag in NUMBERS and len(node.value) > DIGITS:
             raise _problem(event, f"is a number of {len(node.value)} digits, at most {DIGITS}")
         return node

@@ -16,6 +16,7 @@ from drivers.files import MEGABYTE, read_bytes
 
 JOURNAL = 32 * MEGABYTE  # a fold of two minutes writes half of one
 LINES = 200_000
+DEPTH = 16
 DIGITS = 18  # of a whole number that fits 64 bits
 
 
@@ -102,9 +103,18 @@ def read_json_lines(path: Path) -> list[dict[str, Any]]:
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):
             continue
-        if isinstance(content, dict):
+        if isinstance(content, dict) and _is_flat(content, DEPTH):
             lines.append(content)
     return lines
+
+
+def _is_flat(value: object, depth: int) -> bool:
+    """Whether lists and mappings are nested no deeper than `depth`."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if not isinstance(value, list):
+        return True
+    return depth > 0 and all(_is_flat(item, depth - 1) for item in value)
 
 
 def _integer(text: str) -> int | float:

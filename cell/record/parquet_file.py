@@ -11,7 +11,7 @@ from drivers.files import MEGABYTE, read_bytes
 from drivers.settings import SCHEMA
 
 PACKED, UNPACKED = 64 * MEGABYTE, 256 * MEGABYTE  # a fold's profile is below one
-ROWS = 4_000_000
+ROWS = 1_000_000
 
 
 class NotWhole(Exception):

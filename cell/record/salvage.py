@@ -15,7 +15,7 @@ from cell.record.header import Header, Result
 from cell.record.parquet_file import read_parquet
 from cell.record.run import Event, Run, broken_off
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS
-from cell.record.tables import Tables, assemble, profile_table, tick_table
+from cell.record.tables import Tables, profile_table, tick_table
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen

@@ -103,7 +103,7 @@ def open_recording(
     `viewer` opens a viewer on the address that is served. Raises OSError, RuntimeError or
     ValueError when the file cannot be written.
     """
-    recording = rr.RecordingStream("cell", recording_id=folder.name)
+    recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
     sinks: list[Any] = [rr.FileSink(folder / RECORDING)]
     if live:
         port = _free_port()
