@@ -9,7 +9,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_text
+from drivers.files import TEXT, read_text
 from drivers.yaml_loader import BoundedLoader
 
 SCHEMA = 1
@@ -38,6 +38,18 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ConfigurationError(
             f"{path}: is not valid YAML: a value is not what its !! tag says; leave tags out"
         ) from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
+    return content
+
+
+def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
+    """Mapping in a JSON file; a missing, broken or non-mapping file is a ConfigurationError."""
+    text = read_text(path, most)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid JSON: {error}") from None
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: must be a mapping of keys to values")
     return content

@@ -121,7 +121,7 @@ def _camera_file() -> dict[str, Any]:
     return content
 
 
-GAP = dict.fromkeys(("before", "after", "floor"), {"excess": 1.0})
+GAP = {key: {"excess": 1.0} for key in ("before", "after", "floor")}
 VERDICT: dict[str, Any] = {
     "schema": 1, "verdict": "no_gap", "effects": [], "ambiguous": [["a", "b"]],
     "unexplained": {"description": "d", "law": "l", "stable": True},
