@@ -31,7 +31,13 @@ def report(run: Run, as_json: Json = False) -> None:
 
 def viz(run: Run) -> None:
     """Build the Rerun recording of a run again from its record, and say how to open it."""
+    from cell.record.files import REBUILT, RECORDING
+    from cell.record.salvage import Salvage
     from cell.viz.recording import viz_from_run
 
     path = viz_from_run(run)
+    for problem in Salvage.of(run).problems:
+        sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")
+    if path.name == REBUILT:
+        sys.stdout.write(f"  kept beside it: {run / RECORDING}, recorded during the fold itself\n")

@@ -7,6 +7,7 @@ RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.y
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
+REBUILT = "rebuilt.rrd"  # by `cell viz`, beside the one of the fold itself
 CHECKPOINT = "checkpoint.json"
 
 

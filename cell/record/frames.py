@@ -65,6 +65,7 @@ def decode(path: Path) -> Image:
     content = read_bytes(path, PNG_BYTES)
     image = None
     if _is_small_png(content):
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # we say it ourselves
         try:
             image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
         except cv2.error:
@@ -79,7 +80,8 @@ def _is_small_png(content: bytes) -> bool:
     for a few bytes can state a picture of gigabytes.
     """
     sides = int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
-    return content.startswith(b"\x89PNG\r\n\x1a\n") and 0 < min(sides) <= max(sides) <= LARGEST
+    begun = content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR"
+    return begun and 0 < min(sides) <= max(sides) <= LARGEST
 
 
 class KeyFrames:

@@ -158,7 +158,7 @@ def made_run(root: Path) -> Path:
     MadeFold(writer, camera, pictures=False).run(0.9)
     facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}
     writer.event(0.3, "decision", **facts)
-    writer.finish(RESULT)
+    writer.finish({**RESULT, "t_layer_touch": 0.8})
     write_truth(writer.folder, {"displacement": -0.0351, "plant": {}})
     return writer.folder
 
