@@ -9,7 +9,7 @@ def main() -> None:
     """Run the command line; an error is one line and its exit code, never a traceback."""
     from cell.cli.streams import guard_streams, lost
 
-    out, _ = guard_streams()
+    out = guard_streams()
     code = _run()
     sys.stdout.flush()
     if lost(out):

@@ -30,12 +30,16 @@ class Outlet(io.FileIO):
         return block.nbytes
 
 
-def guard_streams() -> tuple[Outlet, Outlet]:
-    """Replace sys.stdout and sys.stderr by streams that never fail; what they write to.
+def guard_streams() -> Outlet | None:
+    """Replace sys.stdout and sys.stderr by streams that never fail; what the first writes to.
+
+    None where they have been replaced already, by whoever called this from a program of his.
 
     Text that the encoding does not hold is escaped. A descriptor that was closed leads to
     nowhere from now on: else the next file to be opened, a record, would get what is printed.
     """
+    if sys.stdout is not sys.__stdout__ or sys.stderr is not sys.__stderr__:
+        return None
     for descriptor in (0, 1, 2):
         try:
             os.fstat(descriptor)
@@ -46,7 +50,7 @@ def guard_streams() -> tuple[Outlet, Outlet]:
             stream.flush()
     out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
     sys.stdout, sys.stderr = _text(out, sys.stdout), _text(err, sys.stderr)
-    return out, err
+    return out
 
 
 def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
@@ -58,8 +62,8 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
     )
 
 
-def lost(outlet: Outlet) -> str:
+def lost(outlet: Outlet | None) -> str:
     """Why what was printed did not arrive, in words; empty where it did or nobody listened."""
-    if outlet.failure is None or outlet.failure.errno in GONE:
+    if outlet is None or outlet.failure is None or outlet.failure.errno in GONE:
         return ""
     return outlet.failure.strerror or "no reason given"

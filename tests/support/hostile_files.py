@@ -197,6 +197,7 @@ def _table(draw: st.DrawFn, name: Path, content: bytes) -> Spoiled:
     marked = table.replace_schema_metadata({"schema": schema})
 
     def write(folder: Path) -> None:
+        (folder / name).unlink()
         with (folder / name).open("wb") as file:
             pq.write_table(marked, file)
 
@@ -212,9 +213,11 @@ def _replaced(table: pa.Table, at: int, values: list[Any]) -> pa.Table:
 
 
 def _written(name: Path, content: bytes, how: str) -> Spoiled:
-    return Spoiled(
-        f"{name} {how} {content[:200]!r}", lambda f: (f / name).write_bytes(content) and None
-    )
+    def write(folder: Path) -> None:
+        (folder / name).unlink()  # it may be a pipe by now
+        (folder / name).write_bytes(content)
+
+    return Spoiled(f"{name} {how} {content[:200]!r}", write)
 
 
 def copied(folder: Path, to: Path, *changes: Spoiled) -> Path:

@@ -50,18 +50,23 @@ def _check_heads(folders: Sequence[Path]) -> None:
 
 
 def run_names(folders: Sequence[Path]) -> list[str]:
-    """Folder names, with their parent's name where they would be equal."""
-    short = [f.name for f in folders]
+    """Folder names, with their parent's name where they would be equal; all of them UTF-8."""
+    short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
     long = [f"{f.parent.parent.name}/{f.name}" if f.parent.name == "runs"
             else f"{f.parent.name}/{f.name}" for f in folders]  # fmt: skip
+    long = [_utf8(name) for name in long]
     for i, name in enumerate(long):
         if name in long[:i]:
             raise ConfigurationError(
                 f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one of them"
             )
     return long
+
+
+def _utf8(name: str) -> str:
+    return name.encode(errors="backslashreplace").decode()
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
