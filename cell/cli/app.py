@@ -1,5 +1,8 @@
 """The command line: one file a command; heavy modules are imported where they are used."""
 
+import sys
+from typing import Annotated
+
 import typer
 
 from cell.cli.benchmark import benchmark
@@ -30,3 +33,23 @@ app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")
 app.command()(train)
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        sys.stdout.write(f"cell {version('folding-cell')}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_tell_version, is_eager=True, help="Say which version, and end."
+        ),
+    ] = False,
+) -> None:
+    """Fold fabric strips with feedback from a camera, on hardware or on the digital twin."""
