@@ -1,6 +1,6 @@
 """The strip as material: its near cut edge and the faces that run from there to the far edge."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,11 +89,13 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     share = 1 / np.maximum(rows, 1)
     depth = (row + 0.5) * share[which]
     u, v = (picture.near[which, j] + depth * across[which, j] for j in range(2))
-    shade = _lit(curve, optics)[which] * material.at(curve.s[which], depth * look.width)
-    return _blurred(Cloud(u, v, (area * share)[which], shade), picture, which, row)
+    s, y = curve.s[which], depth * look.width
+    shade = _lit(curve, optics)[which] * material.at(s, y)
+    cloud = Cloud(u, v, (area * share)[which], shade, look.tint(s, y))
+    return _blurred(cloud, picture, which, row)
 
 
-def near_edge(curve: Curve, picture: Seen, material: Weave) -> Cloud:
+def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
     """Points of the cut edge in the plane y = 0: half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = max(int(np.ceil(thickness / PITCH)), 2)
@@ -102,7 +104,8 @@ def near_edge(curve: Curve, picture: Seen, material: Weave) -> Cloud:
     area = _area(picture.along, 2 * picture.half) / rows
     shade = CUT * material.cut_at(curve.s)
     which, row = np.divmod(np.arange(len(u)), rows)
-    return _blurred(Cloud(u, v, area[which], shade[which]), picture, which, row)
+    tint = look.tint(curve.s[which], np.zeros(len(which)))
+    return _blurred(Cloud(u, v, area[which], shade[which], tint), picture, which, row)
 
 
 def _area(along: Array, across: Array) -> Array:
@@ -122,7 +125,7 @@ def _blurred(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud
     u, v = (
         place + instant * picture.motion[which, j] for j, place in enumerate((cloud.u, cloud.v))
     )
-    return Cloud(u, v, cloud.area, cloud.shade)
+    return replace(cloud, u=u, v=v)
 
 
 def _lit(curve: Curve, optics: Optics) -> Array:
