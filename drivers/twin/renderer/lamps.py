@@ -80,4 +80,4 @@ def _softness(lamp: Lamp, optics: Optics) -> float:
     """Sigma [px] of the shadow's border on the wall, from the lamp's size."""
     reach = BACKDROP - lamp.place[1]
     border = lamp.size * BACKDROP / (reach - BACKDROP)
-    return border * optics.focal / (BACKDROP - optics.centre[1])
+    return float(border * optics.focal / (BACKDROP - optics.centre[1]))
