@@ -10,7 +10,7 @@ from calibration.perception.appearance import Appearance
 from calibration.perception.background import DESK_SHADE
 from calibration.perception.matte import Matte
 from calibration.perception.region import way_of
-from calibration.perception.resting import Samples, Underside
+from calibration.perception.resting import Samples, Underside, shares_along
 from calibration.perception.scenery import Floats, Scenery, discriminant
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
@@ -19,6 +19,7 @@ from drivers.types import Array, Image
 THICKEST = 0.008  # m; a thicker edge is wider than the lines that look for its borders
 WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
 BURNT = 0.1  # share of pixels that may be so
+SOLID = 0.5  # share of strip that every part of it shows
 HIDDEN = 0.04  # share of the background that may look like the strip
 APART = 3.0  # separation from what is behind it, standard deviations
 
@@ -74,13 +75,26 @@ def told_from_desk(scenery: Scenery, desk: Array, settings: PerceptionSettings) 
     """Whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = [float(np.linalg.norm(colour - desk)) for colour in scenery.colours]
     told = [separation(colour, desk, DESK_SHADE) for colour in scenery.colours]
-    only = " in more than brightness, as a shadow does" if min(apart) >= settings.contrast else ""
+    mostly = "" if min(told) >= settings.separation else ", mostly as a desk and its shadow do"
     return PreflightCheck(
         "contrast",
         min(apart) >= settings.contrast and min(told) >= settings.separation,
-        f"strip and desk differ by {min(apart):.0f} grey levels, {settings.contrast:.0f} are "
-        f"needed; their separation{only} is {min(told):.1f}, {settings.separation:.1f} is needed",
-        "check that a strip lies there; lay a mat of another colour under it, not of another grey",
+        f"strip and desk differ by {min(apart):.0f} grey levels{mostly}, {settings.contrast:.0f} "
+        f"are needed; their separation is {min(told):.1f}, {settings.separation:.1f} is needed",
+        "check that a strip lies there; lay a mat under it that has another colour, not only "
+        "another brightness",
+    )
+
+
+def solid(levels: Image, calibration: Calibration, strip: StripFile) -> PreflightCheck:
+    """Whether no part of the strip looks like desk in the softened matte `levels`."""
+    least = float(np.quantile(shares_along(levels, calibration, strip), 0.05))
+    return PreflightCheck(
+        "solid",
+        least >= SOLID,
+        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip is told from the desk, "
+        f"{100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
+        "lay a mat under it that differs from each of its colours",
     )
 
 

@@ -13,6 +13,7 @@ from calibration.perception.checks import (
     lies_there,
     rests_well,
     size,
+    solid,
     thin_enough,
     told_from_background,
     told_from_desk,
@@ -70,6 +71,7 @@ def inspect(
         exposed(case.seen),
         told_from_desk(scenery, case.seen.colours[1], settings),
         told_from_background(scenery, calibration, strip),
+        solid(soft(levels), calibration, strip),
     )
     better = _judged(case, levels, told, scenery)
     misplaced = plain.appearance is not None and not plain.passed

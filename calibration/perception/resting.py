@@ -101,6 +101,13 @@ def _grid(x: Array, z: Array) -> Array:
     return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
 
 
+def shares_along(levels: Image, calibration: Calibration, strip: StripFile) -> Array:
+    """(n,) share of strip along its near side, in the softened matte `levels` of the picture."""
+    x = np.arange(*_span(strip, 0.0), 0.001)
+    z = np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
+    return np.asarray(share(_sample(levels, calibration, _grid(x, z))).mean(axis=1))
+
+
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
     """The lower border of the strip in the softened matte `levels` of the whole picture."""
     x = np.arange(0.005, strip.length + 0.06, 0.002)

@@ -19,8 +19,8 @@ Gain = NDArray[np.float32]
 
 def dimmed(image: Image, gain: Gain) -> Image:
     """`image` (h, w, 3) under light that is `gain` (h, w) or (h, 1) times as bright."""
-    whole = np.broadcast_to(gain[..., None], image.shape)
-    return np.asarray(np.minimum(image * whole + np.float32(0.5), 255), dtype=np.uint8)
+    whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
+    return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))
 
 
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
