@@ -16,7 +16,7 @@ from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
-THICKEST = 0.008  # m; a thicker edge is wider than the lines that look for its borders
+THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
 WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows

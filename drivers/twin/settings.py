@@ -40,8 +40,7 @@ class CameraSettings(Settings):
     and the image is `view_width` [m] wide there. `principal` is the principal point's offset from
     the centre and `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2.
     Times [s]: `exposure`, and `transport_delay` from its middle until the frame is known.
-    `noise` is the sensor's sigma in grey levels, without which a still picture looks frozen to
-    the cell; the rest are shares of brightness.
+    `noise` is the sensor's sigma in grey levels; the rest are shares of brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
