@@ -1,4 +1,4 @@
-"""What most laboratories have."""
+"""A bare desk, as in most laboratories."""
 
 from drivers.twin.renderer.looks.look import Look
 
