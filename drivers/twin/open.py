@@ -15,6 +15,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import looks
 from drivers.twin.scene import Truth
 from drivers.twin.settings import TwinSettings
 from drivers.twin.world import Plant, World
@@ -80,14 +81,16 @@ def open_twin(
     rng = np.random.default_rng(arm_seed)
     arm = TwinArm(world, clock, settings.arm, installation, rng, model.rig.delay)
     hand = TwinHand(world, clock, settings.hand)
+    look = looks()[settings.look]
     camera = TwinCamera(
         staging.view(world),
         clock,
         settings.camera,
-        StripLook.of(plant),
+        StripLook.of(plant, look.pattern),
         seed,
         model.observation,
         model.rig.desk_height,
+        look,
     )
     clock.every(settings.world.step, world.advance, Turn.WORLD)
     return Twin(clock=clock, arm=arm, hand=hand, camera=camera, world=world)
