@@ -22,8 +22,8 @@ class CameraSettings(Settings):
 
     device: str = Field(pattern=r"^/dev/v4l/by-(id|path)/[^/]+$")
     format: PixelFormat = "YUYV"
-    width: int = Field(1280, ge=64, le=8192)
-    height: int = Field(720, ge=64, le=8192)
+    width: int = Field(1280, ge=16, le=8192)
+    height: int = Field(720, ge=16, le=8192)
     rate: float = Field(30.0, ge=1, le=1000)
     controls: dict[str, int] = Field(default_factory=dict)
     exposure: float = Field(0.0, ge=0, le=1)
