@@ -4,7 +4,7 @@ from drivers.camera.drain import Arrived, Drain
 from drivers.camera.frame import CameraFrame, Counts
 from drivers.camera.kernel import Kernel, Linux
 from drivers.camera.session import Session, Setup
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.errors import Fault
 from drivers.protocols import Clock
 
@@ -19,9 +19,7 @@ class V4l2Camera:
     wall. `kernel` stands in for the system calls.
     """
 
-    def __init__(
-        self, settings: CameraSettings, clock: Clock, kernel: Kernel | None = None
-    ) -> None:
+    def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
         self._settings = settings
         self._clock = clock
         self._kernel = Linux() if kernel is None else kernel
@@ -31,8 +29,8 @@ class V4l2Camera:
 
     @property
     def rate(self) -> float:
-        """Frames in a second [Hz]."""
-        return self._settings.rate
+        """Frames per second [Hz] that it delivers; before `connect` those that it is asked for."""
+        return self._settings.rate if self._setup is None else self._setup.picture.rate
 
     @property
     def setup(self) -> Setup | None:

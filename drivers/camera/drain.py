@@ -8,7 +8,7 @@ from drivers.camera.errors import CameraFaulty, CameraStalled
 from drivers.camera.frame import Counts
 from drivers.camera.kernel import Kernel
 from drivers.camera.session import Session
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.camera.stamps import Sequence, StampSource
 from drivers.camera.stream import Capture
 from drivers.errors import CellError
@@ -42,7 +42,7 @@ class Drain:
     """
 
     def __init__(
-        self, kernel: Kernel, settings: CameraSettings, clock: Clock, session: Session
+        self, kernel: Kernel, settings: V4l2Settings, clock: Clock, session: Session
     ) -> None:
         self.counts = Counts()
         self._kernel = kernel

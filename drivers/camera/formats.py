@@ -20,7 +20,7 @@ from drivers.camera.abi import (
 from drivers.camera.device import Device
 from drivers.camera.errors import CameraRefused
 from drivers.camera.modes import modes_of
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.types import Image
 
 RATE_TOLERANCE = 0.01
@@ -83,7 +83,7 @@ class Picture:
         return decoder(pixels.reshape(self.height, self.width, depth))
 
 
-def agree(device: Device, settings: CameraSettings) -> Picture:
+def agree(device: Device, settings: V4l2Settings) -> Picture:
     """Set format, size and rate, and hold what the device made of them against `settings`.
 
     Raises CameraRefused, naming what it offers, where they differ; CameraBusy while another
@@ -105,7 +105,7 @@ def agree(device: Device, settings: CameraSettings) -> Picture:
     return Picture(*made, line=pix.bytesperline, size=pix.sizeimage, rate=rate)
 
 
-def _agree_rate(device: Device, settings: CameraSettings) -> float:
+def _agree_rate(device: Device, settings: V4l2Settings) -> float:
     asked = StreamParameters(type=CAPTURE)
     asked.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
     device.call(Request.S_PARM, asked, "setting the rate")

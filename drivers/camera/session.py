@@ -9,7 +9,7 @@ from drivers.camera.device import Device, Identity
 from drivers.camera.errors import CameraFaulty, CameraLost
 from drivers.camera.formats import Picture, agree
 from drivers.camera.kernel import Kernel
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.camera.stamps import Shutter
 from drivers.camera.stream import Capture, Stream
 
@@ -29,12 +29,12 @@ class Session:
     """One opening of the device: what was agreed, and the stream."""
 
     device: Device
-    settings: CameraSettings
+    settings: V4l2Settings
     setup: Setup
     stream: Stream
 
     @classmethod
-    def open(cls, kernel: Kernel, settings: CameraSettings) -> Self:
+    def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
         """Open, set up and start. Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused."""
         device = Device.open(kernel, settings.device)
         try:
@@ -73,7 +73,7 @@ class Session:
         self.device.close()
 
 
-def set_up(device: Device, settings: CameraSettings) -> Setup:
+def set_up(device: Device, settings: V4l2Settings) -> Setup:
     """Agree on the picture and lock the controls; raises CameraRefused where one does not take."""
     picture = agree(device, settings)
     locks = lock(device, settings.controls)

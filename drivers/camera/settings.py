@@ -10,7 +10,7 @@ from drivers.settings import Settings
 PixelFormat = Literal["YUYV", "GREY", "MJPG", "RGGB", "GRBG", "BA81", "GBRG"]
 
 
-class CameraSettings(Settings):
+class V4l2Settings(Settings):
     """Which camera, in which mode, with which controls held at which values.
 
     `device` is a link that udev keeps with this very camera or port; numbers change between

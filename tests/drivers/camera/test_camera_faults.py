@@ -16,7 +16,7 @@ from drivers.camera.errors import (
     CameraRefused,
     CameraStalled,
 )
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.camera.stamps import StampSource
 from drivers.errors import CellError
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
@@ -24,9 +24,9 @@ from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 ALWAYS = -math.inf
 
 
-def settings(**changed: object) -> CameraSettings:
+def settings(**changed: object) -> V4l2Settings:
     usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
-    return CameraSettings.model_validate({**usual, **changed})
+    return V4l2Settings.model_validate({**usual, **changed})
 
 
 @pytest.fixture

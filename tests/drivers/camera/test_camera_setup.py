@@ -12,14 +12,14 @@ from drivers.camera.abi import Request, fourcc, letters
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.errors import CameraRefused
 from drivers.camera.formats import Picture
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.camera.users import users_of
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 
 def connected(kernel: FakeKernel, **changed: object) -> V4l2Camera:
     usual = {"device": LINK, "width": 64, "height": 48, "rate": 60.0}
-    camera = V4l2Camera(CameraSettings.model_validate({**usual, **changed}), kernel, kernel)
+    camera = V4l2Camera(V4l2Settings.model_validate({**usual, **changed}), kernel, kernel)
     camera.connect()
     return camera
 
@@ -94,12 +94,12 @@ def test_control_that_an_automatic_holds_is_refused() -> None:
 
 def test_device_by_number_is_refused() -> None:
     with pytest.raises(ValidationError, match="device"):
-        CameraSettings(device="/dev/video0")
+        V4l2Settings(device="/dev/video0")
 
 
 def test_identity_follows_size_and_locks() -> None:
-    plain = CameraSettings(device=LINK)
-    assert plain.identity == CameraSettings(device=LINK, stall=1.0).identity
+    plain = V4l2Settings(device=LINK)
+    assert plain.identity == V4l2Settings(device=LINK, stall=1.0).identity
     assert plain.identity != plain.model_copy(update={"controls": {"focus": 3}}).identity
 
 

@@ -9,7 +9,7 @@ from drivers.camera.camera import V4l2Camera
 from drivers.camera.controls import CameraControl, controls_of
 from drivers.camera.device import Device
 from drivers.camera.kernel import Kernel, Linux
-from drivers.camera.settings import CameraSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 
 END, START = 0, 1  # vivid's menu of timestamp sources
@@ -25,10 +25,10 @@ class Vivid:
         LINKS.mkdir(parents=True, exist_ok=True)
         self.plug()
 
-    def settings(self, **changed: object) -> CameraSettings:
+    def settings(self, **changed: object) -> V4l2Settings:
         """640x360 YUYV at 30 Hz unless `changed`."""
         usual = {"device": str(self.link), "width": 640, "height": 360, "rate": 30.0}
-        return CameraSettings.model_validate({**usual, **changed})
+        return V4l2Settings.model_validate({**usual, **changed})
 
     @contextmanager
     def camera(self, kernel: Kernel | None = None, **changed: object) -> Iterator[V4l2Camera]:
