@@ -126,10 +126,15 @@ def _section(entry: "CameraReport") -> dict[str, Any] | None:
 
 
 def _page(entry: "CameraReport") -> Iterator[str]:
+    from drivers.camera.formats import READ
+
     who = entry.identity
     yield f"{entry.device}: {who.card} ({who.driver}, {who.bus})"
     yield "  formats"
-    yield from (f"    {mode} Hz" for mode in entry.modes)
+    yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READ)
+    others = {mode.format: None for mode in entry.modes if mode.format not in READ}
+    if others:
+        yield f"    not read by this driver: {', '.join(others)}"
     yield "  controls"
     for control in entry.controls:
         value = "-" if control.value is None else control.value

@@ -45,6 +45,9 @@ RAW: dict[str, tuple[int, Decoder]] = {
 }
 
 
+READ = frozenset({*RAW, "MJPG"})
+
+
 @dataclass(frozen=True, slots=True)
 class Picture:
     """What the device delivers, as it said itself; `line` and `size` in bytes, `rate` in Hz."""
@@ -119,5 +122,5 @@ def _agree_rate(device: Device, settings: V4l2Settings) -> float:
 
 
 def _offer(device: Device) -> str:
-    usable = (mode for mode in modes_of(device) if mode.format in RAW or mode.format == "MJPG")
+    usable = (mode for mode in modes_of(device) if mode.format in READ)
     return "; ".join(str(mode) for mode in usable) or "none that this driver reads"
