@@ -70,7 +70,7 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     sys.stdout.write(
         f"{path}: {picture.format} {picture.width}x{picture.height} of {settings.device}\n"
         f"  {taken.rate:.1f} Hz by the stamps, {picture.rate:g} agreed; known "
-        f"{1e3 * taken.age:.0f} ms after the middle of the exposure, by its "
+        f"{1e3 * taken.age:.0f} ms after the middle of the exposure, stamped by the "
         f"{taken.frame.stamp_source}\n"
         f"  {counts.arrived} frames, {counts.missing} missing, {counts.corrupt} corrupt, "
         f"{counts.restamped} without a stamp to trust\n"
