@@ -28,6 +28,7 @@ class Vivid:
     def settings(self, **changed: object) -> V4l2Settings:
         """640x360 YUYV at 30 Hz unless `changed`."""
         usual = {"device": str(self.link), "width": 640, "height": 360, "rate": 30.0}
+        usual["stall"] = 3.0  # s; an emulated processor may be held up
         return V4l2Settings.model_validate({**usual, **changed})
 
     @contextmanager

@@ -39,7 +39,15 @@ def raising(kind: type[CellError], *words: str) -> Iterator[None]:
     assert not missing, f"{missing} not in: {said}"
 
 
-def recovered(camera: V4l2Camera, seconds: float = 3.0) -> CameraFrame:
+def read_on(camera: V4l2Camera, seconds: float = 10.0) -> None:
+    """Read frames as they come, until an error or for `seconds`."""
+    end, after = time.monotonic() + seconds, ALWAYS
+    while time.monotonic() < end:
+        frame = camera.read(after, 0.5)
+        after = after if frame is None else frame.stamp
+
+
+def recovered(camera: V4l2Camera, seconds: float = 8.0) -> CameraFrame:
     """The first frame after trouble, which may be told until then."""
     end = time.monotonic() + seconds
     begun = camera.counts.arrived
