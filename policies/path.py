@@ -5,9 +5,10 @@ from typing import Self
 
 import numpy as np
 
+from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Array, frozen
 
-LIFT_TRAVEL = 0.10  # m of path over which the pitch grows from flat to hanging
+TAKEOVER_HEIGHT = 0.10  # m at which a policy takes over from the lift (paper)
 
 
 @dataclass(frozen=True, slots=True)

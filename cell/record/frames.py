@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.record.documents import read_json_lines
+from cell.record.json_lines import read_json_lines
 from drivers.errors import ConfigurationError
 from drivers.types import Frame, Image
 

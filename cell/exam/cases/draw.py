@@ -7,7 +7,6 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
-from cell.exam.cases.outside import OUTSIDE
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import CAUSES
 from cell.exam.runs.from_model import BY, MOTIONS
@@ -34,6 +33,7 @@ SHARES: dict[Tier, dict[Kind, float]] = {
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
 UNLIKE = 2  # one in so many triples of levels through images has laws that only resemble
+OUTSIDE = sorted(name for name, cause in CAUSES.items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.answers}
 
 
@@ -132,9 +132,10 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
 def _with_foreign(case: Case, number: int) -> Case:
     """A cause that nothing in the library resembles, of medium strength or above."""
     turn, place = divmod(number, len(OUTSIDE))
-    name = sorted(OUTSIDE)[place]
+    name = OUTSIDE[place]
     strong: Strength = "strong" if (turn + place) % 2 else "medium"
-    return case.model_copy(update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong})
+    hidden = {name: dict(CAUSES[name].sizes[strong])}
+    return case.model_copy(update={"causes": hidden, "strength": strong})
 
 
 def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
@@ -172,13 +173,13 @@ def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
     """An effect with the numbers that shape it drawn, growing to a side drawn too."""
     others: Values = {}
     for p in effect.parameters[1:]:
-        if p.name == "position":
+        if p.role == "place":
             others[p.name] = float(strip.length * rng.uniform(*PLACES))
-        elif p.name == "width":
+        elif p.role == "width":
             others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
-        elif p.name == "time":
+        elif p.role == "time":
             others[p.name] = float(np.exp(rng.uniform(*np.log(TIMES))))
-        elif p.name == "stiffness_ratio":
+        elif p.role == "ratio":
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:
             others[p.name] = p.null

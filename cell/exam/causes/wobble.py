@@ -1,9 +1,11 @@
 """A gripper that vibrates without the arm's knowledge."""
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.types import Array
 
 GROWTH = 0.5  # s after the grasp, in which it sets in
@@ -14,6 +16,9 @@ class Wobble(Cause):
 
     Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
     """
+
+    amount: ClassVar[str] = "amplitude"
+    sizes: ClassVar[Sizes] = {"medium": {"amplitude": 0.003}, "strong": {"amplitude": 0.006}}
 
     amplitude: float = Field(ge=0, le=0.01)  # m
     frequency: float = Field(3.7, gt=0, le=50)  # Hz
@@ -26,3 +31,6 @@ class Wobble(Cause):
         swing = self.amplitude * min(time / GROWTH, 1.0)
         swing *= np.sin(2 * np.pi * self.frequency * time)
         return np.asarray(pose + np.array([self.sideways * swing, swing, 0.0]))
+
+
+CAUSE = Wobble
