@@ -20,6 +20,7 @@ def configure(folder: Path, camera: V4l2Settings) -> None:
     plain = yaml.safe_load((CONFIGS / "cell.yaml").read_text())
     plain["camera"] = camera.model_dump(exclude_defaults=True)
     plain["calibration"] = "assumed.yaml"
+    plain["monitors"] = {"arm_age": 0.5, "image_age": 1.0}  # s; an emulated processor is slow
     (folder / "cell.yaml").write_text(yaml.safe_dump(plain))
     (folder / "strips").symlink_to(CONFIGS / "strips")
     save_calibration(_assumed(camera), folder / "assumed.yaml")

@@ -7,7 +7,6 @@ KVM is not used where it exists: it may not run a stock kernel.
 import shlex
 import shutil
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -136,8 +135,3 @@ def _script(command: Sequence[str], modules: int) -> str:
         end=END,
         command=shlex.quote(inside),
     )
-
-
-def python(*arguments: str) -> list[str]:
-    """This interpreter with `arguments`."""
-    return [sys.executable, *arguments]

@@ -14,33 +14,36 @@ from tests.drivers.camera.vivid.device import Vivid
 from tests.support.assumed_camera import configure
 
 
-def main() -> None:
+def commands(folder: Path, link: str) -> dict[str, list[str]]:
+    """Arguments of `cell` by a name for each."""
+    configs, picture = ["--configs", str(folder)], str(folder / "picture.png")
+    fold = ["fold", "--camera", "v4l2", "--arm", "twin", "--strip", "denim", "--json", *configs]
+    fold += ["--policy", "triangular", "--viz", "off", "--runs", str(folder / "runs")]
+    return {
+        "list": ["camera"],
+        "list as json": ["camera", "--json"],
+        "grab": ["camera", "--grab", picture, "--json", *configs],
+        "grab by name": ["camera", "--device", link, "--grab", picture],
+        "grab of none": ["camera", "--device", "/dev/v4l/by-id/none", "--grab", picture],
+        "fold": fold,
+    }
+
+
+def main(wanted: list[str]) -> None:
     """Run the commands, each told in a line."""
     vivid = Vivid()
     folder = Path(tempfile.mkdtemp())
     configure(folder, vivid.settings(controls={"brightness": 120}))
-    link, configs = str(vivid.link), ["--configs", str(folder)]
-    picture = str(folder / "picture.png")
-    fold = ["fold", "--camera", "v4l2", "--arm", "twin", "--strip", "denim", "--json"]
-    fold += [*configs, "--policy", "triangular", "--viz", "off", "--runs", str(folder / "runs")]
-    for command in (
-        ["camera"],
-        ["camera", "--json"],
-        ["camera", "--grab", picture, "--json", *configs],
-        ["camera", "--device", link, "--grab", picture],
-        ["camera", "--device", "/dev/v4l/by-id/none", "--grab", picture],
-        fold,
-    ):
-        if sys.argv[1:] and command[0] not in sys.argv[1:]:
+    for name, arguments in commands(folder, str(vivid.link)).items():
+        if wanted and name not in wanted:
             continue
+        command = [sys.executable, "-m", "cell", *arguments]
         begun = time.monotonic()
-        done = subprocess.run(
-            [sys.executable, "-m", "cell", *command], capture_output=True, text=True, check=False
-        )
-        told = {"command": command, "code": done.returncode, "out": done.stdout}
-        told |= {"err": done.stderr, "seconds": round(time.monotonic() - begun, 1)}
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        told = {"name": name, "code": done.returncode, "out": done.stdout, "err": done.stderr}
+        told["seconds"] = round(time.monotonic() - begun, 1)
         print(json.dumps(told), flush=True)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
