@@ -35,7 +35,7 @@ def test_camera_is_listed_with_its_modes_and_the_section_to_add(told) -> None:
 def test_picture_is_taken_by_the_cell_file_and_by_name(told) -> None:
     line = json.loads(told["grab"]["out"])
     assert line["locks"]["brightness"] == 120
-    assert line["measured_rate"] == pytest.approx(30.0, rel=0.1)
+    assert line["measured_rate"] == pytest.approx(15.0, rel=0.1)
     assert told["grab by name"]["code"] == 0
     assert "640x360" in told["grab by name"]["out"]
 

@@ -33,7 +33,8 @@ def main(wanted: list[str]) -> None:
     """Run the commands, each told in a line."""
     vivid = Vivid()
     folder = Path(tempfile.mkdtemp())
-    configure(folder, vivid.settings(controls={"brightness": 120}))
+    small = vivid.settings(width=320, height=180, rate=15.0, controls={"brightness": 120})
+    configure(folder, small)
     for name, arguments in commands(folder, str(vivid.link)).items():
         if wanted and name not in wanted:
             continue
