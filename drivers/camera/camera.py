@@ -67,7 +67,7 @@ class V4l2Camera:
         if arrived is None:
             return None
         if self._newest is None or self._newest.sequence != arrived.sequence:
-            self._newest = self._decoded(arrived) or self._newest
+            self._newest = self._decoded(arrived, self._drain.counts) or self._newest
         return self._newest if self._newest and self._newest.stamp > after else None
 
     def close(self) -> None:
@@ -76,13 +76,11 @@ class V4l2Camera:
             self._drain.close()
             self._drain = None
 
-    def _decoded(self, arrived: Arrived) -> CameraFrame | None:
+    def _decoded(self, arrived: Arrived, counts: Counts) -> CameraFrame | None:
         """The frame, or None where its bytes turn out not to be a picture."""
-        if self._setup is None or self._drain is None:
-            return None
-        image = self._setup.picture.decode(arrived.capture.content)
+        image = arrived.picture.decode(arrived.capture.content)
         if image is None:
-            self._drain.counts.corrupt += 1
+            counts.corrupt += 1
             return None
         image.setflags(write=False)
         return CameraFrame(

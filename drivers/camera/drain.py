@@ -5,6 +5,7 @@ import threading
 from dataclasses import dataclass
 
 from drivers.camera.errors import CameraFaulty, CameraStalled
+from drivers.camera.formats import Picture
 from drivers.camera.frame import Counts
 from drivers.camera.kernel import Kernel
 from drivers.camera.session import Session
@@ -23,9 +24,10 @@ NAME = "v4l2 camera"
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """A whole buffer with its place in time; times in the cell's clock [s]."""
+    """A whole buffer of a `picture`, with its place in time; times in the cell's clock [s]."""
 
     capture: Capture
+    picture: Picture
     sequence: int
     gap: int
     stamp: float
@@ -56,6 +58,7 @@ class Drain:
         self._sequence = Sequence()
         self._patience = FIRST_FRAME
         self._last_whole = self._last_any = kernel.monotonic()
+        self._current: Session | None = None
         self._thread = threading.Thread(target=self._run, args=(session,), name=NAME, daemon=True)
         self._thread.start()
 
@@ -86,21 +89,28 @@ class Drain:
         return self._newest is not None and self._newest.stamp > after
 
     def _run(self, session: Session) -> None:
-        current: Session | None = session
-        while not self._closing:
-            try:
-                if current is None:
-                    current = self._reopened()
-                self._pump(current)
-            except (CameraStalled, CameraFaulty) as error:
-                self._tell(error)
-                current = self._restarted(current)
-            except CellError as error:
-                self._tell(error)
-                _let_go(current)
-                current = None
-                self._kernel.wait(None, PAUSE)
-        _let_go(current)
+        self._current = session
+        try:
+            while not self._closing:
+                self._turn()
+        finally:
+            self._let_go()
+
+    def _turn(self) -> None:
+        """Take frames until trouble comes, tell it, and make the session whole or let it go."""
+        try:
+            if self._current is None:
+                self._current = Session.open(self._kernel, self._settings)
+                self._begin_anew()
+            self._pump(self._current)
+        except (CameraStalled, CameraFaulty) as error:
+            self._tell(error)
+            self._kernel.wait(None, PAUSE)
+            self._restart()
+        except CellError as error:
+            self._tell(error)
+            self._let_go()
+            self._kernel.wait(None, PAUSE)
 
     def _pump(self, session: Session) -> None:
         """Take frames until the camera is closed; raises what ends the session."""
@@ -149,31 +159,24 @@ class Drain:
         if middle - ahead < earliest:
             middle, source = capture.taken, StampSource.DEQUEUE
         stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
-        return Arrived(capture, number, gap, stamp, arrival, source)
+        return Arrived(capture, session.setup.picture, number, gap, stamp, arrival, source)
 
     def _tell(self, error: CellError) -> None:
         with self._changed:
             self._trouble, self._recovered = error, False
             self._changed.notify_all()
 
-    def _restarted(self, session: Session | None) -> Session | None:
-        """The session with its stream stopped and started; None where it had to be let go."""
-        self._kernel.wait(None, PAUSE)
-        if session is None:
-            return None
+    def _restart(self) -> None:
+        """Stop the stream and start it; where that fails the device is let go."""
+        if self._current is None:
+            return
         try:
-            session.restart()
+            self._current.restart()
         except CellError as error:
             self._tell(error)
-            _let_go(session)
-            return None
-        self._begin_anew()
-        return session
-
-    def _reopened(self) -> Session:
-        session = Session.open(self._kernel, self._settings)
-        self._begin_anew()
-        return session
+            self._let_go()
+        else:
+            self._begin_anew()
 
     def _begin_anew(self) -> None:
         now = self._kernel.monotonic()
@@ -183,7 +186,7 @@ class Drain:
         self._patience = FIRST_FRAME
         self.counts.restarts += 1
 
-
-def _let_go(session: Session | None) -> None:
-    if session is not None:
-        session.close()
+    def _let_go(self) -> None:
+        session, self._current = self._current, None
+        if session is not None:
+            session.close()
