@@ -45,11 +45,23 @@ def test_time_before_the_first_use_does_not_count(wall: Wall) -> None:
     assert clock.now() == 0.0
 
 
-def test_slow_world_falls_behind_and_is_not_waited_for(wall: Wall) -> None:
+def test_caller_that_comes_late_finds_the_world_at_the_present(wall: Wall) -> None:
     twin = TwinClock()
     clock = PacedClock(twin)
     clock.now()
     wall.seconds += 3.0
     clock.wait_until(1.0)
     assert wall.slept == []
-    assert (twin.now(), clock.now()) == (1.0, 3.0)
+    assert twin.now() == clock.now() == 3.0
+
+
+def test_slow_world_falls_behind(wall: Wall) -> None:
+    twin = TwinClock()
+
+    def labour(_: float) -> None:
+        wall.seconds += 0.4
+
+    twin.every(0.1, labour, Turn.WORLD)
+    clock = PacedClock(twin)
+    clock.wait_until(1.0)
+    assert (twin.now(), clock.now()) == (1.0, pytest.approx(5.0))
