@@ -7,6 +7,7 @@ import typer
 
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
+from cell.cli.camera import camera
 from cell.cli.fold import fold
 from cell.cli.gap import gap
 from cell.cli.record import report, viz
@@ -29,6 +30,7 @@ app.command()(report)
 app.command()(viz)
 app.command()(replay)
 app.command()(calibrate)
+app.command()(camera)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")

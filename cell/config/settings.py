@@ -10,6 +10,7 @@ from calibration.touched_points import TouchSettings
 from cell.config.fold import FoldSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.record.frames import Keep
+from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
 from drivers.settings import Settings
 
@@ -44,6 +45,7 @@ class CellSettings(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
+    camera: V4l2Settings | None = None  # the real one; None: this cell has none
     installation: Installation = Installation()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()

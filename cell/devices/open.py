@@ -6,6 +6,7 @@ import cv2
 
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.real_camera import camera_settings, with_real_camera
 from cell.devices.rig_correction import corrected_devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -24,12 +25,26 @@ class DeviceFactory(Protocol):
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
     """Refuse devices that this version cannot drive, with a ConfigurationError."""
     arm = choice.arm or settings.drivers.arm
-    camera = choice.camera or settings.drivers.camera
-    if (arm, camera) != ("twin", "twin"):
+    if arm != "twin":
         raise ConfigurationError(
-            f"drivers: arm {arm!r} with camera {camera!r} is not available in this version; "
-            "allowed: arm twin with camera twin"
+            f"drivers: arm {arm!r} is not available in this version; allowed: twin"
         )
+    if real_camera(settings, choice):
+        camera_settings(settings)
+
+
+def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
+    """Refuse to fold with a real camera that has no calibration; the twin makes its own."""
+    if real_camera(settings, choice) and settings.calibration is None:
+        raise ConfigurationError(
+            "cell.yaml: calibration: is missing, camera v4l2 needs one; run `cell calibrate` and "
+            "name its file"
+        )
+
+
+def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether the camera is a real one."""
+    return (choice.camera or settings.drivers.camera) == "v4l2"
 
 
 def open_cell(
@@ -44,4 +59,6 @@ def open_cell(
     from cell.devices.twin import twin_devices
 
     devices = twin_devices(settings, strip, choice, calibrating=calibrating)
+    if real_camera(settings, choice):
+        devices = with_real_camera(devices, settings)
     return devices if calibrating else corrected_devices(devices, settings, strip)
