@@ -161,4 +161,3 @@ def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
         max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
     )
     return all(miss <= allowed for miss, allowed in zip(misses, NEAR, strict=True))
-

@@ -118,7 +118,9 @@ def coverage(
         Gate("x", _range([p.x for p in seen]), needs.x, "", "show it far left and far right"),
         Gate("y", _range([p.y for p in seen]), needs.y, "", "show it high and low"),
         Gate("size", _range([p.size for p in seen]), needs.size, "", "show it nearer and farther"),
-        Gate("skew", max((p.skew for p in seen), default=0.0), needs.skew, "", "lean a corner away"),
+        Gate(
+            "skew", max((p.skew for p in seen), default=0.0), needs.skew, "", "lean a corner away"
+        ),
         leaning("its top away", tilt),
         leaning("its top nearer", -tilt),
         leaning("its right edge away", turn),

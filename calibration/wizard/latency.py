@@ -12,7 +12,7 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
 from drivers.settings import Settings
-from drivers.types import Array, ArmState, Frame, Pose
+from drivers.types import ArmState, Array, Frame, Pose
 
 NAN = float("nan")
 MOVING = 0.02  # m/s from which a moment says something about time
@@ -71,7 +71,9 @@ class LatencySteps:
         self._settings = settings
         here, there = settings.x, settings.x + settings.step
         self._queue = [Pose(here, settings.z, pi / 2)]
-        self._queue += [Pose((there, here)[k % 2], settings.z, pi / 2) for k in range(settings.steps)]
+        self._queue += [
+            Pose((there, here)[k % 2], settings.z, pi / 2) for k in range(settings.steps)
+        ]
         self._arm: list[tuple[float, float, float]] = []
         self._seen: list[SeenStep] = []
 

@@ -43,13 +43,15 @@ class Solved:
 
     def error(self, touched: Touched) -> Array:
         """(2,) x, z [m]: where the map puts the point minus where the arm was."""
-        return self.homography.to_plane(self.lens.undistort(touched.pixel))[0] - touched.place
+        seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
+        return np.asarray(seen - touched.place)
 
     def named(self, touched: Touched) -> Rejected:
         """The point by its number, with its distance from the map in the image."""
         there = self.homography.to_image(touched.place)[0]
         off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))
         return Rejected(touched.number, float(touched.place[0]), float(touched.place[1]), off)
+
 
 def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
     """Fit the newest touch of each fitted point, robustly, then hold all against the map.

@@ -58,9 +58,7 @@ class TouchVerdict:
         return self.grade is not Grade.REFUSED
 
 
-def touch_verdict(
-    touches: Sequence[Touched], lens: Lens, settings: TouchSettings
-) -> TouchVerdict:
+def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
     """The verdict on `touches`, seen through `lens`; their order has no influence."""
     try:
         solved = solve(touches, lens, settings)
@@ -157,7 +155,7 @@ def _lacking(solved: Solved, settings: TouchSettings) -> list[str]:
             "or the arm leaves the plane; calibrate the lens again, check the plane"
         )
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
-    places = np.float32([p.place for p in solved.used])
+    places = np.array([p.place for p in solved.used], dtype=np.float32)
     share = float(cv2.contourArea(cv2.convexHull(places))) / area
     if share < settings.spread:
         reasons.append(

@@ -4,9 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from calibration.board_views import BoardSettings
+from calibration.board_settings import BoardSettings
 from calibration.perception.settings import PerceptionSettings
-from calibration.touched_points import TouchSettings
+from calibration.touch_settings import TouchSettings
+from calibration.wizard.latency import LatencySettings
 from cell.config.fold import FoldSettings
 from cell.orchestrator.monitors import MonitorLimits
 from cell.record.frames import Keep
@@ -51,6 +52,7 @@ class CellFile(Settings):
     perception: PerceptionSettings = PerceptionSettings()
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
+    latency: LatencySettings = LatencySettings()
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     twin: TwinSettings

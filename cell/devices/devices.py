@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from calibration.board_views import BoardPose
+from calibration.wizard.wanted_view import WantedView
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
 
@@ -13,8 +13,12 @@ from drivers.types import Frame
 class Aids(Protocol):
     """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
 
-    def show_board(self, pose: BoardPose) -> Frame:
-        """An image of the calibration board held at `pose`."""
+    def show_board(self, wanted: WantedView) -> Frame:
+        """An image of the calibration board held as `wanted`."""
+        ...
+
+    def measure_board(self) -> float:
+        """Length [m] of the printed squares across all columns, as a ruler shows it."""
         ...
 
     def hold_pointer(self, held: bool) -> None:

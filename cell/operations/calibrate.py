@@ -10,7 +10,7 @@ from pathlib import Path
 from calibration.board_views import BoardViews
 from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
 from calibration.lens import Lens
-from calibration.touched_points import TouchVerdict
+from calibration.wizard.touch_verdict import TouchVerdict
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
 from cell.devices.devices import Aids, Choice, Devices
@@ -124,6 +124,7 @@ def lens_from_boards(settings: CellFile, aids: Aids) -> Lens:
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:
         views.tell(aids.show_board(pose))
+    views.measured(aids.measure_board())
     verdict = views.verdict()
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))

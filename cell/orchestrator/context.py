@@ -8,7 +8,7 @@ from calibration.perception.appearance import Appearance
 from calibration.perception.layer_touch import LayerTouch
 from calibration.perception.perception import Perception
 from calibration.perception.sight import SeenTouch
-from calibration.touched_points import TouchVerdict
+from calibration.wizard.touch_verdict import TouchVerdict
 from cell.config.cell import CellFile
 from drivers.strip.file import StripFile
 from drivers.types import STILL, Velocity

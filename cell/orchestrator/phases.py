@@ -60,9 +60,9 @@ def calibrate(cell: Knowledge, record: Record) -> Phase:
     while (pose := points.ask()) is not None:
         yield from move(pose)
         picture = yield from _still_picture()
-        refused = points.tell(picture.frame, picture.gripper)
-        if refused is not None:
-            record.event(picture.time, "touch_refused", reason=refused)
+        told = points.tell(picture.frame, picture.gripper)
+        if told.refused is not None:
+            record.event(picture.time, "touch_refused", reason=told.refused)
     cell.touches = points.verdict()
     return Event.CALIBRATED
 

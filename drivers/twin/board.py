@@ -44,11 +44,23 @@ def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: H
     optics = Optics.of(settings)
     distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
     distance /= held.size * settings.width
-    at = np.float32([[held.x * settings.width], [held.y * settings.height]])
-    ray = np.array([float(part[0]) for part in optics.rays(at[0], at[1])])
+    at = np.array([held.x * settings.width, held.y * settings.height], dtype=np.float32)
+    ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
     pose = np.eye(4)
     pose[:3, :3] = optics.rotation.T @ _turned(held.tilt, held.turn, held.roll)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
+    return pose
+
+
+def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
+    """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
+
+    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
+    """
+    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    pose = np.eye(4)
+    pose[:3, :3] = upright @ _turned(tilt, turn, roll)
+    pose[:3, 3] = centre
     return pose
 
 
