@@ -3,6 +3,7 @@
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import pi
 from typing import Literal, Self
 
 import cv2
@@ -20,6 +21,23 @@ REACH = 40  # px by which a landmark is looked for around its place
 DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
 CONTRAST = 6.0  # grey levels that a line must show
 ALIKE = 0.6  # correlation from which a landmark counts as found
+
+
+class LandmarkSettings(Settings):
+    """Where the empty hand is remembered, x, z [m] and pitch [rad], and how far things may move.
+
+    The hand must be clear of strips and in the image, the same place for all of them.
+    """
+
+    x: float = Field(0.42, ge=-0.5, le=2.0)
+    z: float = Field(0.17, ge=0.05, le=1.0)
+    pitch: float = Field(pi / 2, ge=-0.2, le=3.2)
+    moved_mm: float = Field(2.5, gt=0, le=20)
+
+    @property
+    def pose(self) -> Pose:
+        """The gripper's pose."""
+        return Pose(self.x, self.z, self.pitch)
 
 
 class Landmark(Settings):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
+from calibration.landmarks import CameraShift, LandmarkSettings
 from calibration.perception.appearance import Appearance, Matte, matte, share, soft
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
@@ -86,6 +87,19 @@ def inspect(
     appearance = Appearance(frozen(colour), frozen(desk), frozen(backdrop), frozen(rest))
     checks = (contrast, lies, *_shape(seen, appearance, settings, strip))
     return Preflight(checks, appearance)
+
+
+def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
+    """Whether the camera stands where it was calibrated, by what its landmarks say."""
+    seen = np.isfinite([shift.x, shift.z]).all()
+    desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+    moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
+    return PreflightCheck(
+        "camera stands where it was calibrated",
+        bool(seen and shift.distance <= settings.moved_mm),
+        f"{moved}, allowed {settings.moved_mm:.1f} mm" if seen else "the gripper is not seen there",
+        "look whether camera, zoom, focus or robot were touched; fasten them, calibrate again",
+    )
 
 
 def _size(found: str, calibration: Calibration) -> PreflightCheck:

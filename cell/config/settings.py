@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from calibration.board_settings import BoardSettings
+from calibration.landmarks import LandmarkSettings
 from calibration.perception.settings import PerceptionSettings
 from calibration.touch_settings import TouchSettings
 from calibration.wizard.latency import LatencySettings
@@ -52,6 +53,8 @@ class CellSettings(Settings):
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
     latency: LatencySettings = LatencySettings()
+    landmarks: LandmarkSettings = LandmarkSettings()
+    calibration_days: float = Field(30.0, gt=0, le=3650)  # after which hardware calibrates anew
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
