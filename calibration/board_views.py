@@ -90,6 +90,10 @@ class BoardViews:
         """Leave the view out that image `number` gave; whether there was one."""
         return self._views.pop(number, None) is not None
 
+    def drop_last(self) -> bool:
+        """Leave the newest view out; whether there was one."""
+        return bool(self._views) and self.drop(max(self._views))
+
     def gates(self) -> tuple[Gate, ...]:
         """What the views cover so far."""
         views, lens = [*self._views.values()], self._lens or guessed_lens((1280, 720))

@@ -97,12 +97,8 @@ class SessionFolder:
             stream.write(row.model_dump_json(exclude_defaults=True) + "\n")
 
     def keep(self, name: str, content: Mapping[str, Any]) -> None:
-        """Write `content` as JSON or YAML, after the ending of `name`."""
-        path = self.folder / name
-        if path.suffix == ".json":
-            path.write_text(json.dumps(content) + "\n", encoding="utf-8")
-        else:
-            write_yaml(path, content)
+        """Write `content` as JSON."""
+        (self.folder / name).write_text(json.dumps(content) + "\n", encoding="utf-8")
 
 
 def read_session(folder: Path, kind: Kind) -> Session:

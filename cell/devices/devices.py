@@ -1,7 +1,7 @@
 """The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,7 +28,10 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What the orchestrator drives. `camera_identity` is what a calibration must belong to."""
+    """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
+
+    `camera_locks` are the values at which the camera's controls are held.
+    """
 
     clock: Clock
     arm: Arm
@@ -37,6 +40,7 @@ class Devices:
     camera_identity: str
     aids: CalibrationAids | None
     plant: "Plant | None"
+    camera_locks: Mapping[str, int] = field(default_factory=dict)
 
     def connect(self) -> None:
         """Take hold of arm and camera."""

@@ -8,6 +8,7 @@ from typing import Protocol
 class Ask(StrEnum):
     """What the person is asked for."""
 
+    VIEW = "view"
     POINTER_IN = "pointer_in"
     TOUCH = "touch"
     STEPS = "steps"
