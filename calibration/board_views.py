@@ -94,6 +94,11 @@ class BoardViews:
         """Leave the newest view out; whether there was one."""
         return bool(self._views) and self.drop(max(self._views))
 
+    @property
+    def views(self) -> tuple[BoardView, ...]:
+        """All views that were taken."""
+        return tuple(self._views.values())
+
     def gates(self) -> tuple[Gate, ...]:
         """What the views cover so far."""
         views, lens = [*self._views.values()], self._lens or guessed_lens((1280, 720))

@@ -14,7 +14,8 @@ def corrected(calibration: Calibration, model: StripModel) -> Calibration:
     """The calibration with which images show what is true, by the effects that `model` has.
 
     Places, contact_x and stamps, all over the true desk. Without such effects it is the very same;
-    with some it is one of its own, with its own id.
+    with some it is one of its own, with its own id, and without landmarks: those are where they
+    were before.
     """
     observation, plain = model.observation, AS_CALIBRATED
     if observation == plain and model.rig.desk_height == 0:
@@ -22,6 +23,7 @@ def corrected(calibration: Calibration, model: StripModel) -> Calibration:
     return changed(
         calibration,
         homography=Homography.of(_truth_of(model) @ calibration.homography.matrix),
+        landmarks=None,
         latency=calibration.latency + observation.camera_latency,
         contact_bias=calibration.contact_bias
         + observation.contact_bias / (1.0 + observation.scale),

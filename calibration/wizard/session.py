@@ -19,7 +19,7 @@ from drivers.settings import Settings, load, parse
 from drivers.types import Image
 
 SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
-LATENCY = "latency.json"
+LATENCY, PICTURE = "latency.json", "picture.png"
 FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
 
@@ -90,8 +90,7 @@ class SessionFolder:
         if image is not None:
             name = f"{IMAGES}/{self._count:04d}.png"
             self._count += 1
-            if not cv2.imwrite(str(self.folder / name), image, FAST):
-                raise ConfigurationError(f"{self.folder / name}: cannot be written; make room")
+            write_image(self.folder / name, image)
             row = row.model_copy(update={"image": name})
         with (self.folder / ROWS).open("a", encoding="utf-8") as stream:
             stream.write(row.model_dump_json(exclude_defaults=True) + "\n")
@@ -156,6 +155,12 @@ def read_latency(folder: Path) -> dict[str, Any]:
         return {"arm": np.reshape(content["arm"], (-1, 3)), "seen": content["seen"]}
     except (OSError, ValueError, KeyError, TypeError):
         raise ConfigurationError(f"{path}: cannot be read as steps of the arm") from None
+
+
+def write_image(path: Path, image: Image) -> None:
+    """Write a picture (height, width, 3); ConfigurationError where it cannot be written."""
+    if not cv2.imwrite(str(path), image, FAST):
+        raise ConfigurationError(f"{path}: cannot be written; make room")
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:

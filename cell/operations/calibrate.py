@@ -39,8 +39,8 @@ def calibration_of(
     """The calibration that this cell uses.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run. Where it cannot be kept `tell` is told so. Raises
-    Interrupted when `interrupted` while it is made.
+    points and kept for the next run. `tell` is told when one is made, and where it cannot be
+    kept. Raises Interrupted when `interrupted` while it is made.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
@@ -49,6 +49,7 @@ def calibration_of(
         try:
             return load_calibration(path)
         except ConfigurationError:
+            tell("this twin has no calibration yet: its camera is calibrated first")
             made = calibrate_now(settings, interrupted)
         try:
             save_calibration(made, path)

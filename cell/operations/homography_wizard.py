@@ -12,7 +12,15 @@ from calibration.touched_points import touch_plan
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.news import TouchNews, ViewNews, Watcher
 from calibration.wizard.note import Note
-from calibration.wizard.session import VERDICT, Session, SessionFolder, write_yaml
+from calibration.wizard.picture import touches_picture
+from calibration.wizard.session import (
+    PICTURE,
+    VERDICT,
+    Session,
+    SessionFolder,
+    write_image,
+    write_yaml,
+)
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.words import refusals, touch_lines
 from cell.config.cell import CellFile
@@ -26,7 +34,7 @@ from drivers.errors import CellError, Fault
 from drivers.settings import Settings, load
 from drivers.types import Pose
 
-CALIBRATION, POSES = "calibration.yaml", "poses.yaml"
+CALIBRATION, POSES, LANDMARKS = "calibration.yaml", "poses.yaml", "landmarks.yaml"
 
 
 class PosesFile(Settings):
@@ -67,9 +75,13 @@ def calibrate_homography(
     poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
     write_yaml(folder / POSES, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
 
+    newest: list[TouchNews] = []
+
     def both(news: ViewNews | TouchNews) -> None:
         note(news)
         watch(news)
+        if isinstance(news, TouchNews) and news.frame is not None:
+            newest[:] = [news]
 
     context = CalibrationContext(
         settings.controller, lens, operator=operator, watch=both, plan=poses, remembers=True
@@ -77,6 +89,9 @@ def calibrate_homography(
     touch(devices, context, interrupted)
     made = _accepted(context, devices, accept_anyway=accept_anyway)
     keep_verdict(folder, context.touches, context.latency, made, settings.fold.speed)
+    if context.landmarks is not None:
+        write_yaml(folder / LANDMARKS, context.landmarks.model_dump(mode="json"))
+    _draw(folder, newest, lens, context.touches)
     return TouchSession(folder, context.touches, context.latency, made)
 
 
@@ -160,6 +175,16 @@ def _accepted(
         )
     except CellError:
         return None
+
+
+def _draw(
+    folder: Path, newest: Sequence[TouchNews], lens: Lens, verdict: TouchVerdict | None
+) -> None:
+    """All points over the newest image, where there is one."""
+    if newest and newest[-1].frame is not None and verdict is not None:
+        last = newest[-1]
+        image = touches_picture(newest[-1].frame.image, last.touches, lens, verdict)
+        write_image(folder / PICTURE, image)
 
 
 def _session(settings: CellFile, devices: Devices, lens: Lens) -> Session:

@@ -1,11 +1,12 @@
 """The operator's answers: keys at a terminal, hands at the twin."""
 
 import select
+import sys
 from collections.abc import Callable
 from typing import TextIO
 
-from cell.devices.devices import CalibrationAids
-from cell.orchestrator.operator import Answer, Ask, Operator, Question
+from cell.devices.devices import CalibrationAids, Devices
+from cell.orchestrator.operator import Answer, Ask, Operator, Question, Unattended
 
 KEYS = "Enter go on | s leave out | r the last one again | a go on alone"
 ANSWERS = {"": Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
@@ -58,3 +59,11 @@ class Keyboard:
                 return ANSWERS[key]
             self._prompt(f"{key!r} is no key here; {KEYS}")
         return None
+
+
+def operator_of(devices: Devices, prompt: Callable[[str], None], *, interactive: bool) -> Operator:
+    """Who answers: a person at a real cell, and at the twin where he wants to; else nobody."""
+    if devices.aids is None:
+        return Keyboard(sys.stdin, prompt, waits=False)
+    person = Keyboard(sys.stdin, prompt, waits=True) if interactive else Unattended()
+    return TwinOperator(devices.aids, person)

@@ -10,7 +10,15 @@ from calibration.camera_info import write_camera_info, write_opencv
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.news import ViewNews, Watcher
 from calibration.wizard.note import Note
-from calibration.wizard.session import VERDICT, Session, SessionFolder, write_yaml
+from calibration.wizard.picture import views_picture
+from calibration.wizard.session import (
+    PICTURE,
+    VERDICT,
+    Session,
+    SessionFolder,
+    write_image,
+    write_yaml,
+)
 from calibration.wizard.wanted_view import WantedView
 from calibration.wizard.words import lens_lines
 from cell.config.cell import CellFile
@@ -60,7 +68,11 @@ def calibrate_lens(
         keep = SessionFolder(folder, _session(settings, devices, first, length))
         note = Note(keep)
 
+        newest = first
+
         def both(news: ViewNews) -> None:
+            nonlocal newest
+            newest = news.frame or newest
             note(news)
             watch(news)
 
@@ -71,6 +83,8 @@ def calibrate_lens(
         views.measured(length)
     verdict = views.verdict()
     keep_lens(folder, verdict, devices.camera_identity)
+    drawn = views_picture(newest.image, views.views, verdict.per_view)
+    write_image(folder / PICTURE, drawn)
     return LensSession(folder, verdict)
 
 
