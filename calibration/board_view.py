@@ -60,7 +60,7 @@ class BoardLook:
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardLook:
-    """What `image` shows of `board`."""
+    """What `image` (h, w, 3) shows of `board`."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _side(outlines) if markers else 0.0

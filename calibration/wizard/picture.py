@@ -12,7 +12,7 @@ from calibration.wizard.touch_fit import Touched
 from calibration.wizard.touch_verdict import TouchVerdict
 from drivers.types import Array, Image
 
-ENLARGED = 200.0  # times by which errors are drawn longer than they are
+ENLARGED = 300.0  # times by which errors are drawn longer than they are
 FITTED, HELD_OUT, BAD, COMING, WHITE = (
     (80, 210, 110),
     (255, 170, 40),
@@ -50,7 +50,7 @@ def touches_picture(
         if wild:
             cv2.drawMarker(drawn, at, BAD, cv2.MARKER_TILTED_CROSS, 20, 2, LINE)
         else:
-            cv2.circle(drawn, at, 9, colour, 2, LINE)
+            cv2.circle(drawn, at, 6, colour, 1, LINE)
             _error(drawn, touched, lens, verdict.homography, colour)
         cv2.putText(
             drawn, str(touched.number), (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE
