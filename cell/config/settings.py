@@ -4,9 +4,11 @@ from typing import Literal
 
 from pydantic import Field
 
-from calibration.board_views import BoardSettings
+from calibration.board_settings import BoardSettings
+from calibration.landmarks import LandmarkSettings
 from calibration.perception.settings import PerceptionSettings
-from calibration.touched_points import TouchSettings
+from calibration.touch_settings import TouchSettings
+from calibration.wizard.latency import LatencySettings
 from cell.config.fold import FoldSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.record.frames import Keep
@@ -52,6 +54,9 @@ class CellSettings(Settings):
     perception: PerceptionSettings = PerceptionSettings()
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
+    latency: LatencySettings = LatencySettings()
+    landmarks: LandmarkSettings = LandmarkSettings()
+    calibration_days: float = Field(30.0, gt=0, le=3650)  # after which hardware calibrates anew
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)

@@ -1,11 +1,11 @@
 """The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from calibration.board_views import BoardPose
+from calibration.wizard.wanted_view import WantedView
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
 
@@ -13,8 +13,12 @@ from drivers.types import Frame
 class CalibrationAids(Protocol):
     """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
 
-    def show_board(self, pose: BoardPose) -> Frame:
-        """An image of the calibration board held at `pose`."""
+    def show_board(self, wanted: WantedView) -> Frame:
+        """An image of the calibration board held as `wanted`."""
+        ...
+
+    def measure_board(self) -> float:
+        """Length [m] of the printed squares across all columns, as a ruler shows it."""
         ...
 
     def hold_pointer(self, held: bool) -> None:
@@ -24,7 +28,10 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What the orchestrator drives. `camera_identity` is what a calibration must belong to."""
+    """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
+
+    `camera_locks` are the values at which the camera's controls are held.
+    """
 
     clock: Clock
     arm: Arm
@@ -33,6 +40,7 @@ class Devices:
     camera_identity: str
     aids: CalibrationAids | None
     plant: "Plant | None"
+    camera_locks: Mapping[str, int] = field(default_factory=dict)
 
     def connect(self) -> None:
         """Take hold of arm and camera."""
