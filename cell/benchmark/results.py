@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.benchmark.asked import Asked
+from cell.benchmark.spec import Asked
 from drivers.settings import Settings
 from drivers.types import Array
 

@@ -8,7 +8,7 @@ from calibration.board_views import BoardSettings
 from calibration.perception.settings import PerceptionSettings
 from calibration.touched_points import TouchSettings
 from cell.config.fold import FoldSettings
-from cell.monitors import MonitorLimits
+from cell.orchestrator.monitors import MonitorLimits
 from cell.record.frames import Keep
 from drivers.installation import Installation
 from drivers.settings import Settings

@@ -6,26 +6,26 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from cell.gap import lack_of_fit, search, shrink
-from cell.gap.advise import Advice, advise
-from cell.gap.ambiguity import classes, rivals
-from cell.gap.batch import Simulate, alone, together
-from cell.gap.choose import Found, choose, exhausted
-from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
-from cell.gap.crossvalidation import Validated, validate
-from cell.gap.describe import describe
-from cell.gap.detect import detectable
-from cell.gap.drift import drift
-from cell.gap.findings import Findings, Fitted, Judged, Screened, Shown
-from cell.gap.invariance import Invariance, invariance
-from cell.gap.model import Evidence, Model, Point, evidence
-from cell.gap.polish import finished, founded, refined
-from cell.gap.projection import projection
-from cell.gap.refit import Estimate
-from cell.gap.screen import Score, probe, ranked, ranked_pairs, table
-from cell.gap.starts import refit_base, undetermined
-from cell.gap.subject import Experiment, Subject
-from cell.gap.where import localise
+from cell.gap.diagnosis import held_out_gap, lack_of_fit
+from cell.gap.diagnosis.detection_limit import detectable
+from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.invariance import Invariance, invariance
+from cell.gap.diagnosis.localise import localise
+from cell.gap.diagnosis.next_experiment import Advice, advise
+from cell.gap.diagnosis.sparse_law import describe
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence, Model, Point, evidence
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import finished, founded, refined, refit_base, undetermined
+from cell.gap.fitting.tasks import Simulate, alone, together
+from cell.gap.selection import search
+from cell.gap.selection.choice import Found, choose, exhausted
+from cell.gap.selection.likelihood import LEVEL, Yardstick, holm, yardstick
+from cell.gap.selection.rivals import classes, rivals
+from cell.gap.selection.screening import Score, probe, ranked, ranked_pairs, table
+from cell.gap.subject.subject import Experiment, Subject
+from cell.gap.verdict.findings import Findings, Fitted, Judged, Screened, Shown
 from drivers.types import Array
 
 Progress = Callable[[str, float], None]
@@ -226,10 +226,12 @@ def _show(
 
     base, best = fitted.base.estimate, judged.found.accepted.estimate
     known = at(base)
-    before = after = shrink.unseen(simulate, base, known)
+    before = after = held_out_gap.unseen(simulate, base, known)
     if best.model.effects:
-        after = shrink.unseen(simulate, best, Evidence(at(best).runs, known.scales))
-    share = shrink.shrink(shrink.run_squares(before), shrink.run_squares(after), rng)
+        after = held_out_gap.unseen(simulate, best, Evidence(at(best).runs, known.scales))
+    share = held_out_gap.shrink(
+        held_out_gap.run_squares(before), held_out_gap.run_squares(after), rng
+    )
     return Shown(before, after, share)
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from calibration.perception.preflight import Preflight, inspect
 from calibration.perception.sight import SeenTouch
 from calibration.touched_points import TouchedPoints
-from cell.orchestrator.knowledge import Knowledge
-from cell.orchestrator.phase import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.context import Knowledge
 from cell.orchestrator.recorder import Record
-from cell.senses import Command, Drive, Hold, Senses
-from cell.states import Event, State
+from cell.orchestrator.snapshot import Command, Drive, Hold, Senses
+from cell.orchestrator.states import Event, State
+from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause, wait_for
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower

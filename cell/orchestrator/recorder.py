@@ -4,9 +4,9 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from calibration.perception.sight import Sight
+from cell.orchestrator.snapshot import Senses
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
-from cell.senses import Senses
 from drivers.types import Frame
 from policies.policy import Decision
 
@@ -123,3 +123,30 @@ class Recorder:
 
 def _shifted(frame: Frame, offset: float) -> Frame:
     return replace(frame, stamp=frame.stamp + offset, arrival=frame.arrival + offset)
+
+
+class Unrecorded:
+    """Takes everything a recorder takes and keeps nothing."""
+
+    origin = 0.0
+
+    def describe(self, **facts: Any) -> None:
+        """Not kept."""
+
+    def begin(self, clock: float) -> None:
+        """Nothing to begin."""
+
+    def tick(self, senses: Senses, cost: float) -> None:
+        """Not kept."""
+
+    def sight(self, sight: Sight) -> None:
+        """Not kept."""
+
+    def frame(self, frame: Frame) -> None:
+        """Not kept."""
+
+    def decision(self, senses: Senses, decision: Decision) -> None:
+        """Not kept."""
+
+    def event(self, clock: float, kind: str, **facts: Any) -> None:
+        """Not kept."""

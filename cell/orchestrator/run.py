@@ -9,17 +9,16 @@ import numpy as np
 
 from calibration.perception.sanity import ImageSanity
 from calibration.perception.sight import SeenTouch, Sight
-from cell.devices import Devices
-from cell.monitors import Rules, check_all
-from cell.orchestrator.brakes import Brakes, attempt
-from cell.orchestrator.knowledge import Knowledge
-from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.phase import Phase
+from cell.devices.devices import Devices
+from cell.orchestrator.context import Knowledge
+from cell.orchestrator.monitors import Rules, check_all
+from cell.orchestrator.outcome import INTERRUPTED, Outcome, Stopped
 from cell.orchestrator.phases import PHASES
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.stopped import INTERRUPTED, Stopped
-from cell.senses import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Senses
-from cell.states import Event, Machine, State
+from cell.orchestrator.safe_stop import Brakes, attempt
+from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Senses
+from cell.orchestrator.states import Event, Machine, State
+from cell.orchestrator.steps import Phase
 from drivers.errors import Fault
 from drivers.types import ArmState, Frame, Pose
 

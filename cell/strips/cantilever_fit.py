@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.strips.birth import STRAIGHT, Birth
 from cell.strips.photograph import Photograph
 from cell.strips.problem import BIRTH, LEDGE, LN_LENGTH, ROLL, TIP, Problem, Trial, X, Z, rotation
+from cell.strips.rest_curvature import STRAIGHT, Birth
 from drivers.strip.cantilever import Hanging, NoRest
 from drivers.types import Array
 

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.strips.bending import Bending, measure_bending
-from cell.strips.birth import Born
+from cell.strips.bending import Bending, Pooled, measure_bending
 from cell.strips.cantilever_fit import Fit
 from cell.strips.photograph import Photograph
-from cell.strips.pooling import Pooled
+from cell.strips.rest_curvature import Born
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline

@@ -6,8 +6,8 @@ from typing import Any
 import cv2
 
 from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
-from cell.strips.birth import Born
 from cell.strips.cantilever_fit import Fit
+from cell.strips.rest_curvature import Born
 from drivers.strip.cantilever import hinges
 
 HEIGHT = 1600  # px of the photograph in the picture

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.strips.birth import Birth
 from cell.strips.photograph import Photograph
+from cell.strips.rest_curvature import Birth
 from drivers.strip.cantilever import Hanging, hang
 from drivers.types import Array
 

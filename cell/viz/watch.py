@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from calibration.calibration import load_calibration
+from cell.orchestrator.snapshot import Senses
 from cell.record.files import CALIBRATION
-from cell.senses import Senses
-from cell.viz.moment import Moment, Words, told
+from cell.viz.playback import Moment, Words, told
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
 
 if TYPE_CHECKING:
-    from cell.viz.screen import Screen
+    from cell.viz.recording import Screen
 
 Mode = Literal["save", "live"]
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
@@ -111,7 +111,7 @@ class Viz:
         viewer: Callable[[str], None] | None,
     ) -> None:
         """Draw what waits until the run is over. Rerun is imported here, beside the run."""
-        from cell.viz.screen import Screen, open_recording
+        from cell.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION
         try:

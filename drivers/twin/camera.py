@@ -8,11 +8,11 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.protocols import Clock
 from drivers.strip.model import Observation
-from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
 from drivers.types import Frame
 
 SOURCE = "twin camera"

@@ -10,12 +10,12 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import Effects, describe
 from drivers.twin.arm import TwinArm
 from drivers.twin.camera import TwinCamera, Visible
-from drivers.twin.chain import Chain
+from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.scene import Truth
 from drivers.twin.settings import TwinSettings
-from drivers.twin.truth import Truth
 from drivers.twin.world import Plant, World
 from drivers.types import Pose
 

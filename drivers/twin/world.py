@@ -13,10 +13,8 @@ from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
 from drivers.twin.fingers import Fingers
 from drivers.twin.grip import Bearings, Grip
-from drivers.twin.history import History
-from drivers.twin.scene import Scene
+from drivers.twin.scene import History, Scene, Truth
 from drivers.twin.settings import WorldSettings
-from drivers.twin.truth import Truth
 from drivers.types import Array, Pose, frozen
 
 

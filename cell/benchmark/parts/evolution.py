@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.benchmark.parts.critical import STEP, level_motion
 from cell.benchmark.parts.paper_range import knowing
-from cell.benchmark.parts.witness import Witness
+from cell.benchmark.parts.recording_engine import Witness
 from cell.benchmark.results import Curve, Evolution
 from drivers.strip.engine import simulate
 from drivers.strip.model import describe

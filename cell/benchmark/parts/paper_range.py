@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from cell.benchmark.parts.witness import Witness
+from cell.benchmark.parts.recording_engine import Witness
 from cell.benchmark.results import RangeFolds
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
@@ -76,6 +76,6 @@ def _engine(name: str) -> Stepper:
         from drivers.strip.rod.engine import Rod
 
         return Rod(SEGMENTS, strict=False)
-    from drivers.twin.chain import Chain
+    from drivers.twin.chain.engine import Chain
 
     return Chain(LINKS)

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.settings import Settings
 from drivers.strip.model import StripModel
-from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain.extra_forces import Act, Parts
 from drivers.types import Array
 
 

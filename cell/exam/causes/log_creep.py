@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted
+from drivers.twin.chain.extra_forces import Act, Parts, resisted
 from drivers.types import Array
 
 ELEMENTS = 4

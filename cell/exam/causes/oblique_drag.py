@@ -8,8 +8,8 @@ from pydantic import Field
 
 from cell.exam.causes.air import moving, slowed
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_lumps import AIR
+from drivers.twin.chain.extra_forces import Act, Parts
+from drivers.twin.chain.lumps import AIR
 
 
 class ObliqueDrag(Cause):
