@@ -24,6 +24,17 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     return np.asarray(found)
 
 
+def seen_profile(points: Array, gripper: tuple[float, float]) -> Array:
+    """One profile (1, POINTS, 2) [m] from `points` (m, 2) seen in an image and the gripper's, x, z.
+
+    The fingers hide the last millimetres, which the gripper's own point adds. NaN where nothing
+    was seen.
+    """
+    if len(points) < 2:
+        return np.full((1, POINTS, 2), np.nan)
+    return evened(np.vstack([points, gripper]))[None]
+
+
 def evened(points: Array) -> Array:
     """Points (POINTS, 2) at equal steps along one polyline (m, 2) [m], m at least 2."""
     steps = np.hypot(*np.diff(points, axis=0).T)

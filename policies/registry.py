@@ -73,11 +73,19 @@ def _feedback(checkpoint: FilePath | None) -> Policy:
     return load_feedback(checkpoint)
 
 
-_LEARNED = frozenset({"feedback"})
+def _adaptive(checkpoint: FilePath | None) -> Policy:
+    from policies.adaptive.adaptive import Adaptive
+    from policies.adaptive.checkpoint import load_critic
+
+    return Adaptive(load_critic(checkpoint))
+
+
+_LEARNED = frozenset({"feedback", "adaptive"})
 _MAKERS: dict[str, Callable[[FilePath | None], Policy]] = {
     "triangular": _triangular,
     "circular": _circular,
     "shifted": _shifted,
     "planned": _planned,
     "feedback": _feedback,
+    "adaptive": _adaptive,
 }

@@ -74,7 +74,7 @@ TRAINING = Sensing(
     delay_error=0.005,
     factor=(0.5, 6.0),
 )
-"""Of images of the twin (`python -m tests.measure_sensing`), and of worse ones."""
+"""Of images of the twin (`python -m tests.benchmarks.measure_sensing`), and of worse ones."""
 
 
 class Shown(NamedTuple):

@@ -79,6 +79,7 @@ class Perception:
             tip=tip,
             gap=gap.height if gap else NAN,
             gap_x=gap.x if gap else NAN,
+            gripper=(gripper.x, gripper.z),
         )
 
     def _curve(

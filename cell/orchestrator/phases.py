@@ -18,6 +18,7 @@ from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
+from policies.profile import seen_profile
 
 SETTLE = 0.3  # s for strip and image to come to rest
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
@@ -171,6 +172,8 @@ def observe(senses: Senses) -> Observation:
         contact_x=np.array([sight.contact_x]),
         tip_x=np.array([sight.tip[0]]),
         tip_z=np.array([sight.tip[1]]),
+        profile=seen_profile(sight.profile, sight.gripper),
+        profile_confidence=np.array([sight.profile_confidence]),
     )
 
 

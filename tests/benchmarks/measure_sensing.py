@@ -1,6 +1,6 @@
 """Errors of each channel that a policy reads, measured on the twin's images.
 
-python -m tests.measure_sensing [STRIP...] [--every N]: the plant is the chain, the calibration is
+python -m tests.benchmarks.measure_sensing [STRIP...] [--every N]: the plant is the chain, the calibration is
 made through its own images; every N-th frame of a triangular fold from the take-over on. Prints
 noise, bias and outliers of each channel, unseen frames and the error of the stamps, beside what
 training assumes (`policies.sensing.TRAINING`).
@@ -22,10 +22,10 @@ from drivers.types import Array, Pose
 from policies.path import triangular
 from policies.profile import evened, profiles
 from policies.sensing import TRAINING
-from tests.twin_calibration import twin_calibration
-from tests.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
+from tests.support.twin_calibration import twin_calibration
+from tests.support.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
 
-STRIPS = Path(__file__).parents[1] / "configs" / "strips"
+STRIPS = Path(__file__).parents[2] / "configs" / "strips"
 SPEED = 0.1  # m/s
 TAKE_OVER = 0.10  # m of height from which a policy decides
 WILD = 5.0  # robust standard deviations from which an error is an outlier
