@@ -1,6 +1,6 @@
 """What a policy sees of simulated strips: late, noisy and with gaps, as through a camera."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -61,20 +61,23 @@ EXACT = Sensing(
     profile_bias=0.0,
 )
 
-TRAINING = Sensing(
+IMAGES = Sensing(
     contact_sigma=0.0005,
     tip_sigma=0.0004,
     contact_bias=0.0006,
-    tip_z_sigma=0.008,
+    delay=(0.02, 0.04),
+    tip_z_sigma=0.003,
     tip_bias=0.0004,
     profile_sigma=0.0003,
     profile_bias=0.0005,
-    wild=0.01,
-    dropped=(0.0, 0.5),
-    delay_error=0.005,
-    factor=(0.5, 6.0),
+    wild=0.002,
+    delay_error=0.002,
 )
-"""Of images of the twin (`python -m tests.benchmarks.measure_sensing`), and of worse ones."""
+"""Images of the twin (`python -m tests.benchmarks.measure_sensing`)."""
+TRAINING = replace(
+    IMAGES, delay=(0.0, 0.06), wild=0.01, dropped=(0.0, 0.5), delay_error=0.005, factor=(0.5, 6.0)
+)
+"""Images of the twin, and worse ones: later, with gaps, outliers, and up to six times the noise."""
 
 
 class Shown(NamedTuple):

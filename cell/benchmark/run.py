@@ -10,7 +10,7 @@ from cell.benchmark.journal import Journal
 from cell.benchmark.parts.all_parts import order, weights_digest
 from cell.benchmark.parts.part import Part
 from cell.benchmark.results import Refused, Result, Results
-from cell.benchmark.spec import Asked
+from cell.benchmark.spec import BenchmarkSpec
 from cell.config.places import Configs
 from cell.operations.calibrate import calibration_of
 from cell.operations.fold import PACKAGES
@@ -31,7 +31,7 @@ class Watcher(Protocol):
 
 
 def benchmark(
-    asked: Asked,
+    asked: BenchmarkSpec,
     configs: Configs,
     folder: Path,
     runs: Path,

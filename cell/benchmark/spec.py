@@ -13,7 +13,7 @@ FAVOURITE = "denim"
 FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
 
 
-class Extent(Settings):
+class Size(Settings):
     """How much is simulated: strips a side of the `grid` in the rod, and on the `chain`;
     `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips.
     """
@@ -26,17 +26,17 @@ class Extent(Settings):
     laid: int = Field(4, ge=1)
 
 
-QUICK = Extent(grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2)
+QUICK = Size(grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2)
 
 
-class Asked(Settings):
+class BenchmarkSpec(Settings):
     """Policies and strips by name, `repeats` of one strip, the first seed, and the extent."""
 
     policies: tuple[str, ...]
     strips: tuple[str, ...]
     repeats: int = Field(5, ge=1)
     seed: int = Field(0, ge=0)
-    extent: Extent = Extent()
+    extent: Size = Size()
 
     @classmethod
     def of(
@@ -60,7 +60,7 @@ class Asked(Settings):
             strips=_each(strips or usual or known, known, "strips"),
             repeats=repeats or (2 if quick else 5),
             seed=seed,
-            extent=QUICK if quick else Extent(),
+            extent=QUICK if quick else Size(),
         )
 
     @property

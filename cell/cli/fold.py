@@ -75,11 +75,11 @@ def fold(
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
-    from cell.devices.devices import Choice
+    from cell.devices.devices import DeviceSelection
     from cell.operations.batch import checked, requests
     from cell.operations.fold import Request
 
-    choice = Choice(arm and arm.value, camera and camera.value, None, seed)
+    choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
         strip=strip,
         policy=policy,

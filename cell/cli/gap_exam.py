@@ -51,9 +51,9 @@ def exam(
 
     What is finished is kept in OUT: an exam that was interrupted goes on where it stopped.
     """
-    from cell.exam.cases.drawn import drawn_once
+    from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
-    from cell.exam.run import conduct
+    from cell.exam.run import run_exam
     from cell.exam.run_case import Steps
     from drivers.errors import ConfigurationError
 
@@ -63,8 +63,8 @@ def exam(
     wide = min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
-            wanted = drawn_once(out, tier, cases, seed)
-            entries = conduct(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
+            wanted = load_or_draw(out, tier, cases, seed)
+            entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
         sys.stderr.write(
             f"interrupted; what is finished is kept in {out}: the same command goes on\n"

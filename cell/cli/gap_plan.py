@@ -34,7 +34,7 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
-    from cell.devices.devices import Choice
+    from cell.devices.devices import DeviceSelection
     from cell.operations.fold import Request
     from cell.operations.interrupt import Interrupt
     from cell.operations.standard_runs import (
@@ -46,7 +46,7 @@ def plan(
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     check_empty(folder)
-    choice = Choice(plant=plant, seed=seed)
+    choice = DeviceSelection(plant=plant, seed=seed)
     wanted = standard_requests(
         Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
     )

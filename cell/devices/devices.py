@@ -10,7 +10,7 @@ from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
 
 
-class Aids(Protocol):
+class CalibrationAids(Protocol):
     """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
 
     def show_board(self, pose: BoardPose) -> Frame:
@@ -31,7 +31,7 @@ class Devices:
     hand: Hand
     camera: Camera
     camera_identity: str
-    aids: Aids | None
+    aids: CalibrationAids | None
     plant: "Plant | None"
 
     def connect(self) -> None:
@@ -56,7 +56,7 @@ class Plant(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class DeviceSelection:
     """What the command line says of devices; None where silent.
 
     `index` counts the runs that the strip on the desk has been through before.

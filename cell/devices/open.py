@@ -5,23 +5,23 @@ from typing import Protocol
 import cv2
 
 from cell.config.cell import CellFile
-from cell.devices.devices import Choice, Devices
+from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.rig_correction import corrected_devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 
 
-class Opener(Protocol):
+class DeviceFactory(Protocol):
     """What can open a cell: `open_cell`, or what another plant is brought in by."""
 
     def __call__(
-        self, settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
+        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
         """Devices as configured and chosen."""
         ...
 
 
-def check_drivers(settings: CellFile, choice: Choice) -> None:
+def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
     """Refuse devices that this version cannot drive, with a ConfigurationError."""
     arm = choice.arm or settings.drivers.arm
     camera = choice.camera or settings.drivers.camera
@@ -33,7 +33,7 @@ def check_drivers(settings: CellFile, choice: Choice) -> None:
 
 
 def open_cell(
-    settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
+    settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:
     """Devices as configured and chosen, effects of the rig that the cell file has inverted.
 

@@ -10,9 +10,10 @@ from calibration.correction import corrected
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from drivers.protocols import Arm, Hand
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, true_poses
-from drivers.strip.model import Observation, Rig, StripModel, describe
+from drivers.strip.model import Observation, Rig, StripModel
 from drivers.types import ArmState, Array, Pose, Velocity
 
 

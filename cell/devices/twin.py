@@ -8,16 +8,16 @@ import numpy as np
 
 from calibration.board_views import BoardPose
 from cell.config.cell import CellFile
-from cell.config.plant import load_plant
-from cell.devices.devices import Choice, Devices
+from cell.devices.devices import Devices, DeviceSelection
+from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import board_frame, facing
-from drivers.twin.open import ORDINARY, Staging, Twin, open_twin
+from drivers.twin.open import ORDINARY, PlantOptions, Twin, open_twin
 from drivers.types import Frame
 
 
-class TwinAids:
+class TwinCalibrationAids:
     """Holds boards before the twin's camera and puts the pointer into its hand."""
 
     def __init__(self, twin: Twin, settings: CellFile, seed: int) -> None:
@@ -65,10 +65,10 @@ class TwinPlant:
 def twin_devices(
     settings: CellFile,
     strip: StripFile,
-    choice: Choice,
+    choice: DeviceSelection,
     *,
     calibrating: bool,
-    staging: Staging = ORDINARY,
+    staging: PlantOptions = ORDINARY,
 ) -> Devices:
     """The twin with the plant on its desk; effects of the rig begin after its calibration.
 
@@ -93,7 +93,7 @@ def twin_devices(
         hand=twin.hand,
         camera=twin.camera,
         camera_identity=settings.twin.camera.identity,
-        aids=TwinAids(twin, settings, choice.seed) if calibrating else None,
+        aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(twin, plant),
     )
 

@@ -21,7 +21,7 @@ def quiet(done: int, total: int, said: str) -> None:
     """Progress that nobody watches."""
 
 
-def conduct(
+def run_exam(
     cases: Sequence[Case],
     folder: Path,
     *,
@@ -47,8 +47,8 @@ def conduct(
     named = {case.name: case for case in left}
     total, done = len(cases), len(cases) - len(left)
     progress(done, total, "")
-    with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as desks:
-        parts = [Examined(n, folder, Path(desks), now, steps, make, again) for n in named]
+    with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
+        parts = [Examined(n, folder, Path(workdirs), now, steps, make, again) for n in named]
         for name, result in _carried_out(parts, jobs):
             case = named[name]
             entry = failed(case, now.entry(case), result) if isinstance(result, str) else result

@@ -11,7 +11,7 @@ from cell.config.places import find_configs
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import Sources, case_hash, opened
 from cell.exam.sandbox.child import NOTES, VERDICT
-from cell.exam.sandbox.parent import Sat, sit
+from cell.exam.sandbox.parent import SandboxRun, run_sandboxed
 from cell.exam.scoring.oracle import oracle
 from cell.exam.scoring.results import Baselines, Entry
 from cell.exam.scoring.score import same, score
@@ -19,11 +19,11 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
 from cell.record.documents import replace_file
 from drivers.errors import CellError, ConfigurationError
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
-RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sat.json", "made"
+RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
@@ -41,12 +41,12 @@ def made_by_tier(case: Case, folder: Path) -> None:
 @dataclass(frozen=True, slots=True)
 class Examined:
     """A case to carry out in a process of its own; its result is the entry. The key of
-    `name` lies in `folder`; sealed processes work in folders within `desks`.
+    `name` lies in `folder`; sealed processes work in folders within `workdirs`.
     """
 
     name: str
     folder: Path
-    desks: Path
+    workdirs: Path
     sources: Sources
     steps: Steps
     make: Maker
@@ -79,7 +79,7 @@ class Examined:
         if stamped(place) != case_hash(case):
             reason = _refusal(place, case) or "holds no runs of this case; make them first"
             raise ConfigurationError(f"{place}: {reason}")
-        return judged(case, self.folder, self.sources, desks=self.desks, again=self.again)
+        return judged(case, self.folder, self.sources, workdirs=self.workdirs, again=self.again)
 
 
 def failed(case: Case, of: str, reason: str) -> Entry:
@@ -127,19 +127,19 @@ def stamped(place: Path) -> str | None:
         return None
 
 
-def judged(case: Case, folder: Path, by: Sources, *, desks: Path, again: bool = False) -> Entry:
+def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool = False) -> Entry:
     """The case's entry: its verdict is kept where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS / case.name]), folder / VERDICTS / case.name
-    sat = None if again else _sat(out, by.verdict(case))
-    if sat is None:
+    sandboxed = None if again else _sat(out, by.verdict(case))
+    if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
-        sat = sit(strip, runs, out, [folder], desks=desks)
+        sandboxed = run_sandboxed(strip, runs, out, [folder], workdirs=workdirs)
         facts = {
             "of": by.verdict(case),
-            "wall": sat.wall,
-            "memory": sat.memory,
-            "kernel": sat.kernel,
+            "wall": sandboxed.wall,
+            "memory": sandboxed.memory,
+            "kernel": sandboxed.kernel,
         }
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT)
@@ -149,7 +149,7 @@ def judged(case: Case, folder: Path, by: Sources, *, desks: Path, again: bool = 
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
         baselines=baselines(verdict, tried, case),
-        wall=sat.wall, memory=sat.memory,
+        wall=sandboxed.wall, memory=sandboxed.memory,
     )  # fmt: skip
 
 
@@ -166,12 +166,12 @@ def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Base
     return Baselines(single=name or None, right=same(name, case.answer))
 
 
-def _sat(out: Path, of: str) -> Sat | None:
+def _sat(out: Path, of: str) -> SandboxRun | None:
     """What is known of a verdict that is there and not out of date."""
     try:
         facts = json.loads((out / STAMP).read_text(encoding="utf-8"))
         if facts["of"] == of:
-            return Sat(facts["wall"], facts["memory"], facts["kernel"])
+            return SandboxRun(facts["wall"], facts["memory"], facts["kernel"])
     except (OSError, ValueError, KeyError):
         pass
     return None

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from cell.gap.fitting.cache import Tape
+from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
@@ -51,7 +51,7 @@ def fit(
     hold.check(run_names(folders), hold_out)
     subject = open_subject(file, folders, jobs)
     _make(out)
-    tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
+    tape = SimulationCache(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
     held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
 from cell.devices.open import check_drivers
 from cell.operations.fold import Request, fold
 from cell.operations.interrupt import Interrupted
 from cell.operations.result import FoldResult
 from drivers.errors import CellError, Fault, Unexpected
+from drivers.strip.describe import load_plant
 from policies.registry import make_policy
 
 PATIENCE = 60.0  # s that a fold may take to end its record once it was told to stop
@@ -80,7 +80,7 @@ class Worker:
             self._process.join()
 
 
-class Told:
+class StopSignal:
     """Whether a fold is asked to stop: by word through `pipe`, or because nobody listens."""
 
     def __init__(self, pipe: Connection) -> None:
@@ -103,7 +103,7 @@ class Told:
 def _work(pipe: Connection) -> None:
     with suppress(OSError):  # nobody waits for the result any more
         while (task := _next(pipe)) is not None:
-            pipe.send(_folded(task, Told(pipe)))
+            pipe.send(_folded(task, StopSignal(pipe)))
 
 
 def _next(pipe: Connection) -> Task | None:
@@ -117,7 +117,7 @@ def _next(pipe: Connection) -> Task | None:
             return word
 
 
-def _folded(task: Task, told: Told) -> FoldResult | CellError:
+def _folded(task: Task, told: StopSignal) -> FoldResult | CellError:
     _, request, calibration = task
     try:
         return fold(request, interrupted=told, calibration=calibration)
@@ -172,7 +172,7 @@ def side_by_side(
     Once `interrupted`, the folds under way stop under control and no other begins; after a
     KeyboardInterrupt they stop at once. A fold that raised CellError raises it in its turn.
     """
-    team = Team([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
+    team = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
     try:
         for number in range(len(wanted)):
             result = team.result(number, interrupted)
@@ -185,7 +185,7 @@ def side_by_side(
         team.close()
 
 
-class Team:
+class WorkerPool:
     """Workers who share the folds that are wanted."""
 
     def __init__(

@@ -13,15 +13,14 @@ from calibration.lens import Lens
 from calibration.touched_points import TouchVerdict
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
-from cell.devices.devices import Aids, Choice, Devices
+from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.operations.interrupt import Interrupted
-from cell.orchestrator.context import Knowledge
-from cell.orchestrator.recorder import Unrecorded
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.strip.file import StripFile
-from policies.fixed_paths import Triangular
 
 NO_STRIP = StripFile(
     schema=1,
@@ -72,7 +71,7 @@ def calibrate_anew(
 
 def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
     """A calibration of the twin, which is not kept."""
-    devices = open_cell(settings, NO_STRIP, Choice(), calibrating=True)
+    devices = open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
     return calibrate(settings, devices, interrupted)
 
 
@@ -105,21 +104,21 @@ def calibrate(
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
-    knowledge = Knowledge(settings, NO_STRIP, Triangular(), lens=lens)
+    context = CalibrationContext(settings.controller, lens)
     try:
         devices.connect()
         devices.aids.hold_pointer(True)
-        outcome = Run(devices, knowledge, Unrecorded(), interrupted=interrupted).execute()
+        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
     finally:
         devices.close()
     if outcome.exit_code == Interrupted.exit_code:
         raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
-    if outcome.exit_code != 0 or knowledge.touches is None:
+    if outcome.exit_code != 0 or context.touches is None:
         raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
-    return _assembled(lens, knowledge.touches, devices.camera_identity)
+    return _assembled(lens, context.touches, devices.camera_identity)
 
 
-def lens_from_boards(settings: CellFile, aids: Aids) -> Lens:
+def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     """The lens, from as many views of the board as it takes."""
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:

@@ -13,17 +13,16 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
-from cell.devices.devices import Choice, Devices
-from cell.devices.open import Opener, open_cell
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.result import FoldResult
-from cell.orchestrator.context import Knowledge
-from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, Stopped
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.run import Observer, Run
-from cell.orchestrator.safe_stop import attempt
+from cell.orchestrator.safe_stop import suppressed
 from cell.record.documents import replace_file
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.frames import Keep
@@ -33,6 +32,7 @@ from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import parse
+from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
@@ -46,7 +46,7 @@ class Request:
     strip: str
     policy: str
     checkpoint: Path | None
-    choice: Choice
+    choice: DeviceSelection
     runs: Path
     configs: Path | None
     frames: Keep | None
@@ -61,7 +61,7 @@ def fold(
     interrupted: Callable[[], bool] = lambda: False,
     calibration: Calibration | None = None,
     *,
-    opened: Opener | None = None,
+    opened: DeviceFactory | None = None,
     page: bool = True,
 ) -> FoldResult:
     """Fold once, with `calibration` or the one that the cell uses.
@@ -78,18 +78,18 @@ def fold(
     _check_camera(calibration, devices)
     calibration = corrected_calibration(calibration, settings, strip)
     begun = time.perf_counter()
-    header = run_header(request, settings, strip, calibration)
+    header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames
     writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
     save_calibration(calibration, writer.folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
     recorder = Recorder(writer)
-    knowledge = Knowledge(settings, strip, policy, calibration)
+    context = FoldContext(settings.controller, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
-        run = Run(blind, knowledge, recorder, watchers, interrupted)
+        run = Run(blind, context, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
@@ -112,9 +112,9 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
-        outcome = Outcome.of(Stopped.by(error), devices.clock.now())
+        outcome = Outcome.of(StopReason.by(error), devices.clock.now())
     finally:
-        attempt(devices.close)
+        suppressed(devices.close)
     content = result_content(outcome)
     try:
         recorder.finish(content)
@@ -122,9 +122,9 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
         recorder.finish(content)
         raise
     except Fault as fault:
-        outcome = outcome.but(Stopped.by(fault))
+        outcome = outcome.but(StopReason.by(fault))
     finally:
-        attempt(recorder.close)
+        suppressed(recorder.close)
     return outcome
 
 
@@ -142,9 +142,16 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 
 def run_header(
-    request: Request, settings: CellFile, strip: StripFile, calibration: Calibration
+    request: Request,
+    settings: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    camera_rate: float,
 ) -> dict[str, Any]:
-    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash."""
+    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash.
+
+    `camera_rate` is that of the camera that is open [Hz].
+    """
     choice = request.choice
     return {
         "strip": strip.name,
@@ -153,7 +160,7 @@ def run_header(
         "index": choice.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,
-        "camera_hz": settings.twin.camera.rate,
+        "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
         **_weights(request.checkpoint),
@@ -188,14 +195,14 @@ def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page
             write_report(folder)
     except OSError as error:
         return outcome.but(
-            Stopped("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
+            StopReason("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
         )
     except CellError as error:
-        return outcome.but(Stopped("record", str(error), Fault.exit_code))
+        return outcome.but(StopReason("record", str(error), Fault.exit_code))
     return outcome
 
 
-def _plant_hash(choice: Choice, strip: StripFile) -> str:
+def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
     plant = strip if choice.plant is None else load_plant(choice.plant)
     content = plant.model_dump(mode="json", by_alias=True)
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.status import Status
 
 from cell.orchestrator.run import Observer
-from cell.orchestrator.snapshot import Senses
+from cell.orchestrator.snapshot import Snapshot
 from drivers.strip.file import StripFile
 
 EVERY = 10  # ticks between two looks
@@ -24,16 +24,18 @@ class ProgressLine:
         self._strip = strip
         self._count = 0
 
-    def see(self, senses: Senses) -> None:
+    def see(self, snapshot: Snapshot) -> None:
         """One tick; most are not shown."""
         self._count += 1
         if self._count % EVERY:
             return
-        pose = senses.arm.pose
-        text = f"{self._strip.name}  {senses.state:<9} {senses.time:5.1f} s"
+        pose = snapshot.arm.pose
+        text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
-        if senses.sight is not None and math.isfinite(senses.sight.contact_x):
-            text += f"   desk contact {1e3 * senses.sight.contact_x:4.0f} mm"
+        if snapshot.view.measurement is not None and math.isfinite(
+            snapshot.view.measurement.contact_x
+        ):
+            text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
         self._status.update(text)
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:

@@ -8,9 +8,9 @@ from typing import Any, Self
 import numpy as np
 
 from calibration.calibration import load_calibration
+from calibration.perception.measurement import StripMeasurement
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
-from calibration.perception.sight import Sight
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
 from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
@@ -111,7 +111,7 @@ def _look_again(
     return images, differences
 
 
-def _differences(sight: Sight, sights: Sights, row: int) -> Iterator[str]:
+def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
     now = {"contact_x": sight.contact_x, "tip_x": sight.tip[0], "tip_z": sight.tip[1]}
     now |= {"gap": sight.gap, "gap_x": sight.gap_x}
     for name, value in now.items():
@@ -160,7 +160,7 @@ def _observed(
 
 def _checkpoint(run: Run) -> Path | None:
     """The weights that replaced the committed ones in this run; None where none did."""
-    if "checkpoint" not in (run.header.model_extra or {}):
+    if run.header.checkpoint is None:
         return None
     return run.folder / CHECKPOINT
 
@@ -176,7 +176,7 @@ def _recorded(run: Run, key: str, model: type[Any]) -> Any:
 
 
 def _fact(run: Run, key: str) -> Any:
-    extra = run.header.model_extra or {}
-    if key not in extra:
+    fact = getattr(run.header, key)
+    if fact is None:
         raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")
-    return extra[key]
+    return fact

@@ -4,41 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
-from cell.orchestrator.snapshot import Command, Drive, MoveTo, Senses
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.snapshot import Command, Drive, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from drivers.errors import Fault
 from drivers.limits import Workspace
-from drivers.settings import Settings
-
-
-class MonitorLimits(Settings):
-    """Limits of the monitors. Every one has a value; none can be switched off."""
-
-    arm_age: float = Field(0.05, gt=0, le=0.5)  # s
-    image_age: float = Field(0.25, gt=0, le=1.0)  # s
-    identical_images: int = Field(4, ge=2, le=30)
-    confidence: float = Field(0.3, gt=0, lt=1)
-    doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
-    overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
-    speed: float = Field(0.25, gt=0, le=1.0)  # m/s
-    tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
-    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
-    force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
-    duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
-    state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What monitors hold the senses against: their limits and the cell's workspace."""
+    """What monitors hold the snapshot against: their limits and the cell's workspace."""
 
     limits: MonitorLimits
     workspace: Workspace
 
 
-Check = Callable[[Senses, Rules], str | None]
+Check = Callable[[Snapshot, Rules], str | None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,65 +32,68 @@ class Monitor:
     check: Check
 
 
-def _arm_stale(senses: Senses, rules: Rules) -> str | None:
+def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    age = senses.time - senses.arm.stamp
+    age = snapshot.time - snapshot.arm.stamp
     if abs(age) <= limits.arm_age:  # a stamp of the future would hide how old all later ones are
         return None
     return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
 
 
-def _setpoint_expired(senses: Senses, _: Rules) -> str | None:
-    if not senses.arm.expired:
+def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
+    if not snapshot.arm.expired:
         return None
     return "the arm braked by itself because no fresh velocity target reached it"
 
 
-def _not_finite(senses: Senses, _: Rules) -> str | None:
-    if np.isfinite(senses.arm.pose.as_array()).all():
+def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
+    if np.isfinite(snapshot.arm.pose.as_array()).all():
         return None
     return "the arm reports a pose that is not a number"
 
 
-def _image_stale(senses: Senses, rules: Rules) -> str | None:
+def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if senses.frame is None:
+    if snapshot.view.frame is None:
         return "the camera has delivered no image"
-    age = senses.time - senses.frame.stamp
+    age = snapshot.time - snapshot.view.frame.stamp
     if abs(age) <= limits.image_age:
         return None
     return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
 
 
-def _image_frozen(senses: Senses, rules: Rules) -> str | None:
+def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if senses.identical < limits.identical_images:
+    if snapshot.view.identical < limits.identical_images:
         return None
-    return f"{senses.identical} images in a row are identical: the camera is frozen"
+    return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
 
 
-def _low_confidence(senses: Senses, rules: Rules) -> str | None:
+def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if senses.doubtful_since is None or senses.time - senses.doubtful_since <= limits.doubt:
+    if (
+        snapshot.view.doubtful_since is None
+        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
+    ):
         return None
-    seen = senses.sight.confidence if senses.sight is not None else 0.0
+    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
     )
 
 
-def _overspeed(senses: Senses, rules: Rules) -> str | None:
+def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     allowed = limits.speed * limits.overspeed
-    if senses.arm.velocity.speed <= allowed:
+    if snapshot.arm.velocity.speed <= allowed:
         return None
-    return f"the gripper moves at {senses.arm.velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+    return f"the gripper moves at {snapshot.arm.velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
 
 
-def _tracking(senses: Senses, rules: Rules) -> str | None:
+def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    seen, asked = senses.arm.pose, senses.arm.commanded
+    seen, asked = snapshot.arm.pose, snapshot.arm.commanded
     error = float(np.hypot(seen.x - asked.x, seen.z - asked.z))
     if error <= limits.tracking_error:
         return None
@@ -118,8 +103,8 @@ def _tracking(senses: Senses, rules: Rules) -> str | None:
     )
 
 
-def _workspace(senses: Senses, rules: Rules) -> str | None:
-    pose, border = senses.arm.pose, rules.limits.border
+def _workspace(snapshot: Snapshot, rules: Rules) -> str | None:
+    pose, border = snapshot.arm.pose, rules.limits.border
     (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
     inside_x = x_low - border <= pose.x <= x_high + border
     if inside_x and z_low - border <= pose.z <= z_high + border:
@@ -130,31 +115,31 @@ def _workspace(senses: Senses, rules: Rules) -> str | None:
     )
 
 
-def _force(senses: Senses, rules: Rules) -> str | None:
+def _force(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    force = float(np.hypot(*senses.arm.force))
+    force = float(np.hypot(*snapshot.arm.force))
     if not force > limits.force:  # NaN: not measured
         return None
     return f"the gripper feels {force:.1f} N, allowed {limits.force:.1f} N"
 
 
-def _grip_lost(senses: Senses, _: Rules) -> str | None:
-    return None if senses.hand.grasped else "the hand no longer holds the strip"
+def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
+    return None if snapshot.hand.grasped else "the hand no longer holds the strip"
 
 
-def _state_overtime(senses: Senses, rules: Rules) -> str | None:
+def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    spent = senses.time - senses.entered
+    spent = snapshot.time - snapshot.entered
     if spent <= limits.state_duration:
         return None
-    return f"{senses.state} lasts {spent:.0f} s, allowed {limits.state_duration:.0f} s"
+    return f"{snapshot.state} lasts {spent:.0f} s, allowed {limits.state_duration:.0f} s"
 
 
-def _overtime(senses: Senses, rules: Rules) -> str | None:
+def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if senses.time <= limits.duration:
+    if snapshot.time <= limits.duration:
         return None
-    return f"the run lasts {senses.time:.0f} s, allowed {limits.duration:.0f} s"
+    return f"the run lasts {snapshot.time:.0f} s, allowed {limits.duration:.0f} s"
 
 
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
@@ -179,12 +164,13 @@ MONITORS: tuple[Monitor, ...] = (
 )
 
 
-def check_all(senses: Senses, command: Command, rules: Rules) -> None:
+def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
     """Evaluate every monitor of this state and the command; raise Fault for the first to trip."""
     reasons = [
         (monitor.name, reason)
         for monitor in MONITORS
-        if senses.state in monitor.states and (reason := monitor.check(senses, rules)) is not None
+        if snapshot.state in monitor.states
+        and (reason := monitor.check(snapshot, rules)) is not None
     ]
     if reasons:
         raise Fault(*reasons[0])

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from calibration.perception.sight import SeenTouch
+from calibration.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
 
 
 @dataclass(frozen=True, slots=True)
-class Stopped:
+class StopReason:
     """Why a run is being stopped, and what the command line then returns."""
 
     name: str
@@ -26,8 +26,8 @@ class Stopped:
         return cls("internal_error", f"{type(error).__name__}: {error}", Fault.exit_code)
 
 
-INTERRUPTED = Stopped("interrupted", "stopped from the keyboard", 130)
-INTERRUPTED_AT_ONCE = Stopped("interrupted", "stopped at once from the keyboard", 130)
+INTERRUPTED = StopReason("interrupted", "stopped from the keyboard", 130)
+INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboard", 130)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +46,11 @@ class Outcome:
     duration: float
 
     @classmethod
-    def of(cls, stopped: Stopped, duration: float) -> Self:
+    def of(cls, stopped: StopReason, duration: float) -> Self:
         """The end of a run that was stopped and measured nothing."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
-    def but(self, stopped: Stopped) -> Self:
+    def but(self, stopped: StopReason) -> Self:
         """The same end, spoilt by what went wrong after it; of two such things the first."""
         if self.name == stopped.name:
             return self

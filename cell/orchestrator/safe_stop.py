@@ -6,7 +6,7 @@ from cell.devices.devices import Devices
 from drivers.types import ArmState, HandState
 
 
-def attempt(action: Callable[[], object]) -> bool:
+def suppressed(action: Callable[[], object]) -> bool:
     """Whether `action` went well; no error of it gets in the way of what must be done next."""
     try:
         action()
@@ -15,7 +15,7 @@ def attempt(action: Callable[[], object]) -> bool:
     return True
 
 
-class Brakes:
+class SafeStop:
     """Asks the arm to stop, and again as long as it could not be told or does not answer.
 
     The camera is not looked at and nothing else is waited for: only the arm says when it rests.
@@ -29,18 +29,18 @@ class Brakes:
 
     def apply(self, hand: HandState | None) -> None:
         """Stop the arm, and fingers that were last seen moving."""
-        self._told = attempt(self._devices.arm.stop)
+        self._told = suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
-            attempt(self._devices.hand.stop)
+            suppressed(self._devices.hand.stop)
 
     def turn(self, due: float) -> ArmState | None:
         """One turn of braking, at `due` [s]: the arm's state, None where it does not answer."""
         self._left -= 1
-        attempt(lambda: self._devices.clock.wait_until(due))
+        suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []
-        answered = attempt(lambda: seen.append(self._devices.arm.state()))
+        answered = suppressed(lambda: seen.append(self._devices.arm.state()))
         if not (answered and self._told):
-            self._told = attempt(self._devices.arm.stop)
+            self._told = suppressed(self._devices.arm.stop)
         return seen[0] if seen else None
 
     def ended(self, arm: ArmState | None) -> bool:

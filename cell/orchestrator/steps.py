@@ -1,4 +1,4 @@
-"""One state of a run as a generator: it is sent what the cell senses, yields what to command.
+"""One state of a run as a generator: it is sent snapshots, yields commands.
 
 Returning an event ends the state. Everything a phase waits for, it waits for by yielding, so
 that one loop with its monitors and its record serves every motion.
@@ -6,38 +6,38 @@ that one loop with its monitors and its record serves every motion.
 
 from collections.abc import Callable, Generator
 
-from cell.orchestrator.snapshot import CloseHand, Command, Hold, MoveTo, OpenHand, Senses
+from cell.orchestrator.snapshot import CloseHand, Command, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event
 from drivers.types import Pose
 
-Phase = Generator[Command, Senses, Event]
-Motion = Generator[Command, Senses, Senses]
+Phase = Generator[Command, Snapshot, Event]
+Motion = Generator[Command, Snapshot, Snapshot]
 
 REACHED = 0.002  # m, rad: how near a finished move must have come
 
 
-def wait_for(condition: Callable[[Senses], bool]) -> Motion:
-    """Hold until `condition`; returns the senses that fulfilled it."""
-    senses = yield Hold()
-    while not condition(senses):
-        senses = yield Hold()
-    return senses
+def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
+    """Hold until `condition`; returns the snapshot that fulfilled it."""
+    snapshot = yield Hold()
+    while not condition(snapshot):
+        snapshot = yield Hold()
+    return snapshot
 
 
 def pause(duration: float) -> Motion:
     """Hold for `duration` [s]."""
-    senses = yield Hold()
-    end = senses.time + duration
+    snapshot = yield Hold()
+    end = snapshot.time + duration
     return (yield from wait_for(lambda now: now.time >= end))
 
 
 def move(pose: Pose) -> Motion:
     """Move to rest at `pose`."""
-    senses = yield MoveTo(pose)
-    senses = yield MoveTo(pose)
-    while senses.arm.moving or _distance(senses.arm.commanded, pose) > REACHED:
-        senses = yield MoveTo(pose)
-    return senses
+    snapshot = yield MoveTo(pose)
+    snapshot = yield MoveTo(pose)
+    while snapshot.arm.moving or _distance(snapshot.arm.commanded, pose) > REACHED:
+        snapshot = yield MoveTo(pose)
+    return snapshot
 
 
 def open_hand() -> Motion:

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm, t
 
 from cell.strips.cantilever_fit import Fit, fit
 from cell.strips.photograph import Photograph
-from cell.strips.rest_curvature import STRAIGHT, Birth, Born
+from cell.strips.rest_curvature import STRAIGHT, RestCurvature, RestCurvaturePrior
 from drivers.types import Array
 
 CONFIDENCE = 0.95
@@ -89,14 +89,14 @@ class Bending:
     gain: float
 
     @property
-    def birth(self) -> Birth:
+    def birth(self) -> RestCurvaturePrior:
         """How the strip was born."""
         return self.fits[0].birth
 
     @property
     def curl(self) -> Pooled:
         """The even part of the rest curvature, pooled [1/m]."""
-        if self.birth.born is Born.STRAIGHT:
+        if self.birth.born is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
 
@@ -104,8 +104,8 @@ class Bending:
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """The bending length that fits all photographs, which share how far from straight they are."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
-    curled = _best(photographs, straight, Born.CURLED)
-    varied = _best(photographs, straight, Born.SET)
+    curled = _best(photographs, straight, RestCurvature.CURLED)
+    varied = _best(photographs, straight, RestCurvature.SET)
     fits = straight
     for other in (curled, varied):
         if evidence(other) > evidence(fits) + DECISIVE:
@@ -133,11 +133,11 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
-def _best(photographs: Sequence[Photograph], start: Fits, born: Born) -> Fits:
+def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
     """Fits at the spread of rest curvature that makes the midlines most probable."""
     tried: list[Fits] = []
     for spread in SPREADS:
-        birth = Birth(born, spread)
+        birth = RestCurvaturePrior(born, spread)
         start = tuple(fit(each, birth, s) for each, s in zip(photographs, start, strict=True))
         tried.append(start)
     scores = np.array([evidence(each) for each in tried])
@@ -147,6 +147,7 @@ def _best(photographs: Sequence[Photograph], start: Fits, born: Born) -> Fits:
     bend = scores[j - 1] - 2 * scores[j] + scores[j + 1]
     spread = SPREADS[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
     refined = tuple(
-        fit(each, Birth(born, spread), s) for each, s in zip(photographs, tried[j], strict=True)
+        fit(each, RestCurvaturePrior(born, spread), s)
+        for each, s in zip(photographs, tried[j], strict=True)
     )
     return max(refined, tried[j], key=evidence)

@@ -12,7 +12,7 @@ KNOT_SPACING = 2.0  # widths: over less no strip changes its set
 MOST_KNOTS = 60
 
 
-class Born(StrEnum):
+class RestCurvature(StrEnum):
     """Kinds of rest curvature."""
 
     STRAIGHT = "straight"
@@ -21,10 +21,10 @@ class Born(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Birth:
+class RestCurvaturePrior:
     """A kind of rest curvature, and its standard deviation `spread` [1/m] along the strip."""
 
-    born: Born
+    born: RestCurvature
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
@@ -34,10 +34,10 @@ class Birth:
         others: how it waves is left to the picture.
         """
         arc = hinges(overhang)
-        if self.born is Born.STRAIGHT:
+        if self.born is RestCurvature.STRAIGHT:
             return np.zeros((len(arc), 0))
         even = np.full((len(arc), 1), self.spread)
-        if self.born is Born.CURLED:
+        if self.born is RestCurvature.CURLED:
             return even
         count = int(np.clip(overhang / (KNOT_SPACING * width), 4, MOST_KNOTS)) + 1
         knots = np.linspace(0.0, overhang, count)
@@ -45,4 +45,4 @@ class Birth:
         return np.concatenate([even, self.spread * tents], axis=1)
 
 
-STRAIGHT = Birth(Born.STRAIGHT)
+STRAIGHT = RestCurvaturePrior(RestCurvature.STRAIGHT)

@@ -7,13 +7,13 @@ from math import nan
 
 import numpy as np
 
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
 from cell.record.run import Run
 from drivers.types import Array, Frame, Image
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class TickView:
     """One tick: `clock` [s], `t` since the lift began [s] (NaN before), gripper `pose` (3,);
     `sight` and `image` only when they are new.
     """
@@ -23,12 +23,12 @@ class Moment:
     tick: int
     state: str
     pose: Array
-    sight: Sight | None = None
+    sight: StripMeasurement | None = None
     image: Image | None = None
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class LogLine:
     """A line for the log at `clock` [s] and `t` [s]; `alarm` marks what stopped the run."""
 
     clock: float
@@ -45,35 +45,37 @@ def told(kind: str, facts: dict[str, object]) -> str:
     return text if len(text) <= 300 else f"{text[:297]}..."
 
 
-def moments_of(run: Run) -> Iterator[Moment | Words]:
+def moments_of(run: Run) -> Iterator[TickView | LogLine]:
     """Ticks, with the kept images and what was seen in them, and events, in the order of time."""
     origin = run.origin()
-    words: Iterator[Moment | Words] = (
-        Words(event.t + origin, told(event.kind, dict(event.facts)), event.kind == "fault", event.t)
+    words: Iterator[TickView | LogLine] = (
+        LogLine(
+            event.t + origin, told(event.kind, dict(event.facts)), event.kind == "fault", event.t
+        )
         for event in sorted(run.events(), key=lambda event: event.t)
         if event.kind != "decision"
     )
-    ticks: Iterator[Moment | Words] = _ticks(run, origin)
+    ticks: Iterator[TickView | LogLine] = _ticks(run, origin)
     yield from heapq.merge(words, ticks, key=lambda item: item.clock)
 
 
-def _ticks(run: Run, origin: float) -> Iterator[Moment]:
+def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     frames, sights = run.frames(), iter(_sights(run))
     frame, sight = next(frames, None), next(sights, None)
     still = np.full(3, np.nan)
     while frame is not None and frame.stamp < 0:
-        yield Moment(frame.stamp + origin, np.nan, 0, "", still, image=frame.image)
+        yield TickView(frame.stamp + origin, np.nan, 0, "", still, image=frame.image)
         frame = next(frames, None)
     ticks = run.ticks
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     for row, t in enumerate(ticks.t):
-        seen: Sight | None = None
+        seen: StripMeasurement | None = None
         shown: Frame | None = None
         while sight is not None and sight.stamp <= t:
             seen, sight = sight, next(sights, None)
         while frame is not None and frame.stamp <= t:
             shown, frame = frame, next(frames, None)
-        yield Moment(
+        yield TickView(
             clock=float(t) + origin,
             t=float(t),
             tick=row,
@@ -84,14 +86,14 @@ def _ticks(run: Run, origin: float) -> Iterator[Moment]:
         )
 
 
-def _sights(run: Run) -> list[Sight]:
+def _sights(run: Run) -> list[StripMeasurement]:
     """What was seen, image by image; of a laboratory's run only the curves."""
     sights, curves = run.sights(), run.profile.curves()
     if sights.stamp.size == 0:
         return [_bare(t, points) for t, points in curves]
     points_at = dict(curves)
     return [
-        Sight(
+        StripMeasurement(
             stamp=float(stamp),
             sequence=int(sights.sequence[i]),
             contact_x=float(sights.contact_x[i]),
@@ -106,6 +108,6 @@ def _sights(run: Run) -> list[Sight]:
     ]
 
 
-def _bare(t: float, points: Array) -> Sight:
+def _bare(t: float, points: Array) -> StripMeasurement:
     nothing = float("nan")
-    return Sight(t, 0, nothing, 0.0, points, 1.0, (nothing, nothing), nothing, nothing)
+    return StripMeasurement(t, 0, nothing, 0.0, points, 1.0, (nothing, nothing), nothing, nothing)

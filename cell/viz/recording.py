@@ -15,11 +15,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
 from cell.record.files import RECORDING, RUN, is_under_way
 from cell.record.run import read_run
 from cell.viz.model_view import LOST, Shadow
-from cell.viz.playback import Moment, Words, moments_of
+from cell.viz.playback import LogLine, TickView, moments_of
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
@@ -56,7 +56,7 @@ def viz_from_run(folder: Path) -> Path:
     run = read_run(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    stated = (run.header.model_extra or {}).get("strip_file")
+    stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
         with open_recording(folder) as recording:
@@ -151,10 +151,10 @@ class Screen:
         self._state: tuple[str, bool] = ("", False)
         self._furnish(1.0 if strip is None else strip.length)
 
-    def draw(self, item: Moment | Words) -> None:
+    def draw(self, item: TickView | LogLine) -> None:
         """Add a tick or a line of the log."""
         self._at(item)
-        if isinstance(item, Words):
+        if isinstance(item, LogLine):
             level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
             self._to.log("log", rr.TextLog(item.text, level=level))
             return
@@ -196,19 +196,19 @@ class Screen:
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
 
-    def _at(self, item: Moment | Words) -> None:
+    def _at(self, item: TickView | LogLine) -> None:
         self._to.reset_time()
         self._to.set_time("clock", duration=item.clock)
         if math.isfinite(item.t):
             self._to.set_time("t", duration=item.t)
-        if isinstance(item, Moment):
+        if isinstance(item, TickView):
             self._to.set_time("tick", sequence=item.tick)
 
-    def _sight(self, moment: Moment, sight: Sight) -> None:
+    def _sight(self, moment: TickView, sight: StripMeasurement) -> None:
         self._seen.append((moment.t, moment.tick, [sight.contact_x, *sight.tip, sight.gap]))
         self._to.log("strip/measured", _curve(sight.profile, SEEN, 0.002))
 
-    def _picture(self, image: Image, sight: Sight | None) -> None:
+    def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
         """An image, and what was seen in this very one."""
         self._to.log("camera/image", _jpeg(image))
         if sight is None or self._calibration is None:
@@ -216,7 +216,7 @@ class Screen:
         else:
             self._overlay(sight, self._calibration)
 
-    def _overlay(self, sight: Sight, calibration: Calibration) -> None:
+    def _overlay(self, sight: StripMeasurement, calibration: Calibration) -> None:
         pixels = calibration.to_image(sight.profile)
         self._to.log("camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN, radii=1.5))
         marks = np.array([(sight.contact_x, 0.0), sight.tip])
@@ -225,7 +225,7 @@ class Screen:
         points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
         self._to.log("camera/overlay/marks", points)
 
-    def _motion(self, moment: Moment) -> None:
+    def _motion(self, moment: TickView) -> None:
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._rows.append((moment.t, moment.tick, [x, z]))
         shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)

@@ -59,6 +59,11 @@ class TwinCamera:
         self._newest: Frame | None = None
         self._connected = False
 
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return self._settings.rate
+
     def connect(self) -> None:
         """Start delivering frames."""
         self._connected = True

@@ -10,9 +10,13 @@ from policies.profile import POINTS
 
 CHANNELS = 2 + 2 * POINTS  # desk contact, tip x, the profile's points
 RATE = 0.1  # s, by which rates become comparable with values
-STATE = 8
+STATE = 9
+USUAL = 0.6  # m, length of most strips
 COUNT = STATE + 2 * CHANNELS
 CONFIDENT = 0.5  # in a profile, from which on it is believed
+
+
+RISE_AT = 2  # of the inputs
 
 
 class Features:
@@ -41,5 +45,6 @@ class Features:
         x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
         age = np.clip(seen.time - self.newest, 0.0, 0.5)
         noise = np.stack([trend.spread[:, 0], trend.spread[:, 2:].mean(axis=1)], axis=1)
-        state = np.stack([x, z, r, z - x - r, descending, age], axis=1)
+        length = np.full(len(x), self._length / USUAL)
+        state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
         return np.concatenate([state, 100.0 * noise, trend.value, RATE * trend.rate], axis=1)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.fold import Request, fold
 from cell.record.run import read_run
 
@@ -18,7 +18,9 @@ def main() -> None:
     words = [*sys.argv[1:], "denim", "feedback"]
     strip, policy = words[0], words[1] if len(sys.argv) > 2 else "feedback"
     with tempfile.TemporaryDirectory() as runs:
-        request = Request(strip, policy, None, Choice(), Path(runs), None, None, True, "off")
+        request = Request(
+            strip, policy, None, DeviceSelection(), Path(runs), None, None, True, "off"
+        )
         fold(request)  # compiles and warms
         result = fold(request)
         run = read_run(Path(result.run))

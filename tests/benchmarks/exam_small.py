@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from cell.exam.cases.draw import cases
 from cell.exam.report.page import GOOD
-from cell.exam.run import conduct
+from cell.exam.run import run_exam
 
 COUNT, SEED, LEAST = 6, 0, 5
 
@@ -17,7 +17,7 @@ COUNT, SEED, LEAST = 6, 0, 5
 def main() -> int:
     """Draw, make, judge, and tell."""
     with TemporaryDirectory() as folder:
-        entries = conduct(cases("state", COUNT, SEED), Path(folder), jobs=2, progress=_told)
+        entries = run_exam(cases("state", COUNT, SEED), Path(folder), jobs=2, progress=_told)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     good = sum(result in GOOD for result in results)
     sys.stdout.write(f"{good} of {COUNT} right\n")

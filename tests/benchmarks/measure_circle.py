@@ -15,14 +15,14 @@ import numpy as np
 import yaml
 
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept, dumped
 from cell.gap.verdict.schema import Verdict
 from cell.operations.fold import Request
 from cell.operations.result import FoldResult
 from cell.operations.standard_runs import check_empty, folded, standard_requests
+from drivers.strip.describe import load_plant
 from drivers.types import Array
 
 BEFORE, STANDARD, AFTER = 0, 1000, 2000  # first seeds: no noise is seen twice
@@ -68,7 +68,7 @@ class Circle:
         return verdict
 
     def _request(self, policy: str, runs: Path, seed: int) -> Request:
-        choice = Choice(plant=self.plant, seed=seed)
+        choice = DeviceSelection(plant=self.plant, seed=seed)
         return Request(
             self.strip, policy, None, choice, runs, self.configs, None, truth=True, viz="off"
         )

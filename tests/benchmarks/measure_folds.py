@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.config.places import find_configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.batch import side_by_side
 from cell.operations.fold import Request
 from cell.operations.result import FoldResult
@@ -30,7 +30,7 @@ def arguments() -> argparse.Namespace:
 
 def wanted(strips: list[str], policies: list[str], runs: Path) -> list[Request]:
     return [
-        Request(strip, policy, None, Choice(seed=seed), runs, None, None, True, "off")
+        Request(strip, policy, None, DeviceSelection(seed=seed), runs, None, None, True, "off")
         for policy in policies
         for seed, strip in enumerate(strips)
     ]

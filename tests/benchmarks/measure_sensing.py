@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.perception.measurement import StripMeasurement
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import Sight
 from drivers.strip.file import StripFile, load_strip
 from drivers.strip.shape import fold_tip
 from drivers.types import Array, Pose
@@ -78,7 +78,7 @@ def _perception(strip: StripFile, camera: FoldCamera) -> Perception:
     return Perception(calibration, settings, strip, preflight.appearance)
 
 
-def _row(sight: Sight, fold: TwinFold, stamp: float) -> tuple[Array, Array, float]:
+def _row(sight: StripMeasurement, fold: TwinFold, stamp: float) -> tuple[Array, Array, float]:
     true, grip = fold.shape(stamp), fold.pose(stamp)
     contact, tip = fold.contact_x(stamp), np.array(fold_tip(true))
     later = np.array(fold_tip(fold.shape(stamp + 0.01)))

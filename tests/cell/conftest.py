@@ -11,7 +11,7 @@ import pytest
 from calibration.calibration import Calibration, calibrated, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
 from cell.record.files import CALIBRATION
 from cell.record.frames import Keep
 from cell.record.tick import Tick
@@ -136,13 +136,15 @@ class MadeFold:
         self.writer.frame(Frame(stamp, t, "made", self._images, image))
         self.writer.sight(self._sight(stamp, curve))
 
-    def _sight(self, stamp: float, curve: Array) -> Sight:
+    def _sight(self, stamp: float, curve: Array) -> StripMeasurement:
         seen = curve + self._rng.normal(0, 5e-4, curve.shape)
         right = int(np.argmax(seen[:, 0]))
         gap = float(seen[-1, 1]) if stamp > 5 else float("nan")
         tip = (float(seen[right, 0]), float(seen[right, 1]))
         contact = float(curve[0, 0] + self._rng.normal(0, 8e-4))
-        return Sight(stamp, self._images, contact, 0.95, seen, 0.9, tip, gap, float(seen[-1, 0]))
+        return StripMeasurement(
+            stamp, self._images, contact, 0.95, seen, 0.9, tip, gap, float(seen[-1, 0])
+        )
 
 
 Make = Callable[..., Path]

@@ -10,7 +10,7 @@ import drivers.clock
 from cell.devices.rig_correction import CorrectedArm
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cell.operations.fold
-from cell.devices.devices import Choice, Devices
+from cell.devices.devices import Devices, DeviceSelection
 from cell.operations.fold import Request, fold
 from cell.operations.result import FoldResult
 from cell.record.run import Run, read_run
@@ -19,7 +19,7 @@ CHANGE = Callable[[Devices], Devices]
 
 def request_for(strip: str, policy: str, runs: Path, **changes) -> Request:
     facts = {"frames": None, "truth": True, "viz": "off", "configs": None, "checkpoint": None}
-    facts |= {"choice": Choice(seed=3)} | changes
+    facts |= {"choice": DeviceSelection(seed=3)} | changes
     return Request(strip=strip, policy=policy, runs=runs, **facts)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.replay import replay
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
 from tests.support.resimulate import resimulate
@@ -36,7 +36,7 @@ def affected(effects: Effects, folder: Path, *, accepted: bool = True) -> Folded
     plant = folder / "plant.yaml"
     shutil.copy(CONFIGS / "strips" / "denim.yaml", plant)
     written(plant, effects)
-    choice = Choice(seed=3, plant=plant)
+    choice = DeviceSelection(seed=3, plant=plant)
     request = request_for("denim", "triangular", folder / "runs", frames="all")
     return fold_and_keep(replaced(request, choice=choice, configs=configs))
 

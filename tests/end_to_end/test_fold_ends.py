@@ -7,7 +7,7 @@ import pytest
 
 import cell.operations.fold
 from cell.config.places import BESIDE
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.fold import Request, conduct, fold
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
@@ -61,7 +61,7 @@ def test_a_run_that_ended_is_recorded(recorder: Recorder) -> None:
     assert devices.closed == 1
     run = read_run(recorder.folder)
     assert run.result.outcome == "path_done"
-    assert run.result.model_extra["duration"] == 9.0
+    assert run.result.duration == 9.0
 
 
 def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
@@ -126,7 +126,9 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
 
     monkeypatch.setattr(cell.operations.fold, "Run", blind)
     facts = {"frames": "none", "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
-    request = Request(strip="denim", policy="triangular", choice=Choice(), runs=tmp_path, **facts)
+    request = Request(
+        strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts
+    )
     result = fold(request, calibration=made())
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None

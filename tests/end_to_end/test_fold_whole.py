@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from cell.cli.app import app
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.batch import side_by_side
 from cell.operations.replay import replay
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
@@ -139,7 +139,7 @@ def test_replay_does_not_take_lost_images_for_images_not_kept(
 
 
 def test_the_head_of_a_run_holds_its_preflight(denim: Folded) -> None:
-    checks = denim.run.header.model_extra["preflight"]
+    checks = denim.run.header.preflight
     assert {check["name"] for check in checks} >= {"contrast", "length"}
     assert all(check["passed"] for check in checks)
 
@@ -155,7 +155,7 @@ def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
     weights = load_checkpoint(COMMITTED)
     scaled = tuple(0.95 * weight for weight in weights.weights)
     save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
-    asked = {"truth": False, "viz": "save", "choice": Choice(plant=plant)}
+    asked = {"truth": False, "viz": "save", "choice": DeviceSelection(plant=plant)}
     asked |= {"checkpoint": place / "own.json"}
     return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
 
@@ -164,7 +164,7 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
     folded, folder = secret, Path(secret.result.run)
     assert (folder / RECORDING).exists()
     assert not (folder / TRUTH).exists()
-    assert len(folded.run.header.model_extra["plant_sha256"]) == 64
+    assert len(folded.run.header.plant_sha256) == 64
     for path in folder.rglob("*"):
         if path.is_file():
             held = path.read_bytes()
@@ -190,7 +190,7 @@ def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Pa
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
     requests = [
         request_for("denim", "triangular", tmp_path / "again"),
-        request_for("denim", "triangular", tmp_path / "again", choice=Choice(seed=4)),
+        request_for("denim", "triangular", tmp_path / "again", choice=DeviceSelection(seed=4)),
     ]
     same, other = side_by_side(requests, jobs=2)
     lines = [denim.result.line(), same.line(), other.line()]

@@ -4,15 +4,16 @@ from typing import Any
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.observation import seen_contact, seen_points, seen_time, seen_touch
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.motions import Way, simulate_all
+from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.types import Array
 from policies.path import Path, circular, triangular
 
@@ -64,12 +65,12 @@ def levels(effect: Effect) -> list[dict[str, float]]:
     return cases
 
 
-def way(path: Path, speed: float = SPEED) -> Way:
+def way(path: Path, speed: float = SPEED) -> GripperPath:
     """The path as a 100 Hz record, its speed reached within 0.4 s."""
     t = np.arange(0.0, path.length / speed + 0.3, 0.01)
     share = np.clip(t / 0.4, 0.0, 1.0)
     travel = speed * np.where(t < 0.4, 0.4 * (share**3 - share**4 / 2), t - 0.2)
-    return Way(t, path.poses(np.minimum(travel, path.length)))
+    return GripperPath(t, path.poses(np.minimum(travel, path.length)))
 
 
 def folds(

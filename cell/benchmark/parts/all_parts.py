@@ -15,16 +15,16 @@ from cell.benchmark.parts.image_fold import ThroughImages
 from cell.benchmark.parts.laid import LaidDown
 from cell.benchmark.parts.paper_range import OverRange
 from cell.benchmark.parts.part import Part
-from cell.benchmark.spec import Asked
+from cell.benchmark.spec import BenchmarkSpec
 from cell.config.places import Configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.fold import Request
 
 SLOW = 0.02  # m/s, of the level motion
 LEARNED = "feedback"  # the policy that the paper's figures of paths are about
 
 
-def order(asked: Asked, configs: Configs, runs: Path) -> tuple[Part, ...]:
+def order(asked: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
     """All parts of the benchmark `asked` for, those that take long first; runs go to `runs`."""
     speed = configs.cell().fold.speed
     return (*_in_the_model(asked, speed), *_through_images(asked, configs, runs))
@@ -41,7 +41,7 @@ def digest(*texts: str) -> str:
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
 
 
-def _in_the_model(asked: Asked, speed: float) -> Iterator[Part]:
+def _in_the_model(asked: BenchmarkSpec, speed: float) -> Iterator[Part]:
     of = digest(version("folding-cell"), weights_digest())
     extent = asked.extent
     for policy in asked.policies:
@@ -57,7 +57,7 @@ def _in_the_model(asked: Asked, speed: float) -> Iterator[Part]:
         yield Adapted(LEARNED, speed, of)
 
 
-def _through_images(asked: Asked, configs: Configs, runs: Path) -> Iterator[Part]:
+def _through_images(asked: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
     for strip in asked.strips:
         for policy in asked.policies:
             yield _fold(asked, configs, runs, strip, policy, 0)
@@ -67,14 +67,14 @@ def _through_images(asked: Asked, configs: Configs, runs: Path) -> Iterator[Part
 
 
 def _fold(
-    asked: Asked, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
+    asked: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
     """The fold whose noise has the seed asked for plus `repeat`; the strip is always fresh."""
     request = Request(
         strip=strip,
         policy=policy,
         checkpoint=None,
-        choice=Choice(seed=asked.seed + repeat),
+        choice=DeviceSelection(seed=asked.seed + repeat),
         runs=runs,
         configs=configs.folder,
         frames=None,

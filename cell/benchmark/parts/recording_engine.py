@@ -11,7 +11,7 @@ from drivers.types import Array
 from policies.rollout import TAKEOVER, Marching
 
 
-class Witness:
+class RecordingEngine:
     """Wraps `engine`; keeps contacts and holding forces of all strips, poses of their grippers
     and, where asked for, `shapes`.
     """

@@ -14,7 +14,7 @@ DRAWN = "drawn.json"
 USUAL = {"state": 300, "images": 60, "small": 6}
 
 
-def drawn_once(folder: Path, tier: str, count: int | None, seed: int) -> tuple[Case, ...]:
+def load_or_draw(folder: Path, tier: str, count: int | None, seed: int) -> tuple[Case, ...]:
     """The cases of a tier: those that `folder` holds for the same request, else drawn now.
 
     Raises ConfigurationError where the folder holds another exam or cannot be written.

@@ -9,7 +9,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import stated
+from cell.gap.fitting.starts import nominal
 from cell.gap.subject.strip.experiments import planned
 from cell.gap.subject.strip.probes import sizes
 from cell.gap.subject.strip.subject import Strip
@@ -72,7 +72,7 @@ class Ruler:
             for i, name in enumerate(motions)
         ]
         self._subject = Strip(plant, runs)
-        self._estimate = stated(self._subject, self._subject.simulate)
+        self._estimate = nominal(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:

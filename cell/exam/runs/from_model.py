@@ -10,10 +10,11 @@ from cell.config.places import find_configs
 from cell.exam.case import Case
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
-from drivers.strip.rod.motions import Way
+from drivers.strip.model import StripModel
+from drivers.strip.rod.motions import GripperPath
 from drivers.twin.chain.engine import Chain
 from policies.registry import MOTION
 from policies.standard import STANDARD
@@ -46,11 +47,11 @@ def make_runs(case: Case, folder: Path) -> None:
         write_fold(folder / f"{index:02d}-{name}", case.strip, fold, BY, rng)
 
 
-def _rod(models: Sequence[StripModel], ways: Sequence[Way]) -> list[Fold]:
+def _rod(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
     return [_told(f, i) for i, f in enumerate(rod_folds(models, ways, SEGMENTS, ROD_STEP))]
 
 
-def _chained(models: Sequence[StripModel], ways: Sequence[Way]) -> list[Fold]:
+def _chained(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
     chain = Chain(LINKS)
     folds = []
     for index, (model, way) in enumerate(zip(models, ways, strict=True)):

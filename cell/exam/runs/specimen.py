@@ -10,7 +10,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.twin.camera import Visible
 from drivers.twin.chain.engine import Chain
-from drivers.twin.chain.extra_forces import Act, Parts
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.scene import Scene
 from drivers.types import Array
 
@@ -67,7 +67,7 @@ class Law:
     cause: Cause
     rng: np.random.Generator
 
-    def begin(self, parts: Parts) -> Act:
+    def begin(self, parts: Parts) -> ForceFunction:
         """The cause at work; one without forces does nothing."""
         act = self.cause.begin(parts, self.rng)
         return _nothing if act is None else act

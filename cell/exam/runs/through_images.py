@@ -14,7 +14,7 @@ import yaml
 from calibration.calibration import Calibration
 from cell.config.cell import CellFile
 from cell.config.places import Configs, find_configs
-from cell.devices.devices import Choice, Devices
+from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
@@ -27,14 +27,14 @@ from cell.operations.fold import Request, fold
 from cell.operations.result import FoldResult
 from cell.operations.standard_runs import standard_requests
 from cell.orchestrator.outcome import INTERRUPTED
-from cell.orchestrator.snapshot import Senses
+from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
 from drivers.errors import ConfigurationError, Fault
 from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
-from drivers.twin.open import Staging
+from drivers.twin.open import PlantOptions
 from policies.registry import MOTION
 
 LINKS = 200
@@ -92,7 +92,7 @@ def refusal(case: Case) -> str | None:
 
 
 def _wanted(case: Case) -> list[tuple[str, Request]]:
-    choice = Choice(seed=case.seed)
+    choice = DeviceSelection(seed=case.seed)
     nowhere = Path()
     base = Request(
         case.strip, "", None, choice, nowhere, None, "none", truth=False, viz="off"
@@ -145,12 +145,12 @@ class Open:
         self._causes, self._seed = causes, seed
 
     def __call__(
-        self, settings: CellFile, strip: StripFile, choice: Choice, *, calibrating: bool
+        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
         """Devices of the twin; the camera says that it is the one that was calibrated."""
         check_drivers(settings, choice)
         cv2.setNumThreads(1)
-        staging = Staging(
+        staging = PlantOptions(
             engine=lambda links: Specimen(links, self._causes, self._seed),
             view=lambda world: Aged(world, self._causes),
         )
@@ -179,7 +179,7 @@ class Until:
     def __init__(self, state: State) -> None:
         self._state, self._reached = state, False
 
-    def see(self, senses: Senses) -> None:
+    def see(self, snapshot: Snapshot) -> None:
         """A tick says nothing."""
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002

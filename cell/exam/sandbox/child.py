@@ -2,7 +2,7 @@
 
 Started as `python -m cell.exam.sandbox.child PERMIT` in a folder with strip.yaml and runs/;
 PERMIT is
-a `Permit` as JSON. Only the standard library is imported before the bar is down.
+a `Policy` as JSON. Only the standard library is imported before the bar is down.
 """
 
 import json
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cell.exam.sandbox.restrict import Permit, bar, die_with_parent
+from cell.exam.sandbox.restrict import Policy, die_with_parent, restrict
 
 if TYPE_CHECKING:
     from cell.gap.verdict.findings import Findings
@@ -24,7 +24,7 @@ def main() -> None:
     die_with_parent()
     given = json.loads(sys.argv[1])
     _import_packages()
-    kernel = bar(Permit(**{key: tuple(map(Path, paths)) for key, paths in given.items()}))
+    kernel = restrict(Policy(**{key: tuple(map(Path, paths)) for key, paths in given.items()}))
     from drivers.errors import CellError
 
     try:

@@ -33,7 +33,7 @@ class NoVerdict(CellError):
 
 
 @dataclass(frozen=True, slots=True)
-class Sat:
+class SandboxRun:
     """A verdict's process: `wall` [s], `memory` [MB, peak], and whether the kernel barred it."""
 
     wall: float
@@ -41,44 +41,44 @@ class Sat:
     kernel: bool
 
 
-def sit(
+def run_sandboxed(
     strip: Path,
     runs: Sequence[Path],
     out: Path,
     sealed: Sequence[Path],
     *,
     limit: float = LIMIT,
-    desks: Path | None = None,
-) -> Sat:
+    workdirs: Path | None = None,
+) -> SandboxRun:
     """Judge the `runs` of `strip`: verdict.json and exam.json in `out`.
 
-    The runs are laid out in a new folder within `desks` (usually that of temporary files).
+    The runs are laid out in a new folder within `workdirs` (usually that of temporary files).
     `sealed` cannot be read, wherever it lies. Raises NoVerdict after `limit` [s], and with the
     last line that the process said where it failed.
     """
-    with TemporaryDirectory(prefix="exam-", dir=desks) as name:
-        desk = Path(name).resolve()
-        stage(desk, strip, runs)
-        wall, peak = _waited(_started(desk, sealed), limit, desk / "said")
+    with TemporaryDirectory(prefix="exam-", dir=workdirs) as name:
+        workdir = Path(name).resolve()
+        stage(workdir, strip, runs)
+        wall, peak = _waited(_started(workdir, sealed), limit, workdir / "said")
         out.mkdir(parents=True, exist_ok=True)
         for file in (VERDICT, NOTES):
-            shutil.copyfile(desk / "out" / file, out / file)
+            shutil.copyfile(workdir / "out" / file, out / file)
     notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
-    return Sat(wall, notes["memory"] or peak, notes["kernel"])
+    return SandboxRun(wall, notes["memory"] or peak, notes["kernel"])
 
 
-def stage(desk: Path, strip: Path, runs: Sequence[Path]) -> None:
+def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
     """Lay out what may be seen: the strip file, and of each run the files of the contract."""
-    shutil.copyfile(strip, desk / "strip.yaml")
+    shutil.copyfile(strip, workdir / "strip.yaml")
     for run in runs:
-        folder = desk / "runs" / run.name
+        folder = workdir / "runs" / run.name
         folder.mkdir(parents=True)
         for file in FILES:
             if (run / file).is_file():
                 shutil.copyfile(run / file, folder / file)
 
 
-def permit(desk: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
+def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
     root = Path(cell.__file__).resolve().parents[1]
     python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages())
@@ -86,32 +86,32 @@ def permit(desk: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     code = [str(root / name) for name in PACKAGES]
     return {
         "readable": [*dict.fromkeys(python), *code, *SYSTEM, str(fonts)],
-        "writable": [str(desk), str(cache_folder()), *DEVICES],
+        "writable": [str(workdir), str(cache_folder()), *DEVICES],
         "sealed": [str(path.resolve()) for path in (*sealed, root / "cell" / "exam")],
     }
 
 
-def _started(desk: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
+def _started(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
     """The process, in the staged folder, with an environment that tells nothing."""
     module = [
         sys.executable,
         "-P",
         "-m",
         "cell.exam.sandbox.child",
-        json.dumps(permit(desk, sealed)),
+        json.dumps(policy(workdir, sealed)),
     ]
     kept = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
     environment = {key: os.environ[key] for key in kept if key in os.environ}
     environment |= {
         "PYTHONPATH": str(Path(cell.__file__).resolve().parents[1]),
         "PYTHONDONTWRITEBYTECODE": "1",
-        "TMPDIR": str(desk),
+        "TMPDIR": str(workdir),
         **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
     }
     cache_folder().mkdir(parents=True, exist_ok=True)
-    with (desk / "said").open("wb") as said:
+    with (workdir / "said").open("wb") as said:
         return subprocess.Popen(  # noqa: S603  this very interpreter, on a module of our own
-            module, cwd=desk, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            module, cwd=workdir, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said
         )
 
 

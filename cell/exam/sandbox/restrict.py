@@ -23,7 +23,7 @@ STARTED = ("subprocess.Popen", "os.exec", "os.posix_spawn", "os.system", "os.for
 
 
 @dataclass(frozen=True, slots=True)
-class Permit:
+class Policy:
     """Trees that may be read, trees that may be written too, and what is sealed within them."""
 
     readable: tuple[Path, ...]
@@ -31,7 +31,7 @@ class Permit:
     sealed: tuple[Path, ...]
 
 
-def bar(permit: Permit) -> bool:
+def restrict(permit: Policy) -> bool:
     """Bar this process, its threads and children from everything else; whether by the kernel."""
     firm = landlock(permit)
     sys.addaudithook(Guard(permit, kernel=firm))
@@ -51,7 +51,7 @@ def version() -> int:
     return max(0, _call(CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(VERSION)))
 
 
-def landlock(permit: Permit) -> bool:
+def landlock(permit: Policy) -> bool:
     """Bar by the kernel; False where it cannot.
 
     Rules only permit, so that a tree with something sealed in it is permitted piece by piece
@@ -124,7 +124,7 @@ class Guard:
     does not see to that. Code that is not Python's opens files unseen by it.
     """
 
-    def __init__(self, permit: Permit, *, kernel: bool) -> None:
+    def __init__(self, permit: Policy, *, kernel: bool) -> None:
         self._sealed = _texts(permit.sealed)
         self._writable = _texts(permit.writable)
         self._readable = _texts(permit.readable) + self._writable

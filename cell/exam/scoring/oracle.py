@@ -11,13 +11,13 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate, together
+from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import with_effects
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
+from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
-from drivers.strip.file import load_strip
 from drivers.types import Array
 
 
@@ -70,7 +70,7 @@ def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 
 def _found(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     """The null, and where a screen finds each effect by itself."""
-    probed = together(simulate, [probe(base, effect) for effect in model.effects])
+    probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
     scores = ranked(table(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
     return [model.joined(base.shared, {}), model.joined(base.shared, values)]
@@ -81,7 +81,7 @@ def _refitted(
 ) -> Estimate:
     """The best of the fits from these values."""
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
-    return min(together(simulate, tasks), key=lambda estimate: estimate.objective)
+    return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)
 
 
 def _excess(simulate: Simulate, fit: Estimate, test: Evidence) -> float:

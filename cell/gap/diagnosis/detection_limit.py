@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cell.gap.fitting.projection import Projection
-from cell.gap.selection.likelihood import MARGIN, Yardstick
+from cell.gap.selection.likelihood import MARGIN, LikelihoodScale
 from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Parameter
 
@@ -13,7 +13,7 @@ SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is
 
 
 def detectable(
-    about: Projection, probed: Sequence[Probed], by: Yardstick
+    about: Projection, probed: Sequence[Probed], by: LikelihoodScale
 ) -> dict[str, float | None]:
     """Smallest value of each effect's most telling parameter; None where none would show.
 
@@ -25,7 +25,7 @@ def detectable(
     return {p.candidate.name: None if p.dead else _smallest(about, p, by, sure) for p in probed}
 
 
-def _smallest(about: Projection, probed: Probed, by: Yardstick, sure: float) -> float | None:
+def _smallest(about: Projection, probed: Probed, by: LikelihoodScale, sure: float) -> float | None:
     best: tuple[float, float | None] | None = None
     candidate = probed.candidate
     for group, responses in zip(probed.groups, probed.responses, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Point
-from cell.gap.fitting.tasks import Simulate, together
+from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.subject.subject import Quantity, Words
 from drivers.types import Array
 
@@ -28,7 +28,7 @@ def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estima
     """A fitted model on other runs: shared values held, only the runs' own unknowns fitted."""
     model = estimate.model.holding(estimate.shared)
     start = Point(np.zeros(0), evidence.start())
-    return together(simulate, [refit(model, evidence, start)])[0]
+    return run_all(simulate, [refit(model, evidence, start)])[0]
 
 
 def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:

@@ -9,7 +9,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import request, response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Task
-from cell.gap.selection.likelihood import Yardstick
+from cell.gap.selection.likelihood import LikelihoodScale
 from drivers.types import Array
 
 DRIFT = 0.25  # relative scatter of the amplitude between conditions that a cause may show
@@ -34,7 +34,7 @@ class Invariance:
         return self.p >= 0.01 or self.drift <= DRIFT
 
 
-def invariance(estimate: Estimate, effect: str, by: Yardstick) -> Task[Invariance]:
+def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Invariance]:
     """Homogeneity of an effect's amplitude over conditions; yields simulations.
 
     The whitened response of the fitted effect, split by condition, is regressed on what is left

@@ -14,7 +14,7 @@ LEAST = 4  # samples that make a bin
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Bin:
     """A bin: its statistic in standard deviations under noise, and family-wise probability.
 
     `z` is the stronger of the signed mean (with its sign) and the energy.
@@ -28,7 +28,7 @@ class Place:
     p: float
 
 
-def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Place]:
+def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     """All bins, strongest first, judged together against `noise` (N, draws).
 
     `allowed` (N,) divides the residuals first, for noise beyond the stated one; in probabilities
@@ -45,7 +45,7 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Place]:
     places = []
     for key, z, judged in zip(bins, whole, np.abs(tame), strict=True):
         p = (1.0 + float((drawn >= judged).sum())) / (1.0 + len(drawn))
-        places.append(Place(*key, float(z), p))
+        places.append(Bin(*key, float(z), p))
     return sorted(places, key=lambda place: -abs(place.z))
 
 

@@ -9,7 +9,7 @@ from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate, linearised
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.tasks import Task
-from cell.gap.selection.likelihood import Yardstick
+from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Experiment
 from drivers.types import Array
 
@@ -32,7 +32,7 @@ def advise(
     first: Estimate,
     second: tuple[Model, Array],
     experiments: Sequence[Experiment],
-    by: Yardstick,
+    by: LikelihoodScale,
 ) -> Task[list[Advice]]:
     """Experiments by expected separation per minute, best first; yields simulations.
 

@@ -17,7 +17,7 @@ from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Request, Residuals
 
 
-class Tape:
+class SimulationCache:
     """A simulation whose answers survive in `folder`; `total` counts the simulations.
 
     The folder's parent is the tape's own: it goes with the last erasure.

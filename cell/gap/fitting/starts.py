@@ -8,7 +8,7 @@ from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate, linearised, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked
-from cell.gap.fitting.tasks import Simulate, alone, together
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Subject
 from drivers.types import Array
 
@@ -21,13 +21,13 @@ def refit_base(
     """Best of the fits from the stated values and, where that one leaves more than noise, from
     values drawn around them.
     """
-    stated = np.array([p.start for p in model.parameters])
-    first = alone(simulate, refit(model, evidence, Point(stated, evidence.start())))
+    nominal = np.array([p.start for p in model.parameters])
+    first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
         return first
     points = [_drawn(model, rng) for _ in range(STARTS - 1)]
     tasks = [refit(model, evidence, Point(p, evidence.start())) for p in points]
-    return best([first, *together(simulate, tasks)])
+    return best([first, *run_all(simulate, tasks)])
 
 
 def best(estimates: list[Estimate]) -> Estimate:
@@ -97,18 +97,18 @@ def _words(names: list[str], direction: Array) -> str:
     return " ".join(parts).removeprefix("+ ")
 
 
-def finished(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
+def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
     """The fit on runs that are corrected for the grain of simulation at its own values, with the
     scales of the rough one: all models are judged by the same.
     """
     runs = refined(subject, rough.model, rough.point, rough.evidence).runs
-    return alone(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
+    return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
 
 
-def founded(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
+def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
     """The same with the scales that the grain at these values leaves: for the base."""
     runs = refined(subject, rough.model, rough.point, rough.evidence)
-    return alone(simulate, refit(rough.model, runs, rough.point))
+    return run_one(simulate, refit(rough.model, runs, rough.point))
 
 
 def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
@@ -116,10 +116,10 @@ def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Ev
     return evidence(subject.refined(requests(model, known.runs, point)))
 
 
-def stated(subject: Subject, simulate: Simulate) -> Estimate:
+def nominal(subject: Subject, simulate: Simulate) -> Estimate:
     """The base of `subject` where its file has it: what else responds is judged from there."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
-    raw, jacobians = alone(simulate, linearised(model, known, point))
+    raw, jacobians = run_one(simulate, linearised(model, known, point))
     nothing = tuple(np.zeros(len(r.mean)) for r in raw)
     return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)

@@ -43,7 +43,7 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
     return [results[i] for i in range(len(tasks))]
 
 
-def alone(simulate: Simulate, task: Task[T]) -> T:
+def run_one(simulate: Simulate, task: Task[T]) -> T:
     """Result of one task."""
     answer: Sequence[Residuals] | None = None
     while True:
@@ -55,9 +55,9 @@ def alone(simulate: Simulate, task: Task[T]) -> T:
         answer = simulate(asked)
 
 
-def together(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
+def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
     """Results of all tasks, with one simulation call a round."""
-    return alone(simulate, side_by_side(tasks))
+    return run_one(simulate, side_by_side(tasks))
 
 
 def _advance(

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cell.gap.diagnosis.localise import Place
+from cell.gap.diagnosis.localise import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.subject.scene import Replayed
 from cell.gap.subject.subject import Quantity
@@ -42,7 +42,7 @@ def blank(
     return figure, axes
 
 
-def heat_map(places: Sequence[Place]) -> str:
+def heat_map(places: Sequence[Bin]) -> str:
     """Strength of every bin: rows channel, zone and phase, columns conditions."""
     rows = sorted({(p.channel, p.zone, p.phase) for p in places})
     columns = list(dict.fromkeys(sorted(p.condition for p in places)))

@@ -109,11 +109,13 @@ def _candidates(found: Findings, verdict: Verdict) -> str:
         f"{found.judged.found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
         f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
-    untrue = max((e.untrue for e in found.judged.found.accepted.model.effects), default=0.0)
-    if untrue:
+    model_error = max(
+        (e.model_error for e in found.judged.found.accepted.model.effects), default=0.0
+    )
+    if model_error:
         note += (
-            f" Beside those taken, up to {100 * untrue:.0f} % of what they gained in a run is put "
-            "down to their laws there, which may be wrong by as much."
+            f" Beside those taken, up to {100 * model_error:.0f} % of what they gained in a run "
+            "is put down to their laws there, which may be wrong by as much."
         )
     head = (
         "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"

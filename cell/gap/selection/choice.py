@@ -8,7 +8,14 @@ import numpy as np
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, Margin, Yardstick, holm, margin, yardstick
+from cell.gap.selection.likelihood import (
+    LEVEL,
+    LikelihoodScale,
+    Margin,
+    holm,
+    likelihood_scale,
+    margin,
+)
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -16,7 +23,7 @@ WIDTH = 1.96  # standard deviations of a 95 % interval
 BLIND = 0.9  # of what was known before: a fit that says less says nothing
 
 
-def resolved(estimate: Estimate, effect: Candidate, by: Yardstick) -> bool:
+def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -> bool:
     """Whether the interval of any of its amounts excludes absence (Wald 1943).
 
     True where the fit says nothing of them: beyond its threshold an effect may no longer depend
@@ -59,13 +66,13 @@ class Found:
 
     accepted: Validated
     tried: tuple[Validated, ...]
-    by: Yardstick
+    by: LikelihoodScale
     steps: tuple[Step, ...]
 
 
 def choose(pool: Sequence[Validated]) -> Found:
     """The largest model of which every effect is earned."""
-    by = yardstick(pool)
+    by = likelihood_scale(pool)
     accepted = next(m for m in pool if not m.model.effects)
     steps = []
     for level in (1, 2, 3):
@@ -79,19 +86,21 @@ def choose(pool: Sequence[Validated]) -> Found:
     return Found(accepted, tuple(pool), by, tuple(steps))
 
 
-def _earned(ahead: Margin, before: Validated, pool: Sequence[Validated], by: Yardstick) -> bool:
+def _earned(
+    ahead: Margin, before: Validated, pool: Sequence[Validated], by: LikelihoodScale
+) -> bool:
     gain = _unfeigned(ahead.each, before, pool, by)
     return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL
 
 
 def _step(
-    rivals: Sequence[Validated], before: Validated, pool: Sequence[Validated], by: Yardstick
+    rivals: Sequence[Validated], before: Validated, pool: Sequence[Validated], by: LikelihoodScale
 ) -> Step:
     margins = [margin(m, before, by) for m in rivals]
     p = holm([m.p for m in margins])[0]
     first = margins[0]
     good = _earned(replace(first, p=p), before, pool, by) and all(
-        _needed(rivals[0], e.name, pool, by) and resolved(rivals[0].estimate, e, by)
+        _needed(rivals[0], e.name, pool, by) and is_significant(rivals[0].estimate, e, by)
         for e in rivals[0].model.effects
     )
     return Step(rivals[0], before, first.gain, p, first.removed, good)
@@ -111,7 +120,7 @@ def exhausted(pool: Sequence[Validated]) -> bool:
     return _unfeigned(left, accepted, pool, ideal) < ideal.least
 
 
-def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardstick) -> bool:
+def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: LikelihoodScale) -> bool:
     """Backward check: the model without the effect, where it was tried, predicts worse."""
     without = [m for m in pool if m.model.names == model.model.names - {effect}]
     if not without or not model.model.names - {effect}:
@@ -119,7 +128,9 @@ def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: Yardst
     return _earned(margin(model, without[0], by), without[0], pool, by)
 
 
-def _unfeigned(gains: Array, before: Validated, pool: Sequence[Validated], by: Yardstick) -> float:
+def _unfeigned(
+    gains: Array, before: Validated, pool: Sequence[Validated], by: LikelihoodScale
+) -> float:
     """Nats of the further `gains` (R,) that the laws of `before` cannot have left: what they get
     wrong of what they explain in a run, another effect would take up there.
     """
@@ -127,10 +138,10 @@ def _unfeigned(gains: Array, before: Validated, pool: Sequence[Validated], by: Y
         return float(gains.sum())
     base = next(m for m in pool if not m.model.effects)
     explained = np.maximum(margin(before, base, by).each, 0.0)
-    wrong = max(e.untrue for e in before.model.effects) * explained
+    wrong = max(e.model_error for e in before.model.effects) * explained
     return float(np.sum(gains - np.clip(gains, 0.0, wrong)))
 
 
-def by_loss(models: Sequence[Validated], by: Yardstick) -> list[Validated]:
+def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:
     """The models, the one that predicts best first."""
     return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

@@ -9,7 +9,7 @@ from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Model, Point, request, response
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import stated
+from cell.gap.fitting.starts import nominal
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
@@ -31,7 +31,7 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     if wanted:
         return list(dict.fromkeys(wanted))
     groups = folds(subject.runs, most=len(names))
-    told, held = Told(subject, simulate), list[int]()
+    told, held = Informativeness(subject, simulate), list[int]()
     for first in range(1, len(groups), EVERY):
         for group in (*groups[first:], *groups[:first]):
             if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
@@ -52,7 +52,7 @@ def check(names: Sequence[str], wanted: Sequence[str]) -> None:
         raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
 
 
-class Told:
+class Informativeness:
     """What runs tell of the effects of the library, at the stated values of the base.
 
     Nats by which a fit would gain from an effect of a size that laboratories report, once the
@@ -60,7 +60,7 @@ class Told:
     """
 
     def __init__(self, subject: Subject, simulate: Simulate) -> None:
-        self._stated = stated(subject, simulate)
+        self._stated = nominal(subject, simulate)
         self._responses = _responses(subject, simulate, self._stated)
         self._all = self._told(range(len(subject.runs)))
 

@@ -18,7 +18,7 @@ ALIKE = 0.02  # of what a model gained, that a rival must lie behind: responses 
 
 
 @dataclass(frozen=True, slots=True)
-class Yardstick:
+class LikelihoodScale:
     """What a nat is worth here: the dispersion and the inefficiency of the best model.
 
     Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
@@ -42,13 +42,13 @@ class Yardstick:
         return self.least + ALIKE * max(0.0, gained)
 
 
-def yardstick(models: Sequence[Validated]) -> Yardstick:
+def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     """The yardstick of the model that fits best."""
     best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
     level = min(1.0, mean_square(best.left_out))
-    return Yardstick(scale, worth, level, MARGIN + _feigned(known) / scale**2)
+    return LikelihoodScale(scale, worth, level, MARGIN + _feigned(known) / scale**2)
 
 
 def _feigned(evidence: Evidence) -> float:
@@ -77,7 +77,7 @@ class Margin:
     removed: float
 
 
-def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
+def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     """Margin of `model` over `other`, nested or not."""
     each = (other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency
     gain = float(each.sum())
@@ -90,7 +90,9 @@ def margin(model: Validated, other: Validated, by: Yardstick) -> Margin:
     return Margin(each, gain, se, p, distance, removed(model, other, by))
 
 
-def removed(model: Validated, other: Validated, by: Yardstick, without: str | None = None) -> float:
+def removed(
+    model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
+) -> float:
     """Share of the other's excess gap that the model removes, of all runs but one."""
     kept = [i for i, run in enumerate(model.estimate.evidence.runs) if run.name != without]
     before, after = (
@@ -105,7 +107,7 @@ def _within(other: Validated, model: Validated) -> bool:
     return fewer and other.model.names <= model.model.names
 
 
-def _nested(model: Validated, other: Validated, by: Yardstick) -> float:
+def _nested(model: Validated, other: Validated, by: LikelihoodScale) -> float:
     """Likelihood ratio of fitted models (Wilks 1938); conservative where a sign is fixed."""
     mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
     its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
@@ -113,7 +115,7 @@ def _nested(model: Validated, other: Validated, by: Yardstick) -> float:
     return float(stats.chi2.sf(max(0.0, 2.0 * (its - mine) / by.inefficiency), freedom))
 
 
-def _distance(model: Validated, other: Validated, by: Yardstick) -> float:
+def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
     """Distance of fitted predictions [sigma]; Cox 1961 judges separate families by it."""
     a = np.concatenate(model.estimate.residuals)
     b = np.concatenate(other.estimate.residuals)

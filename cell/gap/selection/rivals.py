@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cell.gap.fitting.crossvalidation import Validated
-from cell.gap.selection.likelihood import LEVEL, MARGIN, Yardstick, margin
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 
 NEAR = 3.0  # sigma between fitted predictions
 
 
 @dataclass(frozen=True, slots=True)
-class Rival:
+class Alternative:
     """A model that explains the runs about as well: nats behind, sigma away."""
 
     model: Validated
@@ -18,7 +18,9 @@ class Rival:
     distance: float
 
 
-def rivals(accepted: Validated, pool: Sequence[Validated], by: Yardstick) -> list[Rival]:
+def rivals(
+    accepted: Validated, pool: Sequence[Validated], by: LikelihoodScale
+) -> list[Alternative]:
     """Models of equal size that lie within three sigma of the accepted one, or are not refuted."""
     base = next(m for m in pool if not m.model.effects)
     found = []
@@ -31,11 +33,11 @@ def rivals(accepted: Validated, pool: Sequence[Validated], by: Yardstick) -> lis
         refuted = ahead.gain > needed and ahead.p < LEVEL
         worth = margin(other, base, by).gain > MARGIN
         if worth and (ahead.distance < NEAR or not refuted):
-            found.append(Rival(other, ahead.gain, ahead.distance))
+            found.append(Alternative(other, ahead.gain, ahead.distance))
     return sorted(found, key=lambda r: r.behind)
 
 
-def classes(accepted: Validated, found: Sequence[Rival]) -> list[list[str]]:
+def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:
     """What cannot be told apart: effects that stand in for one another, by name.
 
     Rivals that differ in one effect give the class of the two effects; those that share none

@@ -10,9 +10,9 @@ from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best, judged
-from cell.gap.fitting.tasks import Simulate, Task, alone, side_by_side, together
+from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import by_loss, choose, exhausted
-from cell.gap.selection.likelihood import LEVEL, MARGIN, Yardstick, margin, yardstick
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, likelihood_scale, margin
 from cell.gap.selection.screening import Score, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -33,10 +33,10 @@ def fit_scores(
     for s in scores:
         model, points = _starts(base, s, candidates)
         tasks.append(_fitted(model, base.evidence, points))
-    return together(simulate, [validate(e) for e in together(simulate, tasks)])
+    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
 
 
-def sifted(
+def shortlist(
     simulate: Simulate,
     base: Estimate,
     scores: Sequence[Score],
@@ -51,7 +51,7 @@ def sifted(
     for s in scores:
         model, points = _starts(base, s, candidates)
         tasks.append(_begun(model, base.evidence, points[1:] or points))
-    done = together(simulate, tasks)
+    done = run_all(simulate, tasks)
     scale = min((e.scale for e in done), default=1.0)
     order = sorted(range(len(done)), key=lambda i: judged(done[i], scale))
     return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
@@ -86,11 +86,11 @@ def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candid
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
-def bent(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
+def shape_parameters(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
     """The best models of the size of the best one with their finer parameters free, where that
     is earned: a specimen seldom obeys a law of the library to the letter.
     """
-    by = yardstick(pool)
+    by = likelihood_scale(pool)
     size = len(by_loss(pool, by)[0].model.effects)
     worth = [m for m in _worth(pool, size) if _bends(m.model)]
     tasks = []
@@ -99,13 +99,13 @@ def bent(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
         shared, effects = fit.model.split(fit.shared)
         points = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
         tasks.append(_fitted(model, fit.evidence, points))
-    done = together(simulate, [validate(e) for e in together(simulate, tasks)])
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
 
 
 def _worth(pool: Sequence[Validated], size: int) -> list[Validated]:
     """The models of `size` effects that gain a good part of what the best of them does."""
-    by = yardstick(pool)
+    by = likelihood_scale(pool)
     base = next(m for m in pool if not m.model.effects)
     rivals = by_loss([m for m in pool if size and len(m.model.effects) == size], by)
     gains = [margin(m, base, by).gain for m in rivals]
@@ -133,12 +133,14 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
     return [whole, moved]
 
 
-def _better(new: Validated, plain: Validated, by: Yardstick) -> bool:
+def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     ahead = margin(new, plain, by)
     return ahead.gain > by.least and ahead.p < LEVEL
 
 
-def with_bent(candidates: Sequence[Candidate], pool: Sequence[Validated]) -> list[Candidate]:
+def with_shape_parameters(
+    candidates: Sequence[Candidate], pool: Sequence[Validated]
+) -> list[Candidate]:
     """The candidates, bent where a single one was worth it."""
     known = {e.name: e for m in pool if len(m.model.effects) == 1 for e in m.model.effects}
     return [known.get(c.name, c) for c in candidates]
@@ -158,12 +160,12 @@ def extended(
     found: dict[tuple[str, ...], Score] = {}
     for fit in [m.estimate for m in _worth(pool, size)[:beam]]:
         others = [c for c in candidates if c.name not in fit.model.names]
-        probed = together(simulate, [probe(fit, c) for c in others])
+        probed = run_all(simulate, [probe(fit, c) for c in others])
         for s in ranked(table(projection(fit), probed))[:FURTHER]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
     scores = list(found.values())
-    return scores if beam == 1 else sifted(simulate, base, scores, candidates, FURTHER)
+    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, FURTHER)
 
 
 def without_each(pool: Sequence[Validated]) -> list[Score]:
@@ -191,7 +193,7 @@ def better_base(simulate: Simulate, pool: Sequence[Validated]) -> Estimate | Non
     if not accepted.model.effects:
         return None
     values, _ = accepted.model.split(accepted.shared)
-    again = alone(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
+    again = run_one(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
     scale = min(base.scale, again.scale)
     return again if judged(again, scale) < judged(base, scale) - MARGIN else None
 

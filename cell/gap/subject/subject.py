@@ -46,9 +46,9 @@ class Candidate:
     `probes` are groups of whole parameter vectors at which it is screened, small to large; the
     members of a group may be mixed (one parameter each), groups may not (another place). Bounds
     that start at the null say that physics fixes the sign. `sentence` is for a technician.
-    `untrue` is the share of what it explains that the model may get wrong beside it: of relative
-    error e in its response, e^2. Parameters that are `finer` bend its law to a specimen: they stay
-    at their start until it leaves more than noise.
+    `model_error` is the fraction of the variance explained by this effect that may be its own
+    modelling error: e^2 for a relative error e of its response. Shape parameters fit its law to a
+    specimen: they stay at their start until it leaves more than noise.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Candidate:
     parameters: tuple[Parameter, ...]
     probes: tuple[tuple[tuple[float, ...], ...], ...]
     revealed_by: str = ""
-    untrue: float = 0.02
+    model_error: float = 0.02
     finer: tuple[Parameter, ...] = ()
 
     def bent(self) -> "Candidate":

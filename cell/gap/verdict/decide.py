@@ -89,13 +89,13 @@ def unexplained(found: Findings, which: Kind) -> Unexplained | None:
         return None
     law = judged.law
     return Unexplained(
-        description=remainder(found),
+        description=unexplained_part(found),
         law=law.words if law else "no sparse law found",
         stable=bool(law and law.stable),
     )
 
 
-def remainder(found: Findings) -> str:
+def unexplained_part(found: Findings) -> str:
     """One sentence on what the best model leaves, and why it is not believed."""
     quantities, shown = found.subject.scope.quantities, found.shown
     after = held_out_gap.sizes(shown.after, quantities)

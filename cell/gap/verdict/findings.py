@@ -6,7 +6,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.diagnosis.drift import Drift
 from cell.gap.diagnosis.invariance import Invariance
 from cell.gap.diagnosis.lack_of_fit import Misfit
-from cell.gap.diagnosis.localise import Place
+from cell.gap.diagnosis.localise import Bin
 from cell.gap.diagnosis.next_experiment import Advice
 from cell.gap.diagnosis.sparse_law import Law
 from cell.gap.fitting.crossvalidation import Validated
@@ -14,7 +14,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Found
 from cell.gap.selection.likelihood import LEVEL
-from cell.gap.selection.rivals import Rival
+from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.screening import Probed, Score
 from cell.gap.subject.subject import Candidate, Subject
 
@@ -29,7 +29,7 @@ class Fitted:
     inflation: dict[str, float]
     drift: Drift | None
     misfit: Misfit
-    places: tuple[Place, ...]
+    places: tuple[Bin, ...]
     weak: tuple[Undetermined, ...]
 
     @property
@@ -77,7 +77,7 @@ class Judged:
     astray: str | None
     drift: Drift | None
     inflation: dict[str, float]
-    rivals: tuple[Rival, ...]
+    rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
 

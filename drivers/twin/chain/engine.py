@@ -8,7 +8,7 @@ from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.shape import desk_contact, fold_tip
 from drivers.twin.chain.contact import STEP
-from drivers.twin.chain.extra_forces import Foreign
+from drivers.twin.chain.extra_forces import ExtraForce
 from drivers.twin.chain.strip import ChainStrip
 from drivers.types import Array
 
@@ -24,7 +24,7 @@ class Chain:
     force, not a fault. `foreign` laws act on the strips besides those of their models.
     """
 
-    def __init__(self, links: int = 60, foreign: Sequence[Foreign] = ()) -> None:
+    def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
         if links < FEWEST_LINKS:
             raise ValueError(f"links is {links}, allowed: {FEWEST_LINKS} and more")
         self._links, self._foreign = links, tuple(foreign)

@@ -22,7 +22,7 @@ class Parts:
     joints: Joints
 
 
-Act = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
+ForceFunction = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
 """A foreign law at work on one chain, called with model, data, time and h before each step.
 
 It adds to the applied forces and the damping of the step of h [s] that begins at time [s]:
@@ -31,18 +31,18 @@ itself, in the chain's own unit of mass. It may remember the past of its strip.
 """
 
 
-class Foreign(Protocol):
+class ExtraForce(Protocol):
     """A law that acts on chains."""
 
-    def begin(self, parts: Parts) -> Act:
+    def begin(self, parts: Parts) -> ForceFunction:
         """The law on a chain that lies flat and still."""
         ...
 
 
-class Foreigners:
+class ExtraForces:
     """All foreign laws of one chain."""
 
-    def __init__(self, laws: Sequence[Foreign], parts: Parts) -> None:
+    def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
         self._acts = [law.begin(parts) for law in laws]
         self._damping: Array = np.zeros(0)
@@ -74,7 +74,7 @@ class MomentLaw(Protocol):
         ...
 
 
-def resisted(parts: Parts, law: MomentLaw) -> Act:
+def resisted(parts: Parts, law: MomentLaw) -> ForceFunction:
     """The law at work: its moment, and what a step must be damped by to stay stable.
 
     A step of h that takes the moment at its end has h times the slope as a damper; the share of
@@ -95,7 +95,7 @@ def resisted(parts: Parts, law: MomentLaw) -> Act:
 class FifthOrder:
     """What the law of bending has beyond its cubic term."""
 
-    def begin(self, parts: Parts) -> Act:
+    def begin(self, parts: Parts) -> ForceFunction:
         """The moment at every hinge."""
         lumps = parts.lumps
 
@@ -106,7 +106,7 @@ class FifthOrder:
         return resisted(parts, law)
 
 
-def own_laws(model: StripModel) -> Sequence[Foreign]:
+def own_laws(model: StripModel) -> Sequence[ExtraForce]:
     """Laws of the strip itself that are simulated like foreign ones."""
     law = model.mechanics.law
     return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()

@@ -12,7 +12,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
 from drivers.twin.chain.contact import STEP
 from drivers.twin.chain.ends import Ends
-from drivers.twin.chain.extra_forces import Foreign, Foreigners, Parts, own_laws
+from drivers.twin.chain.extra_forces import ExtraForce, ExtraForces, Parts, own_laws
 from drivers.twin.chain.grip import STILLING, Grip, brought_in
 from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.layers import Layers
@@ -35,13 +35,13 @@ class ChainStrip:
     besides those of its model.
     """
 
-    def __init__(self, model: StripModel, links: int, foreign: Sequence[Foreign] = ()) -> None:
+    def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
         self._description, self._links = model, links
         self._lumps = Lumps.of(model, links)
         self._load(compiled(model, links))
         self._joints = Joints.of(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
-        self._foreign = Foreigners(
+        self._foreign = ExtraForces(
             (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
         )
         self._ends = Ends.of(model, self._lumps, self._joints)

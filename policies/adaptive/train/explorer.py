@@ -13,6 +13,7 @@ from policies.policy import Decision, Observation
 
 EVERY = 4  # decisions between inputs that are kept
 LATEST = 5.8  # s after the first decision, until which rises are switched
+NEVER = 1_000_000  # kept decisions
 AS_IT_IS = 0.25  # share of the folds whose rise is never switched
 
 
@@ -34,10 +35,17 @@ class Explorer(Adaptive):
     """
 
     def __init__(
-        self, critic: Critic | None, perturbation: float, rate: float, rng: np.random.Generator
+        self,
+        critic: Critic | None,
+        perturbation: float,
+        rate: float,
+        rng: np.random.Generator,
+        *,
+        switches: bool = True,
     ) -> None:
+        """Perturbed by `perturbation` [m], deciding at `rate` [Hz]; never where not `switches`."""
         super().__init__(critic or Silent())
-        self._alone = critic is None
+        self._alone, self._switches = critic is None, switches
         self._perturbation, self._rng = perturbation, rng
         self._latest = int(LATEST * rate) // EVERY
         self.kept: list[Array] = []
@@ -50,6 +58,8 @@ class Explorer(Adaptive):
         rng, highest = self._rng, self._steering.highest
         self.switch = rng.integers(0, self._latest, count)
         self.kept, self.rises, self.times = [], [], []
+        if not self._switches:
+            self.switch = np.full(count, NEVER)
         self._after: Array = np.full(count, np.nan)
         self._count = 0
         if self._alone:

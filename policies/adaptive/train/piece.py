@@ -4,20 +4,23 @@ from pathlib import Path as FilePath
 from typing import NamedTuple, Self
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
 from policies.adaptive.critic import ROUGH, Critic
-from policies.adaptive.fabrics import plain, unknown
+from policies.adaptive.fabrics import LENGTH, plain, unknown
+from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
-from policies.adaptive.train.settings import CriticSettings
+from policies.adaptive.train.settings import LENGTHS, CriticSettings
 from policies.rollout import Rollout, roll_out
-from policies.sensing import TRAINING
+from policies.sensing import IMAGES, TRAINING
 
 ABSURD = 0.2  # m of displacement, clipped
+RATES = (45.0, 75.0)  # Hz, of the camera
 
 
 class Piece(NamedTuple):
@@ -51,23 +54,31 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
     """Piece `number` of round `turn`, folded with `critic`: a pure function of its arguments.
 
     Strips that only the rod's further terms simulate fold together, the others without those.
+    Linear algebra keeps to one thread, on whose number its rounding depends.
     """
+    with threadpool_limits(1, user_api="blas"):
+        return _explored(settings, turn, number, critic)
+
+
+def _explored(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
-    strips = [draw(rng) for _ in range(settings.folds)]
+    length = LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTHS))
+    strips = [draw(rng, length) for _ in range(settings.folds)]
     rich = np.array([needs_terms(describe(strip)) for strip in strips])
     parts = [
         _folded(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
         for kind in (~rich, rich)
         if kind.any()
     ]
-    longest = max(part.moved.shape[1] for part in parts)
-    return joined([_padded(part, longest) for part in parts])
+    return gathered(parts)
 
 
-def joined(pieces: list[Piece]) -> Piece:
-    """All folds of `pieces` of equal length."""
-    return Piece(*(np.concatenate(field) for field in zip(*pieces, strict=True)))
+def gathered(pieces: list[Piece]) -> Piece:
+    """All folds of `pieces`, the shorter ones padded."""
+    longest = max(piece.moved.shape[1] for piece in pieces)
+    padded = [_padded(piece, longest) for piece in pieces]
+    return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
 def _padded(piece: Piece, length: int) -> Piece:
@@ -92,9 +103,12 @@ def _folded(
     critic: Critic | None,
     rng: np.random.Generator,
 ) -> Piece:
-    rate = float(rng.uniform(45.0, 75.0))
-    rollout = Rollout(speed=settings.speed, rate=rate, sensing=TRAINING)
-    explorer = Explorer(critic, settings.perturbation[turn], rate, rng)
+    trial = turn >= settings.rounds
+    rate = 60.0 if trial else float(rng.uniform(*RATES))
+    sensing = IMAGES if trial else TRAINING
+    rollout = Rollout(speed=settings.speed, rate=rate, sensing=sensing)
+    moved = 0.0 if trial else settings.perturbation[turn]
+    explorer = Explorer(critic, moved, rate, rng, switches=not trial)
     rod = Rod(settings.segments, strict=False)
     models = [describe(strip) for strip in strips]
     folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
@@ -106,9 +120,9 @@ def _folded(
     steps = np.arange(times.shape[1])
     return Piece(
         inputs=inputs,
-        moved=(rises - inputs[..., 2] * length).astype(np.float32),
+        moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
         alive=times < ended[:, None],
-        foretold=steps >= explorer.switch[:, None],
+        foretold=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
         strip=np.array([truth(strip) for strip in strips]),
     )

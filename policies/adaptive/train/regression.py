@@ -5,8 +5,18 @@ import torch
 from torch import Tensor, nn
 
 from drivers.types import Array
-from policies.adaptive.critic import DISPLACEMENT, FAR, NAMES, OUTPUTS, SLOPE, SPREAD, STRIP, UNIT, Critic
-from policies.adaptive.features import STATE
+from policies.adaptive.critic import (
+    DISPLACEMENT,
+    FAR,
+    NAMES,
+    OUTPUTS,
+    SLOPE,
+    SPREAD,
+    STRIP,
+    UNIT,
+    Critic,
+)
+from policies.adaptive.features import CHANNELS, COUNT, STATE
 from policies.adaptive.train.piece import Piece
 from policies.adaptive.train.settings import CriticSettings
 
@@ -56,6 +66,15 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
 
 
+def used(settings: CriticSettings) -> Array:
+    """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
+    kept = np.ones(COUNT)
+    for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
+        part[1] = settings.tip
+        part[2:] = settings.profile
+    return kept
+
+
 def fit(
     piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
 ) -> Critic:
@@ -75,6 +94,7 @@ def fit(
 
 def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
+    whiten = whiten * used(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
@@ -93,7 +113,9 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
 
 
 def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
-    whitened = ((piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)).clip(-FAR, FAR)
+    whitened = ((piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)).clip(
+        -FAR, FAR
+    )
     known = np.isfinite(piece.displacement)
     foretold = piece.foretold & piece.alive & known[:, None]
     displacement = np.nan_to_num(piece.displacement) / UNIT
@@ -113,7 +135,9 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     error = displacement[:, None] - expected
     likely = _soft(error, spread, SOFT)
     belief = sum(
-        _soft(strip[:, None, i] - out[..., STRIP + 2 * i], out[..., STRIP + 1 + 2 * i].clamp(-8, 4), 0)
+        _soft(
+            strip[:, None, i] - out[..., STRIP + 2 * i], out[..., STRIP + 1 + 2 * i].clamp(-8, 4), 0
+        )
         for i in range(3)
     )
     return _mean(likely, foretold) + BELIEF * _mean(belief, alive)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calibration.perception.layer_touch import LayerTouch
+from calibration.perception.measurement import SeenTouch, StripMeasurement
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import SeenTouch, Sight
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.types import Array, Pose
 from tests.benchmarks.measure_perception import STRIPS
 
@@ -37,7 +37,7 @@ def _watch(
             continue
         t, height = k / 60, gap(k / 60)
         profile = _profile(height)
-        sight = Sight(t, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE)
+        sight = StripMeasurement(t, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE)
         touch = detector.tell(sight, GRIPPER)
         if touch is not None:
             return touch, t
@@ -67,7 +67,7 @@ def test_touch_stays_told() -> None:
     told = []
     for k in range(60):
         gap = _closing(0.05, 0.5)(k / 60)
-        sight = Sight(k / 60, k, 0.3, 1.0, _profile(gap), 1.0, (TIP, 0.008), gap, PLACE)
+        sight = StripMeasurement(k / 60, k, 0.3, 1.0, _profile(gap), 1.0, (TIP, 0.008), gap, PLACE)
         told.append(detector.tell(sight, GRIPPER))
     first = next(touch for touch in told if touch is not None)
     assert told[-1] == first

@@ -25,7 +25,7 @@ from cell.benchmark.results import (
     Refused,
     Results,
 )
-from cell.benchmark.spec import QUICK, Asked
+from cell.benchmark.spec import QUICK, BenchmarkSpec
 from cell.cli.app import app
 from cell.config.places import find_configs
 from drivers.errors import ConfigurationError
@@ -40,8 +40,8 @@ USUAL = {"triangular": -0.040, "circular": 0.060, "shifted": 0.005, "planned": -
 USUAL |= {"feedback": 0.004}
 
 
-def asked(*policies: str, strips: tuple[str, ...] = (), quick: bool = True) -> Asked:
-    return Asked.of(CONFIGS, policies, strips, None, 0, quick=quick)
+def asked(*policies: str, strips: tuple[str, ...] = (), quick: bool = True) -> BenchmarkSpec:
+    return BenchmarkSpec.of(CONFIGS, policies, strips, None, 0, quick=quick)
 
 
 def image_fold(policy: str, strip: str, d: float | None, seed: int = 0) -> ImageFold:

@@ -14,9 +14,10 @@ from cell.exam.causes.log_creep import Fading
 from cell.exam.causes.sinh_bending import Excess
 from cell.exam.runs.specimen import Aged, Specimen
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
-from drivers.strip.model import Effects, StripModel, describe
+from drivers.strip.model import Effects, StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.scene import Scene

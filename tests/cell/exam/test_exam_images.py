@@ -8,14 +8,14 @@ import pytest
 import yaml
 
 from cell.config.places import find_configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.exam.case import Case
 from cell.exam.runs import through_images
 from cell.exam.runs.through_images import Open, exam_cell, make_runs, measured, plant_of
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError, Fault
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from policies.standard import STANDARD
 from tests.support.gap_strip_cases import denim
 
@@ -95,7 +95,7 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
 def test_a_touched_lens_leaves_the_camera_its_identity() -> None:
     settings = find_configs(None).cell()
     opened = Open([through_images.cause_of("lens", {"k1": 0.1})], 1)
-    devices = opened(settings, denim(), Choice(), calibrating=False)
+    devices = opened(settings, denim(), DeviceSelection(), calibrating=False)
     assert devices.camera_identity == settings.twin.camera.identity
 
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import KEYS
-from cell.exam.cases.drawn import DRAWN, drawn_once
+from cell.exam.cases.drawn import DRAWN, load_or_draw
 from cell.exam.report.page import markdown, write_report
 from cell.exam.run import LEDGER
 from cell.exam.scoring.results import Baselines, Entry, Ledger, Oracle
@@ -164,12 +164,12 @@ def kept(tmp_path: Path) -> Path:
 
 
 def test_cases_are_drawn_once(kept: Path) -> None:
-    assert drawn_once(kept, "state", 2, 7) == tuple(e.case for e in entries()[:2])
+    assert load_or_draw(kept, "state", 2, 7) == tuple(e.case for e in entries()[:2])
 
 
 def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"holds another exam \(tier state count 2 seed 7"):
-        drawn_once(kept, "state", 2, 8)
+        load_or_draw(kept, "state", 2, 8)
 
 
 def test_an_exam_that_is_finished_is_only_reported(

@@ -10,9 +10,9 @@ import pytest
 
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import Sources, opened, seal
-from cell.exam.run import LEDGER, conduct
+from cell.exam.run import LEDGER, run_exam
 from cell.exam.run_case import VERDICTS, made
-from cell.exam.sandbox.parent import FILES, NoVerdict, permit, sit, stage
+from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
 from cell.exam.scoring.results import Entry, Ledger
 from drivers.errors import Fault
@@ -22,13 +22,14 @@ from tests.support.gap_strip_cases import STRIP
 BARRED = """
 import json, os, sys
 from pathlib import Path
-from cell.exam import bar
-permit = bar.Permit(**dict((k, tuple(map(Path, v))) for k, v in json.loads(sys.argv[1]).items()))
+from cell.exam.sandbox import restrict
+allowed = json.loads(sys.argv[1]).items()
+permit = restrict.Policy(**{{k: tuple(map(Path, v)) for k, v in allowed}})
 if {kernel}:
-    assert bar.landlock(permit)
+    assert restrict.landlock(permit)
 else:
-    bar.landlock = lambda permit: False
-    assert not bar.bar(permit)
+    restrict.landlock = lambda permit: False
+    assert not restrict.restrict(permit)
 try:
     {attempt}
 except PermissionError:
@@ -45,7 +46,7 @@ BY = pytest.mark.parametrize(
 
 def attempted(desk: Path, key: Path, kernel: bool, attempt: str) -> str:
     """What comes of an attempt in a barred process on the desk."""
-    allowed = json.dumps(permit(desk, [key.parent]))
+    allowed = json.dumps(policy(desk, [key.parent]))
     program = BARRED.format(kernel=kernel, attempt=attempt)
     done = subprocess.run(
         [sys.executable, "-c", program, allowed], cwd=desk, capture_output=True, text=True,
@@ -130,12 +131,12 @@ def test_only_the_files_of_the_contract_are_laid_out(desk: Path, tmp_path: Path)
 
 def test_a_process_that_takes_too_long_is_ended(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match="no verdict after"):
-        sit(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
+        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path], limit=0.05)
 
 
 def test_a_refusal_is_told_in_its_own_words(tmp_path: Path) -> None:
     with pytest.raises(NoVerdict, match=r"ended with code 2: runs: no such folder"):
-        sit(STRIP, [], tmp_path / "out", [tmp_path])
+        run_sandboxed(STRIP, [], tmp_path / "out", [tmp_path])
 
 
 def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
@@ -159,7 +160,7 @@ def test_what_depends_on_another_engine_is_not_the_same() -> None:
 def test_a_case_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
     cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
     told: list[str] = []
-    conduct(
+    run_exam(
         cases, tmp_path, steps="make", make=few_runs, progress=lambda *said: told.append(said[2])
     )
     assert any("bad: failed: unexpected RuntimeError" in line for line in told)
@@ -172,17 +173,17 @@ def refused(_: Case, __: Path) -> None:
 
 
 def test_judging_without_runs_says_so(tmp_path: Path) -> None:
-    [entry] = conduct([case("a", "nothing", {})], tmp_path, steps="judge")
+    [entry] = run_exam([case("a", "nothing", {})], tmp_path, steps="judge")
     assert entry.state == "failed"
     assert "make them first" in entry.reason
 
 
 def test_judging_what_could_not_be_made_says_why(tmp_path: Path) -> None:
     asked = [case("a", "nothing", {})]
-    conduct(asked, tmp_path, steps="make", make=refused)
-    [entry] = conduct(asked, tmp_path, steps="judge")
+    run_exam(asked, tmp_path, steps="make", make=refused)
+    [entry] = run_exam(asked, tmp_path, steps="judge")
     assert "preflight_refused: the desk is too high" in entry.reason
-    [other] = conduct([case("a", "nothing", {}, seed=9)], tmp_path, steps="judge")
+    [other] = run_exam([case("a", "nothing", {}, seed=9)], tmp_path, steps="judge")
     assert "make them first" in other.reason
 
 
@@ -192,7 +193,7 @@ def test_an_exam_is_carried_out_and_goes_on(
 ) -> None:
     monkeypatch.setattr("cell.exam.run.sources", lambda: Sources("engine", "scorer"))
     hidden = case("tilted", "single", {"desk_tilt": {"angle": 0.02}}, strength="strong")
-    [entry] = conduct([hidden], tmp_path, make=few_runs)
+    [entry] = run_exam([hidden], tmp_path, make=few_runs)
     assert entry.state == "scored", entry.reason
     assert entry.outcome is not None
     assert entry.outcome.result in ("right_strict", "right_class")
@@ -203,6 +204,6 @@ def test_an_exam_is_carried_out_and_goes_on(
     assert 50.0 < entry.memory < 4000.0
     lines = (tmp_path / LEDGER).read_bytes()
     shutil.rmtree(tmp_path / VERDICTS)
-    assert conduct([hidden], tmp_path, make=few_runs) == (entry,)
+    assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert (tmp_path / LEDGER).read_bytes() == lines
     assert isinstance(entry, Entry)

@@ -36,7 +36,7 @@ class Roughly(Curves):
     @property
     def scope(self) -> Scope:
         whole = super().scope
-        rough = tuple(replace(c, untrue=UNTRUE) for c in whole.candidates)
+        rough = tuple(replace(c, model_error=UNTRUE) for c in whole.candidates)
         return replace(whole, candidates=rough)
 
 

@@ -11,7 +11,7 @@ from cell.__main__ import main
 from cell.cli.gap import _summary
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.fitting import normal_equations
-from cell.gap.selection.likelihood import Yardstick
+from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.schema import Verdict
@@ -83,5 +83,5 @@ def test_a_size_beyond_what_is_possible_is_not_detectable(
     size = Parameter("size", "1", 0.0, 0.0, bound, 0.1, inverse=inverse)
     candidate = Candidate("lump", "it has a lump", "strip", (size,), (((1.0,),),))
     probed = Probed(candidate, ((np.array([1.0]),),), (np.array([[4.0], [0.0]]),))
-    by = Yardstick(scale=1.0, inefficiency=1.0)
+    by = LikelihoodScale(scale=1.0, inefficiency=1.0)
     assert detectable(Straight(), [probed], by) == {"lump": stated}

@@ -11,7 +11,7 @@ from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.starts import undetermined
-from cell.gap.fitting.tasks import Counter, alone, together
+from cell.gap.fitting.tasks import Counter, run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.hold_out import held_out
@@ -135,7 +135,7 @@ def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
     scope, runs = subject.scope, evidence(subject.runs)
     model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
     start = Point(np.array([p.start for p in model.parameters]), runs.start())
-    return alone(subject.simulate, refit(model, runs, start))
+    return run_one(subject.simulate, refit(model, runs, start))
 
 
 def hidden(law: Law, size: float) -> Law:
@@ -284,8 +284,8 @@ def test_same_verdict_whatever_runs_beside_a_fit() -> None:
         start = Point(np.array([p.start for p in model.parameters]), runs.start())
         return refit(model, runs, start)
 
-    crowd = together(subject.simulate, [task(m) for m in models])
-    single = [alone(subject.simulate, task(m)) for m in models]
+    crowd = run_all(subject.simulate, [task(m) for m in models])
+    single = [run_one(subject.simulate, task(m)) for m in models]
     for a, b in zip(crowd, single, strict=True):
         np.testing.assert_array_equal(a.shared, b.shared)
 

@@ -3,7 +3,7 @@
 import pytest
 
 import tests.cell.gap.test_gap_engine as engine
-from cell.gap.selection.hold_out import Told, held_out
+from cell.gap.selection.hold_out import Informativeness, held_out
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, nothing
@@ -28,7 +28,7 @@ def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyP
     monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
     subject = Curves(nothing, names=("bump", "single"))
     medium = [i for i, run in enumerate(subject.runs) if run.condition == "medium"]
-    assert Told(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
+    assert Informativeness(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
     assert conditions(subject) == {"fast"}
 
 

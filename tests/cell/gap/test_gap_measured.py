@@ -10,7 +10,7 @@ from cell.gap.diagnosis.held_out_gap import rms, unseen
 from cell.gap.fit import fit, open_subject
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.tasks import alone
+from cell.gap.fitting.tasks import run_one
 from cell.gap.subject.run_folders import find_runs
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "pendulum"
@@ -63,13 +63,13 @@ def test_error_in_sample_ranks_a_false_cause_that_held_out_runs_refuse() -> None
     seen = evidence(subject.runs[6::3])
     unseen_runs = evidence(subject.runs[:6:2])
     start = Point(np.array([p.start for p in scope.base]), seen.start())
-    base = alone(subject.simulate, refit(Model(scope.base), seen, start))
+    base = run_one(subject.simulate, refit(Model(scope.base), seen, start))
 
     def errors(name: str) -> tuple[float, float]:
         effects = tuple(c for c in scope.candidates if c.name == name)
         model = Model(scope.base, effects)
         point = Point(model.joined(base.shared, {}), base.point.local)
-        found = alone(subject.simulate, refit(model, seen, point))
+        found = run_one(subject.simulate, refit(model, seen, point))
         other = unseen(subject.simulate, found, unseen_runs)
         return tuple(rms(e, scope.quantities)["angle_mrad"] for e in (found, other))
 

@@ -12,13 +12,13 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
-from cell.gap.fitting.starts import finished, founded
-from cell.gap.fitting.tasks import alone
-from cell.gap.selection.choice import resolved
-from cell.gap.selection.likelihood import yardstick
+from cell.gap.fitting.starts import refit_base_fine, refit_fine
+from cell.gap.fitting.tasks import run_one
+from cell.gap.selection.choice import is_significant
+from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.selection.search import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
-from cell.gap.verdict.decide import kind, remainder, unseen_remains
+from cell.gap.verdict.decide import kind, unexplained_part, unseen_remains
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
 
@@ -73,12 +73,12 @@ def test_effect_is_resolved_where_its_interval_excludes_absence(
 ) -> None:
     estimate = fitted(Curves(hidden(wave, size)), (name,))
     effect = estimate.model.effects[0]
-    assert resolved(estimate, effect, yardstick([validated(estimate)])) is expected
+    assert is_significant(estimate, effect, likelihood_scale([validated(estimate)])) is expected
 
 
 def validated(estimate: Estimate, subject: Curves | None = None) -> Validated:
     simulate = (subject or Curves(nothing)).simulate
-    return alone(simulate, validate(estimate))
+    return run_one(simulate, validate(estimate))
 
 
 def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None:
@@ -86,7 +86,7 @@ def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None
     runs = evidence(subject.runs)
     model = Model(subject.scope.base)
     start = Point(np.array([3.0, -2.0]), runs.start())
-    lost = alone(subject.simulate, refit(model, runs, start, steps=0))
+    lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
     right = validated(fitted(subject, ("wave",)), subject)
     better = better_base(subject.simulate, [validated(lost, subject), right])
     assert better is not None
@@ -125,10 +125,10 @@ def test_what_the_grain_of_the_base_leaves_is_no_gap_and_all_are_judged_by_it() 
     assert verdict.verdict == "no_gap"
     assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
     subject = Grained(hidden(wave, 0.3))
-    base = founded(subject, subject.simulate, fitted(subject))
+    base = refit_base_fine(subject, subject.simulate, fitted(subject))
     assert base.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
     rough = fitted(subject, ("wave",))
-    assert finished(subject, subject.simulate, rough).evidence.scales is rough.evidence.scales
+    assert refit_fine(subject, subject.simulate, rough).evidence.scales is rough.evidence.scales
 
 
 def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> None:
@@ -139,4 +139,4 @@ def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> No
     worse = replace(found.shown, after=found.shown.before)
     assert unseen_remains(replace(found, shown=worse))
     assert kind(replace(found, shown=worse)) == "unexplained"
-    assert "not even halved" in remainder(replace(found, shown=worse))
+    assert "not even halved" in unexplained_part(replace(found, shown=worse))

@@ -8,10 +8,16 @@ import pytest
 
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.model import Model
-from cell.gap.fitting.tasks import alone
+from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import exhausted
 from cell.gap.selection.screening import Score
-from cell.gap.selection.search import bent, merged, sifted, with_bent, without_each
+from cell.gap.selection.search import (
+    merged,
+    shape_parameters,
+    shortlist,
+    with_shape_parameters,
+    without_each,
+)
 from cell.gap.subject.subject import Parameter, Request, Residuals, Scope
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, wave
 from tests.cell.gap.test_gap_engine import fitted as at
@@ -68,7 +74,7 @@ def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
 def pool_of(lean: float) -> list[Validated]:
     subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
     found = [at(subject, names) for names in ((), ("bump",))]
-    return [alone(subject.simulate, validate(fit)) for fit in found]
+    return [run_one(subject.simulate, validate(fit)) for fit in found]
 
 
 def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
@@ -77,7 +83,7 @@ def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
     some = np.array([0.1])
     screened = [Score(names, gain, dict.fromkeys(names, some), linear=False)
                 for names, gain in ((("bump", "dead"), 9.0), (("bump", "wave"), 1.0))]  # fmt: skip
-    (first,) = sifted(subject.simulate, base, screened, subject.scope.candidates, 1)
+    (first,) = shortlist(subject.simulate, base, screened, subject.scope.candidates, 1)
     assert first.names == ("bump", "wave")
     (start,) = first.starts
     assert [start[n][0] for n in first.names] == pytest.approx([0.2, -0.15], abs=0.02)
@@ -85,15 +91,15 @@ def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
 
 def test_law_that_only_resembles_the_librarys_is_bent() -> None:
     subject, pool = Bending(BOTH), pool_of(lean=0.5)
-    (found,) = bent(subject.simulate, pool)
+    (found,) = shape_parameters(subject.simulate, pool)
     assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
-    (known, *_) = with_bent(subject.scope.candidates, merged(pool, [found]))
+    (known, *_) = with_shape_parameters(subject.scope.candidates, merged(pool, [found]))
     assert [p.name for p in known.parameters] == ["size", "lean"]
     assert not known.finer
 
 
 def test_law_that_holds_is_not_bent() -> None:
-    assert bent(Bending(BOTH).simulate, pool_of(lean=0.0)) == []
+    assert shape_parameters(Bending(BOTH).simulate, pool_of(lean=0.0)) == []
 
 
 def test_values_of_a_law_that_was_not_bent_start_its_bent_one() -> None:

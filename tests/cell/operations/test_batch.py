@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import cell.operations.batch
-from cell.devices.devices import Choice
-from cell.operations.batch import STOP, Told, Worker, requests, side_by_side
+from cell.devices.devices import DeviceSelection
+from cell.operations.batch import STOP, StopSignal, Worker, requests, side_by_side
 from cell.operations.fold import Request
 from cell.operations.result import FoldResult
 from drivers.errors import (
@@ -27,7 +27,11 @@ from tests.support.made_results import DONE, STOPPED
 
 def request(runs: Path, **changes) -> Request:
     facts = {"frames": None, "truth": True, "viz": "off", "configs": None, "checkpoint": None}
-    facts |= {"strip": "denim", "policy": "triangular", "choice": Choice(seed=10)} | changes
+    facts |= {
+        "strip": "denim",
+        "policy": "triangular",
+        "choice": DeviceSelection(seed=10),
+    } | changes
     return Request(runs=runs, **facts)
 
 
@@ -80,7 +84,7 @@ def test_a_process_that_dies_is_a_fault() -> None:
 
 def test_a_fold_in_a_process_is_told_to_stop_and_then_to_stop_at_once() -> None:
     ours, theirs = Pipe()
-    told = Told(theirs)
+    told = StopSignal(theirs)
     assert not told()
     ours.send(STOP)
     assert told()
@@ -92,7 +96,7 @@ def test_a_fold_in_a_process_is_told_to_stop_and_then_to_stop_at_once() -> None:
 
 def test_a_fold_whose_master_died_stops() -> None:
     ours, theirs = Pipe()
-    told = Told(theirs)
+    told = StopSignal(theirs)
     ours.close()
     assert told()
     assert told()

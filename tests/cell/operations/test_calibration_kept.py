@@ -12,7 +12,7 @@ from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.config.cell import CellFile
 from cell.config.places import BESIDE, Configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.calibrate import calibration_of, kept_calibration
 from cell.operations.fold import Request, fold
 from cell.operations.interrupt import Interrupted
@@ -116,7 +116,11 @@ def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) 
     )
     facts = {"frames": None, "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
     request = Request(
-        strip="denim", policy="triangular", choice=Choice(), runs=tmp_path / "runs", **facts
+        strip="denim",
+        policy="triangular",
+        choice=DeviceSelection(),
+        runs=tmp_path / "runs",
+        **facts,
     )
     with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
         fold(request, calibration=alien)

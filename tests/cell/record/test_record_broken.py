@@ -16,8 +16,7 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
-
-from .conftest import HEADER
+from tests.cell.conftest import HEADER
 
 
 def test_what_is_learned_later_stands_in_run_yaml_at_once(tmp_path) -> None:

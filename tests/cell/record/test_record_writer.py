@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
 from cell.record import frame_writer
 from cell.record.files import is_under_way
 from cell.record.frames import KeyFrames
@@ -19,8 +19,7 @@ from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError, Fault
 from drivers.types import ArmState, Frame, Pose, Velocity
-
-from .conftest import HEADER, RESULT
+from tests.cell.conftest import HEADER, RESULT
 
 
 def small_frame(sequence: int) -> Frame:
@@ -345,7 +344,9 @@ def test_age_of_the_newest_image_stands_in_each_row(tmp_path):
     for t in (0.0, 0.01, 0.02):
         writer.tick(Tick(t, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
         if t == 0.0:
-            writer.sight(Sight(-0.02, 1, 0.3, 1.0, curve, 1.0, (0.4, 0.1), np.nan, np.nan))
+            writer.sight(
+                StripMeasurement(-0.02, 1, 0.3, 1.0, curve, 1.0, (0.4, 0.1), np.nan, np.nan)
+            )
     writer.finish({"outcome": "path_done"})
     age = read_run(writer.folder).ticks.image_age
     np.testing.assert_allclose(age, [np.nan, 0.03, 0.04])

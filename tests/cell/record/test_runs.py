@@ -10,8 +10,7 @@ import yaml
 from cell.record.listing import list_runs, remove, to_prune
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
-
-from .conftest import HEADER
+from tests.cell.conftest import HEADER
 
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 

@@ -17,8 +17,7 @@ from cell.report.page import report, write_report
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError
-
-from .conftest import HEADER
+from tests.cell.conftest import HEADER
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
 

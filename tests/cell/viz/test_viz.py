@@ -11,21 +11,21 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from calibration.calibration import save_calibration
-from calibration.perception.sight import Sight
-from cell.orchestrator.snapshot import Senses
+from calibration.perception.measurement import StripMeasurement
+from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
 from cell.record.run import read_run
 from cell.viz.model_view import Shadow
 from cell.viz.recording import Screen, viz_from_run
 from cell.viz.watch import WAITING, Viz, watching
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
 from policies.path import triangular
-
-from .conftest import HEADER
+from tests.cell.conftest import HEADER
 
 STRIP = StripFile.model_validate(HEADER["strip_file"])
 
@@ -44,7 +44,7 @@ def timelines(path: Path, entity: str) -> set[str]:
     return set.union(*named)
 
 
-def senses(k: int, state: State = State.FOLD, every: int = 2) -> Senses:
+def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     """Tick number k of a fold whose camera delivers an image every other tick."""
     time = 0.01 * k
     pose = Pose(0.6 - 0.05 * time, 0.05 * time, 0.5)
@@ -53,14 +53,15 @@ def senses(k: int, state: State = State.FOLD, every: int = 2) -> Senses:
     sequence = k // every
     frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 20)
-    sight = Sight(time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan)
-    return Senses(time, state, 0.0, arm, hand, frame, k % every == 0, 1, sight, None, None)
+    sight = StripMeasurement(time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan)
+    view = View(frame, k % every == 0, 1, sight)
+    return Snapshot(time, state, 0.0, arm, hand, view)
 
 
 def watch(viz: Viz, count: int) -> None:
     viz.happened(0.0, "state", {"state": State.LIFT, "event": "grasped"})
     for k in range(count):
-        viz.see(senses(k, State.LIFT if k < 50 else State.FOLD))
+        viz.see(snapshot(k, State.LIFT if k < 50 else State.FOLD))
 
 
 @pytest.fixture(scope="module")
@@ -160,10 +161,10 @@ def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monke
 
     monkeypatch.setattr(Screen, "draw", slow)
     viz = Viz("save", tmp_path, STRIP)
-    viz.see(senses(0))
+    viz.see(snapshot(0))
     assert stuck.wait(60)
     for k in range(1, WAITING + 301):
-        viz.see(senses(k))
+        viz.see(snapshot(k))
     viz.close(timeout=0.01)
     assert viz.dropped == 300
     gate.set()

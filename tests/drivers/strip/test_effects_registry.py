@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from cell.config.plant import load_plant
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe, load_plant, load_strip
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.effects.effect import Effect, Parameter
-from drivers.strip.file import load_strip
-from drivers.strip.model import describe
 from tests.support.effect_cases import USUAL, affected, bare, denim, folds, levels, predicted
 
 CONTRACT = {

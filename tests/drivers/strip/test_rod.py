@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.engine import Stepper, simulate
-from drivers.strip.file import load_strip
-from drivers.strip.model import Boundary, StripModel, describe
+from drivers.strip.model import Boundary, StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import KNOWN
-from drivers.strip.rod.motions import Way, simulate_all
+from drivers.strip.rod.motions import GripperPath, simulate_all
 from policies.path import circular, triangular
 from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
 
@@ -244,10 +244,12 @@ def _with_gravity(model: StripModel, gravity: tuple[float, float]) -> StripModel
 def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
     models = [paper_model(0.05), paper_model(0.2), paper_model(0.1)]
     t = np.linspace(2.0, 10.0, 1601)
-    full = Way(t, PATH.poses(0.1 * (t - 2.0)))
-    short = Way(t[:500], full.poses[:500])
+    full = GripperPath(t, PATH.poses(0.1 * (t - 2.0)))
+    short = GripperPath(t[:500], full.poses[:500])
     hung = np.array([0.55, 0.10, np.pi / 2])
-    lifted = Way(t, hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0], hanging=True)
+    lifted = GripperPath(
+        t, hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0], hanging=True
+    )
     ways = [full, short, lifted]
     motions = simulate_all(Rod(40), models, ways, dt=DT, every=10)
     for motion, model, way in zip(motions[:2], models, ways, strict=False):

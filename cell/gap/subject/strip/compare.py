@@ -6,7 +6,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Layout, Part
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, Shown
+from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, signed_distances
 from drivers.strip.model import StripModel
@@ -26,7 +26,7 @@ class Comparison:
     length: float
     bending_length: float
 
-    def __call__(self, model: StripModel, shown: Shown | None) -> Residuals:
+    def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
         """Residuals of `shown`, which `model` measures; all NaN where nothing is shown."""
         if shown is None:
             lost = np.full(len(self.layout.samples), np.nan)
@@ -40,7 +40,7 @@ class Comparison:
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
         return Residuals(mean, square)
 
-    def _profile(self, model: StripModel, shown: Shown) -> Array:
+    def _profile(self, model: StripModel, shown: SimulatedMotion) -> Array:
         """Signed distances of the points (n,) that are compared, in the order of the samples."""
         images, order = self.run.images, self.layout.profile.order
         found = np.empty(len(order))
@@ -58,7 +58,7 @@ class Comparison:
             )
         return found
 
-    def _contact(self, model: StripModel, shown: Shown) -> Array:
+    def _contact(self, model: StripModel, shown: SimulatedMotion) -> Array:
         order = self.layout.contact.order
         time = shown_time(model.observation, self.run.contact_t[order])
         simulated = np.interp(time, shown.t, shown.contact_x)
@@ -69,12 +69,12 @@ class Comparison:
         here = np.abs(mean) < ELSEWHERE * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
-    def _force(self, shown: Shown) -> Array:
+    def _force(self, shown: SimulatedMotion) -> Array:
         order = self.layout.force.order
         simulated = np.interp(self.run.force_t[order], shown.t, shown.holding)
         return np.asarray(self.run.force_x[order] - simulated)
 
-    def _touch(self, model: StripModel, shown: Shown) -> tuple[Array, Array]:
+    def _touch(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
         """Time, mean distance to both edges, displacement (3,), if the run has a touch."""
         if self.run.touch is None:
             return np.empty(0), np.empty(0)

@@ -8,16 +8,17 @@ import numpy as np
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
-from cell.gap.subject.strip.simulation import FINE, Drive, Shown, Simulation
+from cell.gap.subject.strip.simulation import FINE, Job, SimulatedMotion, Simulation
 from cell.gap.subject.subject import Parameter, Residuals, Run
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
-from drivers.strip.rod.motions import Way
+from drivers.strip.model import StripModel
+from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
-TAKEN_UP = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
+LIFTED = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
 LIFTED = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
@@ -28,30 +29,30 @@ LENGTH, ERROR = "length_error", "error"
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """A measured fold: the reported way that drives the model, how it is compared, `index`.
+    """A measured fold: the reported path that drives the model, how it is compared, `index`.
 
-    A strip that is pushed throws a ruck, whose place depends on how it slides and how the grip
-    yields: nobody measures that, a hair's breadth changes it, and only yarns that rub remember it.
-    Their models go `taken_up`, the way without the push. The standard runs lift first: no ruck.
+    Pushed along the desk, the strip buckles; where is chaotic, because friction and grip
+    compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
+    along `lifted_path`, which has no push. The standard runs lift first and never buckle.
 
     Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
     the residuals change by per metre of slack.
     """
 
-    way: Way
-    taken_up: Way
+    way: GripperPath
+    lifted_path: GripperPath
     comparison: Comparison
     index: int
     finer: Array
     slope: Array
 
-    def drive(self, model: StripModel) -> Drive:
+    def drive(self, model: StripModel) -> Job:
         """What is simulated of this fold with `model`."""
         height = self.comparison.run.contact_height
         observation = replace(model.observation, contact_height=height)
         rubs = model.mechanics.law.yield_curvature > 0.0
-        return Drive.of(
-            replace(model, observation=observation), self.taken_up if rubs else self.way
+        return Job.of(
+            replace(model, observation=observation), self.lifted_path if rubs else self.way
         )
 
     def corrected(self, found: Residuals, slack: float) -> Residuals:
@@ -80,9 +81,9 @@ def _run(
     run: MeasuredRun,
     fold: Fold,
     model: StripModel,
-    rough: Shown | None,
-    exact: Shown | None,
-    slack: Shown | None,
+    rough: SimulatedMotion | None,
+    exact: SimulatedMotion | None,
+    slack: SimulatedMotion | None,
 ) -> Run:
     samples = fold.comparison.layout.samples
     means = [fold.comparison(model, shown).mean for shown in (rough, exact, slack)]
@@ -95,7 +96,11 @@ def _run(
 
 
 def corrected(
-    run: Run, fold: Fold, model: StripModel, rough: Shown | None, exact: Shown | None
+    run: Run,
+    fold: Fold,
+    model: StripModel,
+    rough: SimulatedMotion | None,
+    exact: SimulatedMotion | None,
 ) -> Run:
     """The run with what a finer rod shows otherwise of this model, and a floor that allows for it:
     a strip that is less damped than stated swings on, where grains differ.
@@ -122,29 +127,29 @@ def _lengthened(strip: StripFile) -> Mapping[str, Mapping[str, float]]:
 def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     chosen = layout(run, strip.length, floors)
     kept = run.t <= run.end + LATER
-    way = Way(run.t[kept], run.poses[kept], run.hanging)
+    way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    return Fold(way, _taken_up(way, run), comparison, run.index, nothing, nothing)
+    return Fold(way, _lifted_path(way, run), comparison, run.index, nothing, nothing)
 
 
-def _taken_up(way: Way, run: Measured) -> Way:
+def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
     """The way, but first up and then in, so that the strip is never pushed while it lies.
 
     Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
     """
     travel = run.travel[: len(way.t)]
-    share = travel / TAKEN_UP
+    share = travel / LIFTED
     early = share < 1.0
     if way.hanging or early.all() or not _pushes(way, travel):
         return way
     poses, begin = way.poses.copy(), way.poses[0, 0]
     drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
     poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
-    return Way(way.t, poses)
+    return GripperPath(way.t, poses)
 
 
-def _pushes(way: Way, travel: Array) -> bool:
+def _pushes(way: GripperPath, travel: Array) -> bool:
     """Whether the grip is drawn in before the strip has left the desk."""
     moved = [np.interp(LIFTED, travel, column) - column[0] for column in way.poses.T[:2]]
     return bool(-moved[0] > STEEP * moved[1])

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from cell.gap.subject.scene import Curve, Scene, Signal, Track
 from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.runs import Measured
-from cell.gap.subject.strip.simulation import SHAPES, Shown
+from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
 from drivers.strip.curve import signed_distances
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
@@ -39,7 +39,7 @@ def measured_scene(run: Measured) -> Scene:
     )
 
 
-def simulated_scene(fold: Fold, model: StripModel, shown: Shown, length: float) -> Scene:
+def simulated_scene(fold: Fold, model: StripModel, shown: SimulatedMotion, length: float) -> Scene:
     """The same fold of a strip of `length` [m] as `model` has it, seen by the rig's camera.
 
     Distances are of the images that are compared: not of the first of the lift, nor of the snap.
@@ -67,13 +67,13 @@ def _shown(run: Measured) -> Index:
     return np.flatnonzero(run.images.stamps <= run.end)
 
 
-def _places(run: Measured, model: StripModel, shown: Shown) -> Array:
+def _places(run: Measured, model: StripModel, shown: SimulatedMotion) -> Array:
     """Of each image (m,), where in the row of shapes its moment lies; the last one is held."""
     true = np.asarray(shown_time(model.observation, run.images.stamps))
     return np.clip((true - shown.begin) / SHAPES, 0.0, len(shown.shapes) - 1.0)
 
 
-def _shapes(places: Array, shown: Shown) -> Array:
+def _shapes(places: Array, shown: SimulatedMotion) -> Array:
     """Shapes (m, nodes, 2) between those that were kept."""
     first = places.astype(np.int64)
     after = np.minimum(first + 1, len(shown.shapes) - 1)
@@ -81,7 +81,9 @@ def _shapes(places: Array, shown: Shown) -> Array:
     return np.asarray((1 - share) * shown.shapes[first] + share * shown.shapes[after])
 
 
-def _distances(fold: Fold, model: StripModel, shown: Shown, length: float) -> tuple[Index, Array]:
+def _distances(
+    fold: Fold, model: StripModel, shown: SimulatedMotion, length: float
+) -> tuple[Index, Array]:
     """Images that are compared, and root mean square distances (k,) [m] of their points."""
     run = fold.comparison.run
     images, order = run.images, np.sort(fold.comparison.layout.profile.order)
@@ -100,7 +102,7 @@ def _on_desk(t: Array, x: Array) -> Track:
     return Track(t, np.stack([x, np.zeros_like(x)], axis=1))
 
 
-def _touch(run: Measured, model: StripModel, shown: Shown) -> Touch | None:
+def _touch(run: Measured, model: StripModel, shown: SimulatedMotion) -> Touch | None:
     """The simulated touch as images would show it."""
     if shown.touch is None:
         return None

@@ -11,11 +11,11 @@ from cell.gap.subject.strip.probes import places, sizes
 from cell.gap.subject.strip.terms import TERMS
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
+from drivers.strip.describe import describe
 from drivers.strip.effects import PLACE, registry
 from drivers.strip.effects.effect import Effect, Stage
 from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.lumping import check
 
 TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
@@ -90,7 +90,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         parameters=tuple(_parameters(effect, strip, coarse(effect))),
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
-        untrue=UNTRUE if effect.stage is Stage.LAW else EXACT,
+        model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
         finer=tuple(_shape(p, strip) for p in effect.parameters if p.finer is not None),
     )
 

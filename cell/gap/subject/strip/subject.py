@@ -15,12 +15,13 @@ from cell.gap.subject.strip.prepare import Fold, corrected, prepared
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
-from cell.gap.subject.strip.simulation import COARSE, FINE, Drive, Simulation
+from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
 from cell.gap.subject.strip.terms import with_terms
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
-from drivers.strip.file import StripFile, load_strip
-from drivers.strip.model import Observation, StripModel, describe
+from drivers.strip.file import StripFile
+from drivers.strip.model import Observation, StripModel
 
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
@@ -80,7 +81,7 @@ class Strip:
             for request, fold, look in zip(requests, folds, looks, strict=True)
         ]
 
-    def _compared(self, asked: Mapping[Look, tuple[Fold, Drive]]) -> dict[Look, Residuals]:
+    def _compared(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
         """Each motion against its run, a portion at a time: motions are large, residuals small.
 
         Motions of one length together, in the order in which they are asked, as they are simulated.
@@ -133,7 +134,7 @@ class Strip:
         """The strip file with refitted base and named effects, and the cell's named effects."""
         return patched(self.file, base, effects, source)
 
-    def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Drive]]:
+    def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
         return folds, drives

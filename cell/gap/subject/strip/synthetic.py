@@ -18,7 +18,7 @@ from drivers.strip.model import StripModel
 from drivers.strip.observation import seen_contact, seen_points, seen_touch, shown_time
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice
-from drivers.strip.rod.motions import Way, simulate_all
+from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch, desk_contact
 from drivers.types import Array
 
@@ -56,7 +56,7 @@ class Fold:
     `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
     """
 
-    way: Way
+    way: GripperPath
     model: StripModel
     motion: StripMotion
     shape_t: Array
@@ -66,7 +66,10 @@ class Fold:
 
 
 def rod_folds(
-    models: Sequence[StripModel], ways: Sequence[Way], segments: int = 200, dt: float = 0.0025
+    models: Sequence[StripModel],
+    ways: Sequence[GripperPath],
+    segments: int = 200,
+    dt: float = 0.0025,
 ) -> list[Fold]:
     """Folds in the rod, each of `models` along its own reported way."""
     every = max(1, round(0.005 / dt))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.strip.rod.motions import Way
+from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 from policies.motion import Motion
 from policies.path import lift_pitch
@@ -13,7 +13,7 @@ ROUNDED = 0.04  # s before and after a corner in which the arm turns its velocit
 STILL = 0.6  # s at the end of a motion in which the arm stays
 
 
-def way_of(motion: Motion) -> Way:
+def way_of(motion: Motion) -> GripperPath:
     """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
     t = np.arange(0.0, motion.duration + 2 * ROUNDED + STILL, STEP)
     half = round(ROUNDED / STEP)
@@ -22,7 +22,7 @@ def way_of(motion: Motion) -> Way:
     places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
     poses = np.column_stack([places, lift_pitch(travel)])
-    return Way(frozen(t[::EVERY]), frozen(poses[::EVERY]))
+    return GripperPath(frozen(t[::EVERY]), frozen(poses[::EVERY]))
 
 
 def _smooth(values: Array, window: Array) -> Array:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from cell.config.places import find_configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.gap.subject.strip.runs import read_runs
 from cell.operations.fold import Request, at_speed, fold
 from cell.operations.standard_runs import check_empty, standard_requests, went_as_planned
@@ -17,7 +17,9 @@ from tests.support.gap_strip_cases import denim
 
 
 def base(runs: Path, seed: int = 3) -> Request:
-    return Request("denim", "", None, Choice(seed=seed), runs, None, "none", truth=False, viz="off")
+    return Request(
+        "denim", "", None, DeviceSelection(seed=seed), runs, None, "none", truth=False, viz="off"
+    )
 
 
 def test_runs_count_on_from_the_first_and_have_their_own_speeds(tmp_path: Path) -> None:

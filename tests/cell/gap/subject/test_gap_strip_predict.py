@@ -15,9 +15,9 @@ from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
 from cell.gap.subject.strip.ways import way_of
 from cell.gap.subject.subject import Request, Run
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
-from drivers.strip.model import describe
-from drivers.strip.rod.motions import Way
+from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
 from policies.motion import motion
 from policies.path import triangular
@@ -134,9 +134,14 @@ def test_numbers_that_bend_an_accepted_law_are_refitted_with_the_base() -> None:
 
 
 def test_only_laws_of_cloth_may_be_far_from_true(plain: Strip) -> None:
-    untrue = {c.name: c.untrue for c in plain.scope.candidates}
-    assert untrue["bending_hysteresis"] == untrue["air_drag"] == UNTRUE
-    assert untrue["tcp_offset"] == untrue["homography_scale"] == untrue["length_error"] == EXACT
+    model_error = {c.name: c.model_error for c in plain.scope.candidates}
+    assert model_error["bending_hysteresis"] == model_error["air_drag"] == UNTRUE
+    assert (
+        model_error["tcp_offset"]
+        == model_error["homography_scale"]
+        == model_error["length_error"]
+        == EXACT
+    )
 
 
 def test_every_term_shows_and_vanishes_with_its_amount(plain: Strip) -> None:
@@ -219,7 +224,7 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
     share = np.clip(t / 2.5, 0.0, 1.0)
     share = share * share * (3 - 2 * share)
     poses = np.column_stack([0.5 - 0.2 * share, 0.10 + 0.2 * share, np.full(len(t), np.pi / 2)])
-    ways = [Way(t, poses, hanging=True)] * 2
+    ways = [GripperPath(t, poses, hanging=True)] * 2
     made = rod_folds([describe(denim())] * 2, ways, segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(f, index=i, condition="c") for i, f in enumerate(made)])
     strip = open_strip(STRIP, [tmp_path / "runs"])
@@ -238,20 +243,20 @@ def in_profile(strip: Strip, runs: Sequence[Run], effects: Sequence[Effects]) ->
     return float(np.sqrt(np.nanmean(np.concatenate(parts) ** 2)))
 
 
-def test_yarns_that_rub_remember_no_ruck_that_a_hairs_breadth_moves(tmp_path: Path) -> None:
+def test_strip_with_hysteresis_is_simulated_without_the_buckle_of_a_push(tmp_path: Path) -> None:
     way = way_of(motion(triangular(0.6), WHOLE, 0.1))
     (made,) = rod_folds([describe(denim())], [way], segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(made, condition="triangular", index=i) for i in range(2)])
     strip = open_strip(STRIP, [tmp_path / "runs"])
     yarns = {"bending_hysteresis": np.array([48.0, 8.0])}
     rubbed = [yarns, yarns | {"crease": np.array([0.03, 0.57])}]
-    pushed = [replace(r, content=replace(r.content, taken_up=r.content.way)) for r in strip.runs]
+    pushed = [replace(r, content=replace(r.content, lifted_path=r.content.way)) for r in strip.runs]
     assert in_profile(strip, pushed, rubbed) > 4 * in_profile(strip, strip.runs, rubbed)
 
 
-def test_standard_runs_throw_no_ruck_and_are_simulated_as_they_were_made(plain: Strip) -> None:
+def test_standard_runs_never_buckle_and_are_simulated_as_they_were_made(plain: Strip) -> None:
     for run in plain.runs:
-        assert run.content.taken_up is run.content.way, run.name
+        assert run.content.lifted_path is run.content.way, run.name
     for seam in ({}, {"seam": np.array([4.7, 0.52, 0.09])}):
         slack = {"length_error": np.array([5e-5])}
         assert in_profile(plain, plain.runs, [seam, seam | slack]) < 1e-4

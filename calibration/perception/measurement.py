@@ -6,7 +6,7 @@ from drivers.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class StripMeasurement:
     """One frame's measurement. Lengths [m], NaN where not seen; confidences 0 to 1.
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the
