@@ -6,16 +6,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.critic import Critic, Judgement
-from policies.adaptive.features import Features
+from policies.adaptive.features import USUAL, Features
 from policies.adaptive.steering import Steering
 from policies.path import Path, triangular
 from policies.policy import Decision, Observation
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
 BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
+LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
+SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
 
 
@@ -43,13 +46,21 @@ class Adaptive:
         self.critic = critic
         self.judgement: Judgement | None = None
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
-        self._length, self._speed = 1.0, 0.0
-        self._begin(1)
+        self._length = USUAL
+        self._steering = Steering(USUAL, SPEED, 1)
+        self._features = Features(USUAL, 1)
+        self._fold: Fold = _begun(USUAL, 1, critic.memory)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s]."""
-        self._length, self._speed = strip.length, speed
-        self._begin(count)
+        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s].
+
+        Raises ConfigurationError for a length or speed that the critic was not trained for.
+        """
+        _check(strip.length, speed)
+        self._length, self.judgement = strip.length, None
+        self._steering = Steering(strip.length, speed, count)
+        self._features = Features(strip.length, count)
+        self._fold = _begun(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
         """The triangle, of which the first leg is used."""
@@ -89,12 +100,25 @@ class Adaptive:
         followed = 1.0 - np.exp(-since / SMOOTH)
         return np.asarray(self.rise + followed * (wanted - self.rise))
 
-    def _begin(self, count: int) -> None:
-        self._steering = Steering(self._length, self._speed, count)
-        self._features = Features(self._length, count)
-        self._fold = Fold(
-            rise=np.full(count, UNKNOWING * self._length),
-            memory=np.zeros((count, self.critic.memory)),
-            told=np.zeros(count),
-            time=np.full(count, np.nan),
+
+def _begun(length: float, count: int, memory: int) -> Fold:
+    return Fold(
+        rise=np.full(count, UNKNOWING * length),
+        memory=np.zeros((count, memory)),
+        told=np.zeros(count),
+        time=np.full(count, np.nan),
+    )
+
+
+def _check(length: float, speed: float) -> None:
+    low, high = LENGTHS
+    if not low <= length <= high:
+        raise ConfigurationError(
+            f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to {high:g} m; "
+            "use another policy, as --policy feedback"
+        )
+    if abs(speed - SPEED) > SPEED_TOLERANCE:
+        raise ConfigurationError(
+            f"adaptive: the cell folds at {speed:g} m/s, the policy knows {SPEED:g} m/s; set "
+            "fold.speed, or use another policy, as --policy feedback"
         )

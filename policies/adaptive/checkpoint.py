@@ -41,7 +41,7 @@ def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
     try:
         with partial.open("wb") as stream:
             arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
-            np.savez_compressed(stream, **arrays, about=np.array(told))
+            np.savez_compressed(stream, allow_pickle=False, **arrays, about=np.array(told))
         partial.replace(path)
     except OSError as error:
         raise ConfigurationError(

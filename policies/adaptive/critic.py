@@ -13,8 +13,10 @@ OUTPUTS = STRIP + 6
 FAR = 8.0  # spreads from the mean beyond which inputs are not believed
 UNIT = 0.01  # m, of displacement in the outputs
 ROUGH = 10.0  # 1/m, yarn friction that makes one unit of its output
-NAMES = ("mean", "whiten", "recall", "recall_bias", "first", "first_bias")
-NAMES += ("second", "second_bias", "last", "last_bias", "stretch")
+NAMES = (
+    *("mean", "whiten", "recall", "recall_bias", "first", "first_bias"),
+    *("second", "second_bias", "last", "last_bias", "stretch"),
+)
 
 
 class Belief(NamedTuple):

@@ -1,6 +1,7 @@
 """Strips that nobody measured: the paper's range, yarn friction, and effects of textile size."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,75 +16,53 @@ FRICTION = (2.0, 60.0)  # 1/m, yield curvature, log-uniform (KES tables hold 20 
 RATIO = (5.0, 12.0)  # of pre-sliding over bending stiffness
 OTHER = 0.25  # share of strips with one effect besides
 
-Draw = Callable[[np.random.Generator, float], Mapping[str, float]]
+
+class Span(NamedTuple):
+    """Values from `low` to `high`, uniform or uniform in their logarithm; times the length."""
+
+    low: float
+    high: float
+    log: bool = False
+    of_length: bool = False
+
+    def draw(self, rng: np.random.Generator, length: float) -> float:
+        """A value, for a strip of `length` [m]."""
+        if self.log:
+            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))
+        return value * length if self.of_length else value
 
 
-def _stretch(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"stiffness": _log(rng, 6.0, 39.0)}
-
-
-def _seam(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    place, factor = rng.uniform(0.15, 0.95) * length, rng.uniform(1.5, 5.0)
-    return {"factor": factor, "position": place, "width": 0.01}
-
-
-def _nonlinear(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"cubic": _log(rng, 3e-5, 2e-4)}
-
-
-def _gradient(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"slope": rng.uniform(-0.8, 0.8)}
-
-
-def _drag(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"coefficient": rng.uniform(0.3, 1.5)}
-
-
-def _curl(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"curvature": rng.uniform(-5.0, 5.0)}
-
-
-def _crease(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"angle": rng.uniform(-0.3, 0.3), "position": rng.uniform(0.15, 0.95) * length}
-
-
-def _hem(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    mass = rng.uniform(0.02, 0.08) * 0.25 * 0.05 * length
-    return {"mass": mass, "position": rng.uniform(0.3, 0.95) * length, "width": 0.01}
-
-
-def _damping(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"coefficient": _log(rng, 1e-4, 1e-3)}
-
-
-def _relaxation(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"ratio": rng.uniform(0.03, 0.2), "time": _log(rng, 0.1, 2.0)}
-
-
-def _length(rng: np.random.Generator, length: float) -> Mapping[str, float]:
-    return {"error": rng.uniform(-0.001, 0.002)}
-
-
-EFFECTS: dict[str, Draw] = {
-    "seam": _seam,
-    "nonlinear_bending": _nonlinear,
-    "stretch": _stretch,
-    "stiffness_gradient": _gradient,
-    "air_drag": _drag,
-    "pre_curl": _curl,
-    "crease": _crease,
-    "hem_mass": _hem,
-    "quadratic_damping": _damping,
-    "relaxation": _relaxation,
-    "length_error": _length,
+PLACE = Span(0.15, 0.95, of_length=True)
+EFFECTS: dict[str, dict[str, Span]] = {
+    "seam": {"position": PLACE, "factor": Span(1.5, 5.0), "width": Span(0.01, 0.01)},
+    "nonlinear_bending": {"cubic": Span(3e-5, 2e-4, log=True)},
+    "stretch": {"stiffness": Span(6.0, 39.0, log=True)},
+    "stiffness_gradient": {"slope": Span(-0.8, 0.8)},
+    "air_drag": {"coefficient": Span(0.3, 1.5)},
+    "pre_curl": {"curvature": Span(-5.0, 5.0)},
+    "crease": {"angle": Span(-0.3, 0.3), "position": PLACE},
+    "hem_mass": {
+        "mass": Span(2.5e-4, 1e-3, of_length=True),  # 2 to 8 % of a usual strip's
+        "position": Span(0.3, 0.95, of_length=True),
+        "width": Span(0.01, 0.01),
+    },
+    "quadratic_damping": {"coefficient": Span(1e-4, 1e-3, log=True)},
+    "relaxation": {"ratio": Span(0.03, 0.2), "time": Span(0.1, 2.0, log=True)},
+    "length_error": {"error": Span(-0.001, 0.002)},
 }
-"""Effects at the sizes that textiles have, drawn at random."""
+"""Effects at the sizes that textiles have."""
 OFTEN = {"seam": 3.0, "nonlinear_bending": 1.5}  # weights of the hard ones; others 1
 
 
-def friction(rng: np.random.Generator, low: float, high: float) -> Mapping[str, float]:
+def friction(rng: np.random.Generator, low: float, high: float) -> dict[str, float]:
     """Yarn friction, its yield curvature log-uniform over [`low`, `high`] [1/m]."""
     return {"yield_curvature": _log(rng, low, high), "stiffness_ratio": rng.uniform(*RATIO)}
+
+
+def effect(name: str, rng: np.random.Generator, length: float = LENGTH) -> dict[str, float]:
+    """The effect called `name` at a size drawn at random, on a strip of `length` [m]."""
+    return {key: span.draw(rng, length) for key, span in EFFECTS[name].items()}
 
 
 def plain(
@@ -111,9 +90,9 @@ def unknown(rng: np.random.Generator, length: float = LENGTH) -> StripFile:
     if rng.uniform() < OTHER:
         weights = np.array([OFTEN.get(name, 1.0) for name in EFFECTS])
         name = str(rng.choice(list(EFFECTS), p=weights / weights.sum()))
-        effects[name] = EFFECTS[name](rng, length)
+        effects[name] = effect(name, rng, length)
     return plain(rng, length, **effects)
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return Span(low, high, log=True).draw(rng, LENGTH)

@@ -1,4 +1,4 @@
-"""Up at 45 degrees, then down along z = x + rise: the raised triangle, its rise free at any time."""
+"""Up at 45 degrees, then down along z = x + rise: a raised triangle whose rise is free."""
 
 import math
 

@@ -1,9 +1,9 @@
 """Errors of each channel that a policy reads, measured on the twin's images.
 
-python -m tests.benchmarks.measure_sensing [STRIP...] [--every N]: the plant is the chain, the calibration is
-made through its own images; every N-th frame of a triangular fold from the take-over on. Prints
-noise, bias and outliers of each channel, unseen frames and the error of the stamps, beside what
-training assumes (`policies.sensing.TRAINING`).
+python -m tests.benchmarks.measure_sensing [STRIP...] [--every N]: the plant is the chain, the
+calibration is made through its own images; every N-th frame of a triangular fold counts from the
+take-over on. Prints noise, bias and outliers of each channel, unseen frames and the error of the
+stamps, beside what training assumes (`policies.sensing.IMAGES` and `TRAINING`).
 """
 
 import argparse

@@ -1,9 +1,10 @@
 """A piece of training: some hundred folds in the rod, and what every fold's critic could know."""
 
 from pathlib import Path as FilePath
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from drivers.strip.describe import describe
@@ -11,16 +12,21 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import needs_terms
 from drivers.types import Array
+from policies.adaptive.adaptive import LENGTHS
 from policies.adaptive.critic import ROUGH, Critic
 from policies.adaptive.fabrics import LENGTH, plain, unknown
 from policies.adaptive.features import RISE_AT
 from policies.adaptive.train.explorer import Explorer
-from policies.adaptive.train.settings import LENGTHS, CriticSettings
+from policies.adaptive.train.settings import CriticSettings
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGES, TRAINING
 
 ABSURD = 0.2  # m of displacement, clipped
 RATES = (45.0, 75.0)  # Hz, of the camera
+
+
+Flags = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
 
 
 class Piece(NamedTuple):
@@ -31,8 +37,8 @@ class Piece(NamedTuple):
 
     inputs: Array
     moved: Array
-    alive: Array
-    foretold: Array
+    alive: Flags
+    foretold: Flags
     displacement: Array
     strip: Array
 
@@ -85,7 +91,7 @@ def _padded(piece: Piece, length: int) -> Piece:
     """The piece with `length` kept decisions; those added are not alive."""
     more = length - piece.moved.shape[1]
 
-    def longer(values: Array) -> Array:
+    def longer(values: NDArray[T]) -> NDArray[T]:
         return np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
 
     return piece._replace(

@@ -99,23 +99,24 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
     data = _tensors(piece, mean, whiten)
-    steps = epochs * (len(data[0]) // BATCH)
+    rounds = len(data[0]) // BATCH
+    steps = epochs * rounds
     optimiser = torch.optim.Adam(network.parameters(), lr=FASTEST)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, SLOWEST)
-    for step in range(steps):
-        order = torch.randperm(len(data[0])) if step % (len(data[0]) // BATCH) == 0 else order
-        at = step % (len(data[0]) // BATCH) * BATCH
-        optimiser.zero_grad()
-        _loss(network, [part[order[at : at + BATCH]] for part in data]).backward()
-        optimiser.step()
-        schedule.step()
+    for _ in range(epochs):
+        order = torch.randperm(len(data[0]))[: rounds * BATCH]
+        for batch in torch.split(order, BATCH):
+            optimiser.zero_grad()
+            loss = _loss(network, [part[batch] for part in data])
+            torch.autograd.backward(loss)
+            optimiser.step()
+            schedule.step()
     return _critic(network, mean, whiten)
 
 
 def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
-    whitened = ((piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)).clip(
-        -FAR, FAR
-    )
+    whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
+    whitened = whitened.clip(-FAR, FAR)
     known = np.isfinite(piece.displacement)
     foretold = piece.foretold & piece.alive & known[:, None]
     displacement = np.nan_to_num(piece.displacement) / UNIT
@@ -134,12 +135,8 @@ def _loss(network: Network, batch: list[Tensor]) -> Tensor:
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
     likely = _soft(error, spread, SOFT)
-    belief = sum(
-        _soft(
-            strip[:, None, i] - out[..., STRIP + 2 * i], out[..., STRIP + 1 + 2 * i].clamp(-8, 4), 0
-        )
-        for i in range(3)
-    )
+    off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
+    belief = _soft(off, sure, 0.0).sum(dim=-1)
     return _mean(likely, foretold) + BELIEF * _mean(belief, alive)
 
 

@@ -62,9 +62,9 @@ class CriticTraining:
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
         """Fold and store the pieces of a round that are not stored yet; their numbers."""
         missing = [n for n in range(count) if self._stored(turn, n) is None]
-        for number in sorted(set(range(count)) - set(missing)):
-            yield number
-        asked = {executor.submit(explore, self.settings, turn, n, self.critic): n for n in missing}
+        yield from sorted(set(range(count)) - set(missing))
+        known = (self.settings, turn)
+        asked = {executor.submit(explore, *known, n, self.critic): n for n in missing}
         for piece in as_completed(asked):
             self._store(piece.result(), turn, asked[piece])
             yield asked[piece]

@@ -9,7 +9,8 @@ from policies.adaptive.critic import Critic, Judgement
 from policies.adaptive.train.piece import Piece
 
 LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
-WITHIN = ((0.68, 1.0), (0.95, 1.96))  # share of outcomes, and sigmas that are to hold it
+ONE, TWO = 1.0, 1.96
+WITHIN = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
         mean=float(np.nanmean(miss)),
         most=float(np.nanquantile(miss, 0.95)),
         worst=float(np.nanmax(miss)),
-        within=tuple(round(float(np.mean(at_touch < sigmas)), 3) for _, sigmas in WITHIN),
+        within=(float(np.mean(at_touch < ONE)), float(np.mean(at_touch < TWO))),
     )
 
 
