@@ -32,6 +32,7 @@ from drivers.types import Pose, Velocity
 from policies.follower import Follower
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
+from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
@@ -173,6 +174,8 @@ def observe(snapshot: Snapshot) -> Observation:
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
         tip_z=np.array([seen.tip[1]]),
+        profile=seen_profile(seen.profile, seen.gripper),
+        profile_confidence=np.array([seen.profile_confidence]),
     )
 
 
