@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 
 from cell.config.cell import CellFile
-from cell.gap.subject.pendulum.file import load_pendulum
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.verdict.schema import write_text
 from cell.gap.verdict.stored import Acceptance, CellPatch, FitRecord, read_stored
 from drivers.errors import ConfigurationError
