@@ -42,5 +42,5 @@ def velocity_bounds(q: Array) -> tuple[Array, Array]:
 
 def _braked(room: Array) -> Array:
     speed = np.sqrt(2 * DECELERATION * np.maximum(room, 0)) - VELOCITY_OFFSET
-    bounded: Array = np.clip(speed, 0, VELOCITY)
+    bounded: Array = np.minimum(np.maximum(speed, 0), VELOCITY)
     return bounded

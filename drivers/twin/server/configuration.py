@@ -14,6 +14,8 @@ TRANSLATION_STIFFNESS = (10.0, 3000.0)  # N/m
 ROTATION_STIFFNESS = (1.0, 300.0)  # N m/rad
 LARGEST_LOAD = 3.0  # kg, the payload that the maker states
 RIGID = 1e-5
+_UNIT = frozen(np.eye(3))
+_LAST_ROW = frozen([0, 0, 0, 1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +84,16 @@ def configure(
 
 def rigid(matrix: Array) -> bool:
     """Whether a matrix (4, 4) is a rotation and a translation."""
-    turn = matrix[:3, :3]
+    x, y, z = turn = matrix[:3, :3]
+    right_handed = (
+        z[0] * (x[1] * y[2] - x[2] * y[1])
+        + z[1] * (x[2] * y[0] - x[0] * y[2])
+        + z[2] * (x[0] * y[1] - x[1] * y[0])
+    )
     return bool(
-        np.abs(turn @ turn.T - np.eye(3)).max() < RIGID
-        and np.linalg.det(turn) > 0
-        and np.abs(matrix[3] - (0, 0, 0, 1)).max() < RIGID
+        right_handed > 0
+        and np.abs(turn @ turn.T - _UNIT).max() < RIGID
+        and np.abs(matrix[3] - _LAST_ROW).max() < RIGID
     )
 
 

@@ -48,13 +48,7 @@ def follow(
 
 def finite(generator: Generator, command: RobotCommand) -> bool:
     """Whether what the generator reads of a command is made of numbers."""
-    parts = {
-        Generator.JOINT_POSITION: command.q,
-        Generator.JOINT_VELOCITY: command.dq,
-        Generator.CARTESIAN_POSE: command.pose,
-        Generator.CARTESIAN_VELOCITY: command.twist,
-    }
-    fits = bool(np.isfinite(parts[generator]).all())
+    fits = bool(np.isfinite(_READ[generator](command)).all())
     return fits and (command.elbow is None or bool(np.isfinite(command.elbow).all()))
 
 
@@ -145,6 +139,12 @@ _FOLLOW: dict[Generator, Follow] = {
     Generator.JOINT_VELOCITY: _joint_velocity,
     Generator.CARTESIAN_POSE: _cartesian_pose,
     Generator.CARTESIAN_VELOCITY: _cartesian_velocity,
+}
+_READ: dict[Generator, Callable[[RobotCommand], Array]] = {
+    Generator.JOINT_POSITION: lambda command: command.q,
+    Generator.JOINT_VELOCITY: lambda command: command.dq,
+    Generator.CARTESIAN_POSE: lambda command: command.pose,
+    Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
 }
 _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drivers.twin.server.configuration import Configuration
+from drivers.twin.server.contact import NOTHING, Contact
 from drivers.twin.server.robot import Robot
 from drivers.twin.server.state_packet import StatePacket
 from drivers.twin.server.wire import Controller, Generator
@@ -25,6 +26,7 @@ class Publisher:
         fields["O_ddP_O"][:] = (0.0, 0.0, -9.81)
         self._configuration: Configuration | None = None
         self._errors: object = None
+        self._contact: Contact | None = None
 
     def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
         """State after the last tick; `rate` is the share of commands that came in time.
@@ -35,10 +37,12 @@ class Publisher:
             self._put_configuration(robot.configuration)
         self._put_modes(robot)
         self._put_posture(robot)
-        self._put_contact(robot)
+        if robot.contact is not self._contact or robot.contact is not NOTHING or is_nan:
+            self._put_contact(robot)
         if is_nan:
             for name in MEASURED:
                 self._packet.fields[name][:] = np.nan
+            self._contact = None
         return self._packet.sealed(robot.time, rate)
 
     def _put_configuration(self, configuration: Configuration) -> None:
@@ -83,6 +87,7 @@ class Publisher:
 
     def _put_contact(self, robot: Robot) -> None:
         fields, contact = self._packet.fields, robot.contact
+        self._contact = contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
         fields["O_F_ext_hat_K"][:] = contact.wrench
         turn = robot.posture.reached[:3, :3]
