@@ -117,7 +117,8 @@ class ArmPort:
             robot.stop(request.command_id)
             return b""
         if request.command is Command.AUTOMATIC_ERROR_RECOVERY:
-            return bytes((robot.recover(),))
+            refusal = robot.recover(request.command_id)
+            return b"" if refusal is None else bytes((refusal,))
         if request.command is Command.GET_ROBOT_MODEL:
             return b"\0" + robot_model().encode()
         if request.command is Command.CONNECT:

@@ -81,7 +81,7 @@ class Robot:
     time: int = 0
     ticks: int = 0
     late: list[Late] = field(default_factory=list)
-    waiting_stops: list[int] = field(default_factory=list)
+    waiting: list[Late] = field(default_factory=list)
 
     @property
     def moving(self) -> bool:
@@ -106,7 +106,7 @@ class Robot:
 
     def stop(self, command_id: int) -> None:
         """Brake; the reply is late, when the arm stands."""
-        self.waiting_stops.append(command_id)
+        self.waiting.append(Late(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
@@ -120,25 +120,27 @@ class Robot:
             self.posture = Posture.resting(self.posture.q, self.configuration.tool)
         return status
 
-    def recover(self) -> Status:
-        """Leave a reflex; not possible in motion, braking, or while the user stop is pressed."""
-        standing = self.posture.at_rest and self.motion is None
-        if self.mode not in (Mode.IDLE, Mode.REFLEX) or not standing:
+    def recover(self, command_id: int) -> Status | None:
+        """Leave a reflex once the arm stands, with a late reply.
+
+        Not possible in motion or while the user stop is pressed.
+        """
+        if self.mode not in (Mode.IDLE, Mode.REFLEX):
             return Status.NOT_POSSIBLE
-        self.mode, self.errors = Mode.IDLE, frozenset()
-        return Status.SUCCESS
+        self.waiting.append(Late(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS))
+        return None
 
     def reflex(self, error: Reflex) -> None:
         """Abort what is under way and brake; only recovery lets the arm move again."""
         if self.mode is Mode.USER_STOPPED:
             return
-        self._abort(MoveStatus.REFLEX_ABORTED)
+        self._finish(MoveStatus.REFLEX_ABORTED)
         self.mode = Mode.REFLEX
         self.errors = self.reasons = frozenset({error})
 
     def press_user_stop(self) -> None:
         """Abort what is under way and brake until the stop is released."""
-        self._abort(MoveStatus.EMERGENCY_ABORTED)
+        self._finish(MoveStatus.EMERGENCY_ABORTED)
         self.mode = Mode.USER_STOPPED
 
     def release_user_stop(self) -> None:
@@ -148,11 +150,9 @@ class Robot:
 
     def abandon(self) -> None:
         """The client is gone: brake, answer nobody."""
-        if self.motion is not None:
-            self._abort(MoveStatus.ABORTED)
-            self.mode = Mode.IDLE
+        self._finish(MoveStatus.ABORTED)
         self.late.clear()
-        self.waiting_stops.clear()
+        self.waiting.clear()
 
     def step(self, command: RobotCommand) -> None:
         """Follow one command, or stop by a reflex where a limit forbids it."""
@@ -160,8 +160,7 @@ class Robot:
         if motion is None or motion.stopping:
             return
         if not finite(motion.generator, command):
-            self._abort(MoveStatus.INPUT_ERROR_ABORTED)
-            self.mode = Mode.IDLE
+            self._finish(MoveStatus.INPUT_ERROR_ABORTED)
             return
         tool, first = self.configuration.tool, not motion.started
         self.ticks += 1
@@ -175,7 +174,9 @@ class Robot:
         self.posture, motion.started = posture, True
         self._feel()
         if self.motion is not None and command.finished:
+            self.posture = Posture.resting(self.posture.q, tool)
             self._finish(MoveStatus.SUCCESS)
+            self._answer()
 
     def miss(self) -> None:
         """No command came in time: go on as before, for PATIENCE ticks at most."""
@@ -189,15 +190,14 @@ class Robot:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def rest(self) -> None:
-        """One tick without commands: brake what moves, answer stops once the arm stands."""
+        """One tick without commands: brake what moves, answer once the arm stands."""
         if not self.moving and not self.posture.at_rest:
             self.posture = self.posture.braked(self.configuration.tool)
         self._feel()
         if self.motion is not None and self.motion.stopping and self.posture.at_rest:
             self._finish(MoveStatus.PREEMPTED)
         if self.motion is None and self.posture.at_rest:
-            self.late += [Late(Command.STOP_MOVE, stop, 0) for stop in self.waiting_stops]
-            self.waiting_stops.clear()
+            self._answer()
 
     def _feel(self) -> None:
         force = self.pushed
@@ -210,14 +210,18 @@ class Robot:
         if self.motion is not None and self.contact.reflex is not None:
             self.reflex(self.contact.reflex)
 
-    def _abort(self, status: MoveStatus) -> None:
-        if self.motion is not None:
-            self._finish(status)
-
     def _finish(self, status: MoveStatus) -> None:
+        """No motion any more; its last reply comes before others that wait for the arm."""
         if self.motion is not None:
-            self.late.append(Late(Command.MOVE, self.motion.command_id, status))
+            self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE
+
+    def _answer(self) -> None:
+        for late in self.waiting:
+            if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
+                self.mode, self.errors = Mode.IDLE, frozenset()
+        self.late += self.waiting
+        self.waiting.clear()
 
 
 def resting_robot(
