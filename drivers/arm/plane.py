@@ -29,6 +29,7 @@ class StripPlane:
         self._up: Numbers = frame[:3, 2].tolist()
         self._origin: Numbers = frame[:3, 3].tolist()
         self._sign = sign
+        self.turned = turned
         self._rest: Array | None = None
 
     def take_over(self, pose: Numbers) -> None:

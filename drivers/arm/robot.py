@@ -5,6 +5,7 @@ import socket
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any, Protocol
 
@@ -75,7 +76,7 @@ class Robot:
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
         with _named(self._stopped):
-            self._robot.set_collision_behavior(lower, upper, lower, upper, soft, hard, soft, hard)
+            self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def recover(self) -> None:
         """Ask the robot to leave its reflex."""
@@ -143,7 +144,10 @@ def _named(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
         seen = None
         with suppress(Exception):  # the first error is the one that is told
             seen = explain(cause)
-        raise Failed(seen or Failure(cause, one_line(error))) from error
+        words = one_line(error)
+        if seen is not None:
+            raise Failed(replace(seen, words=f"{seen.words}: {words}")) from error
+        raise Failed(Failure(cause, words)) from error
 
 
 @contextmanager
