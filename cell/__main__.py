@@ -14,7 +14,7 @@ def main() -> None:
     except CellError as error:
         _end(error)
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
-        from cell.unexpected import Unexpected
+        from drivers.errors import Unexpected
 
         _end(Unexpected(error))
 

@@ -1,5 +1,7 @@
 """The one family of errors that the cell raises on purpose."""
 
+import traceback
+from pathlib import Path
 from typing import Any
 
 
@@ -73,3 +75,22 @@ def _again(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
     error = kind.__new__(kind)
     error.args = arguments
     return error
+
+
+class Unexpected(CellError):
+    """A defect of this program: where it was, what it said, what to do."""
+
+    def __init__(self, error: BaseException) -> None:
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        said = " ".join(str(error).split()) or "no reason given"
+        super().__init__(
+            f"unexpected {type(error).__name__} in {Path(place.filename).name}, line "
+            f"{place.lineno}: {said}; this is a defect of the program, please report it"
+        )
+
+
+class WorkersLost(CellError):
+    """Whoever folded is gone; the journal keeps what was done."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"{reason}; run the same command again to go on")

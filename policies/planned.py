@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe
 from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.follower import Follower

@@ -44,19 +44,19 @@ def _motion(name: str) -> Policy:
 
 
 def _triangular(_: FilePath | None) -> Policy:
-    from policies.triangular import Triangular
+    from policies.fixed_paths import Triangular
 
     return Triangular()
 
 
 def _circular(_: FilePath | None) -> Policy:
-    from policies.circular import Circular
+    from policies.fixed_paths import Circular
 
     return Circular()
 
 
 def _shifted(_: FilePath | None) -> Policy:
-    from policies.shifted import Shifted
+    from policies.fixed_paths import Shifted
 
     return Shifted()
 

@@ -33,8 +33,8 @@ def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
     """Straight up, on an arc of radius `turn` to 45 degrees, to an apex of `height` over the
     middle, down to over the fixed edge.
 
-    All in units of the strip's length. A strip that is drawn in before it is lifted throws a ruck,
-    to one side or the other by a hair's breadth: what it shows then is chance.
+    All in units of the strip's length. A strip that is drawn in before it is lifted buckles to
+    one side or the other by chance, and so does everything that it shows afterwards.
     """
     angle = np.linspace(0.0, np.pi / 4, 46)
     arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)

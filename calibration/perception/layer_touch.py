@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.perception.measurement import SeenTouch, StripMeasurement
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import SeenTouch, Sight
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
@@ -37,7 +37,7 @@ class LayerTouch:
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
-    def tell(self, sight: Sight, gripper: Pose) -> SeenTouch | None:
+    def tell(self, sight: StripMeasurement, gripper: Pose) -> SeenTouch | None:
         """The touch, on the frame that completes the evidence and on all later ones, else None.
 
         `gripper` is the measured pose at the sight's stamp. The touch's own time is earlier.
@@ -83,7 +83,7 @@ class LayerTouch:
         )
 
 
-def _fall(sight: Sight, gripper: Pose) -> Fall | None:
+def _fall(sight: StripMeasurement, gripper: Pose) -> Fall | None:
     """What a sight says of the fall, or None where no gap is seen."""
     if not np.isfinite(sight.gap) or len(sight.profile) < 4:
         return None

@@ -7,10 +7,10 @@ import numpy as np
 from calibration.calibration import Calibration
 from calibration.perception.appearance import Appearance, matte, soft
 from calibration.perception.contact import Contact, SearchLine, find_contact
+from calibration.perception.measurement import StripMeasurement
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
 from calibration.perception.region import START, Region, hide_hand, strip_region, zones
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import Sight
 from calibration.perception.silhouette import Grip, Side, outer_side, silhouette
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
@@ -58,7 +58,7 @@ class Perception:
         self._rest = appearance.rest_height
         self._contact_bias = settings.contact_bias + calibration.contact_bias
 
-    def look(self, frame: Frame, gripper: Pose) -> Sight:
+    def look(self, frame: Frame, gripper: Pose) -> StripMeasurement:
         """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
 
         Never raises for what an image shows: what is not seen is NaN with confidence 0.
@@ -69,7 +69,7 @@ class Perception:
         contact = find_contact(smooth, self._line, region.origin)
         curve = self._curve(levels, smooth, region, contact, gripper)
         tip, gap = self._fold(contact, curve)
-        return Sight(
+        return StripMeasurement(
             stamp=frame.stamp,
             sequence=frame.sequence,
             contact_x=contact.x - self._contact_bias,

@@ -1,11 +1,16 @@
 """The page about a benchmark: every figure of the paper, beside the numbers of its text."""
 
+import io
 from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 from cell.benchmark import paper
 from cell.benchmark.claims import THREE, claims
 from cell.benchmark.figures.critical import critical_figure
 from cell.benchmark.figures.displacement import (
+    main_picture,
     outside,
     range_figure,
     repeats_figure,
@@ -20,12 +25,51 @@ from cell.benchmark.figures.motion import (
     policy_figure,
 )
 from cell.benchmark.figures.photograph import photograph
+from cell.benchmark.numbers import newtons, numeral
 from cell.benchmark.results import Refused, Results
 from cell.benchmark.summary import Row, rows
-from cell.benchmark.words import newtons, numeral
+from cell.record.documents import plain, replace_file
 from cell.report.markup import definitions, drawing, masthead, page, section, table, verdict_box
 from cell.report.verdict import Tone, Verdict
 from cell.report.words import NO_VALUE, millimetres
+from drivers.errors import ConfigurationError
+
+DPI = 160
+
+
+def write_results(results: Results, folder: Path) -> Path:
+    """Write benchmark.json and benchmark.html into `folder`; the path of the page."""
+    content = results.model_dump_json(by_alias=True, indent=1)
+    _write(folder / "benchmark.json", content.encode())
+    page = folder / "benchmark.html"
+    _write(page, page_of(results).encode())
+    return page
+
+
+def write_main_picture(results: Results, path: Path) -> None:
+    """The displacements on all strips as a PNG at `path`."""
+    from matplotlib import rc_context
+
+    content = io.BytesIO()
+    with rc_context({"svg.fonttype": "path"}):
+        main_picture(results).savefig(content, format="png", dpi=DPI, facecolor="white")
+    _write(path, content.getvalue())
+
+
+def lines(results: Results) -> list[dict[str, Any]]:
+    """Objects for a program: a policy each, then a claim each; None for what is not known."""
+    told = [{"kind": "policy", **asdict(row)} for row in rows(results)]
+    claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
+    return [plain(line) for line in (*told, *claimed)]
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, content)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+
 
 TITLE = "Feedback-based fabric strip folding, from simulation"
 NOT_IN_SOURCE = (

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from cell.benchmark.asked import Asked
+from cell.benchmark.spec import BenchmarkSpec
 from drivers.settings import Settings
 from drivers.types import Array
 
@@ -117,7 +117,7 @@ class Results(Settings):
     """benchmark.json: what was asked, what came out, and what it was made with."""
 
     schema_: Literal[1] = Field(1, alias="schema")
-    asked: Asked
+    asked: BenchmarkSpec
     made_with: dict[str, str]
     speed: float
     results: tuple[AnyResult, ...]

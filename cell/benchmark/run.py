@@ -5,15 +5,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
-from cell.benchmark.asked import Asked
 from cell.benchmark.crew import carry_out
 from cell.benchmark.journal import Journal
-from cell.benchmark.parts.order import order, weights_digest
+from cell.benchmark.parts.all_parts import order, weights_digest
 from cell.benchmark.parts.part import Part
 from cell.benchmark.results import Refused, Result, Results
-from cell.calibrate import calibration_of
+from cell.benchmark.spec import BenchmarkSpec
 from cell.config.places import Configs
-from cell.fold import PACKAGES
+from cell.operations.calibrate import calibration_of
+from cell.operations.fold import PACKAGES
 
 JOURNAL = "parts.jsonl"
 
@@ -31,7 +31,7 @@ class Watcher(Protocol):
 
 
 def benchmark(
-    asked: Asked,
+    asked: BenchmarkSpec,
     configs: Configs,
     folder: Path,
     runs: Path,

@@ -8,10 +8,10 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from rich.table import Table
 
 from cell.benchmark.claims import claims
+from cell.benchmark.numbers import newtons, numeral
 from cell.benchmark.parts.part import Part
 from cell.benchmark.results import ImageFold, Refused, Result, Results
 from cell.benchmark.summary import Row, rows
-from cell.benchmark.words import newtons, numeral
 from cell.report.words import millimetres
 
 

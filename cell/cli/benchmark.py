@@ -44,14 +44,14 @@ def benchmark(
     """
     from rich.console import Console
 
-    from cell.benchmark.asked import Asked, split
-    from cell.benchmark.output import lines, write_main_picture, write_results
+    from cell.benchmark.page import lines, write_main_picture, write_results
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.screen import Meter, show
+    from cell.benchmark.spec import BenchmarkSpec, split
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    asked = Asked.of(found, split(policies), split(strips), repeat, seed, quick=quick)
+    asked = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
     meter = Meter(Console(stderr=True))
     try:
         results = measure(

@@ -15,9 +15,9 @@ def calibrate(
 ) -> None:
     """Calibrate the twin's camera anew: lens from boards, homography from touched points."""
     from calibration.calibration import save_calibration
-    from cell.calibrate import calibrate_anew
     from cell.config.places import find_configs
-    from cell.interrupt import Interrupt
+    from cell.operations.calibrate import calibrate_anew
+    from cell.operations.interrupt import Interrupt
 
     with Interrupt() as interrupted:
         made, path = calibrate_anew(find_configs(configs).cell(), interrupted)

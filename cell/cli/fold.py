@@ -14,8 +14,8 @@ from drivers.errors import CellError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from cell.fold import Request
-    from cell.result import FoldResult
+    from cell.operations.fold import Request
+    from cell.operations.result import FoldResult
 
 
 class ArmDriver(StrEnum):
@@ -75,11 +75,11 @@ def fold(
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
-    from cell.batch import checked, requests
-    from cell.choice import Choice
-    from cell.fold import Request
+    from cell.devices.devices import DeviceSelection
+    from cell.operations.batch import checked, requests
+    from cell.operations.fold import Request
 
-    choice = Choice(arm and arm.value, camera and camera.value, None, seed)
+    choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
         strip=strip,
         policy=policy,
@@ -107,12 +107,12 @@ def fold(
 
 
 def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
-    from cell.batch import side_by_side
-    from cell.calibrate import calibration_of
     from cell.config.places import find_configs
-    from cell.fold import fold as fold_once
-    from cell.interrupt import Interrupt
-    from cell.progress import progress
+    from cell.operations.batch import side_by_side
+    from cell.operations.calibrate import calibration_of
+    from cell.operations.fold import fold as fold_once
+    from cell.operations.interrupt import Interrupt
+    from cell.operations.progress import progress
 
     settings = find_configs(wanted[0].configs).cell()
     if jobs > 1 and len(wanted) > 1:
@@ -144,7 +144,7 @@ def _remark(text: str) -> None:
 
 
 def _predict(request: "Request", *, as_json: bool) -> None:
-    from cell.dry_run import predict
+    from cell.operations.prediction import predict
 
     prediction = predict(request)
     text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()

@@ -15,7 +15,7 @@ from cell.cli.gap_plan import plan
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
-    from cell.gap.verdict import Verdict
+    from cell.gap.verdict.schema import Verdict
 
 gap = typer.Typer(
     help="Find where simulation and measured data disagree, name the missing effect, add it.",
@@ -42,7 +42,7 @@ def fit(
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
     from cell.gap.fit import fit as judge
-    from cell.gap.overlay import write_overlay
+    from cell.gap.report.overlay import write_overlay
 
     threads = min(jobs, os.cpu_count() or 1)
     with _progress(quiet=as_json) as shown:
@@ -57,7 +57,7 @@ def fit(
 @gap.command()
 def accept(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
     """Put what was named into the strip file, or into cell.yaml where it belongs to the cell."""
-    from cell.gap.accept import accept as put
+    from cell.gap.verdict.accept import accept as put
 
     accepted = put(fitted, strip, _cell_file(configs))
     _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
@@ -66,7 +66,7 @@ def accept(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Jso
 @gap.command()
 def undo(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
     """Bring the files back as they were before the acceptance."""
-    from cell.gap.accept import undo as take_back
+    from cell.gap.verdict.accept import undo as take_back
 
     undone = take_back(fitted, strip, _cell_file(configs))
     _tell("undone", undone.effects, undone.files, as_json=as_json)
@@ -75,7 +75,7 @@ def undo(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json 
 @gap.command()
 def advise(fitted: Fitted, as_json: Json = False) -> None:
     """Say which experiment would tell most next."""
-    from cell.gap.verdict import read_verdict
+    from cell.gap.verdict.schema import read_verdict
 
     verdict = read_verdict(fitted / "verdict.json")
     if as_json:

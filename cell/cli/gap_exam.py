@@ -13,7 +13,7 @@ import typer
 from cell.cli.options import Json
 
 if TYPE_CHECKING:
-    from cell.exam.results import Entry
+    from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
 
@@ -51,10 +51,10 @@ def exam(
 
     What is finished is kept in OUT: an exam that was interrupted goes on where it stopped.
     """
-    from cell.exam.conduct import conduct
-    from cell.exam.drawn import drawn_once
-    from cell.exam.judge import Steps
-    from cell.exam.report import write_report
+    from cell.exam.cases.drawn import load_or_draw
+    from cell.exam.report.page import write_report
+    from cell.exam.run import run_exam
+    from cell.exam.run_case import Steps
     from drivers.errors import ConfigurationError
 
     if only_make and only_judge:
@@ -63,8 +63,8 @@ def exam(
     wide = min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
-            wanted = drawn_once(out, tier, cases, seed)
-            entries = conduct(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
+            wanted = load_or_draw(out, tier, cases, seed)
+            entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
         sys.stderr.write(
             f"interrupted; what is finished is kept in {out}: the same command goes on\n"
@@ -82,8 +82,8 @@ def exam(
 
 def _kept(folder: Path) -> "tuple[Entry, ...]":
     """The entries of an exam that was carried out in `folder`."""
-    from cell.exam.conduct import LEDGER
-    from cell.exam.results import Ledger
+    from cell.exam.run import LEDGER
+    from cell.exam.scoring.results import Ledger
     from drivers.errors import ConfigurationError
 
     if not (folder / LEDGER).is_file():
@@ -96,7 +96,7 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
         for entry in entries:
             sys.stdout.write(json.dumps(entry.model_dump(mode="json"), allow_nan=False) + "\n")
         return
-    from cell.exam.report import GOOD
+    from cell.exam.report.page import GOOD
 
     good = sum(e.outcome is not None and e.outcome.result in GOOD for e in entries)
     failed = sum(e.state == "failed" for e in entries)

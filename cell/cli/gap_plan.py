@@ -10,8 +10,8 @@ import typer
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
-    from cell.fold import Request
-    from cell.result import FoldResult
+    from cell.operations.fold import Request
+    from cell.operations.result import FoldResult
 
 
 def plan(
@@ -34,14 +34,19 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
-    from cell.choice import Choice
-    from cell.fold import Request
-    from cell.interrupt import Interrupt
-    from cell.plan import check_empty, folded, standard_requests, went_as_planned
+    from cell.devices.devices import DeviceSelection
+    from cell.operations.fold import Request
+    from cell.operations.interrupt import Interrupt
+    from cell.operations.standard_runs import (
+        check_empty,
+        folded,
+        standard_requests,
+        went_as_planned,
+    )
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     check_empty(folder)
-    choice = Choice(plant=plant, seed=seed)
+    choice = DeviceSelection(plant=plant, seed=seed)
     wanted = standard_requests(
         Request(strip, "", None, choice, folder, configs, None, truth=not no_truth, viz="off")
     )

@@ -28,7 +28,7 @@ def report(run: Run, as_json: Json = False) -> None:
 
 def viz(run: Run) -> None:
     """Build the Rerun recording of a run again from its record, and say how to open it."""
-    from cell.viz.screen import viz_from_run
+    from cell.viz.recording import viz_from_run
 
     path = viz_from_run(run)
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")

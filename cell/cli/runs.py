@@ -12,7 +12,7 @@ import typer
 from cell.cli.options import Json, Runs
 
 if TYPE_CHECKING:
-    from cell.runs import RunRow
+    from cell.record.listing import RunRow
 
 MEGABYTE = 1e6
 
@@ -32,7 +32,7 @@ def runs(
     as_json: Json = False,
 ) -> None:
     """List the runs in a folder; with --keep or --older-than, those that may go."""
-    from cell.runs import list_runs, remove, to_prune
+    from cell.record.listing import list_runs, remove, to_prune
 
     rows = list_runs(folder)
     pruning = keep is not None or older_than is not None

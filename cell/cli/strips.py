@@ -82,7 +82,7 @@ def measure(
     from cell.strips.folder import put_into, save
     from cell.strips.measurement import measure as measure_strip
     from cell.strips.photograph import read_photographs
-    from drivers.strip.file import load_strip
+    from drivers.strip.describe import load_strip
 
     _check_name(strip)
     path = _own(find_configs(configs)).strip_path(strip) if write else None
@@ -122,7 +122,7 @@ def new(
 ) -> None:
     """Write the file of a new strip; what is not given is assumed, and the file says so."""
     from cell.config.places import find_configs
-    from cell.strips.new import new_strip
+    from cell.strips.edit import new_strip
 
     _check_name(strip)
     path = _own(find_configs(configs)).folder / "strips" / f"{strip}.yaml"

@@ -7,8 +7,9 @@ from pathlib import Path
 from cell.config.cell import CellFile
 from drivers.errors import ConfigurationError
 from drivers.settings import load
+from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.file import StripFile
 
 PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
 BESIDE = Path(__file__).resolve().parents[2] / "configs"  # of a checkout

@@ -7,16 +7,16 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from cell.gap import hold_out as hold
-from cell.gap.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
-from cell.gap.compose import verdict as compose
-from cell.gap.findings import Findings
-from cell.gap.folders import find_runs, run_names
+from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
-from cell.gap.report import write_report
-from cell.gap.subject import Subject
-from cell.gap.tape import Tape
-from cell.gap.verdict import Verdict, write_text
+from cell.gap.report.page import write_report
+from cell.gap.selection import hold_out as hold
+from cell.gap.subject.run_folders import find_runs, run_names
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
+from cell.gap.verdict.compose import verdict as compose
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Verdict, write_text
 from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
 
@@ -51,7 +51,7 @@ def fit(
     hold.check(run_names(folders), hold_out)
     subject = open_subject(file, folders, jobs)
     _make(out)
-    tape = Tape(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
+    tape = SimulationCache(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
     held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)
@@ -70,11 +70,11 @@ def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
     """The subject that `file` describes, with its measured runs."""
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
-        from cell.gap.pendulum.subject import open_pendulum
+        from cell.gap.subject.pendulum.subject import open_pendulum
 
         return open_pendulum(file, folders, jobs)
     if kind == "strip":
-        from cell.gap.strip.subject import open_strip
+        from cell.gap.subject.strip.subject import open_strip
 
         return open_strip(file, folders, jobs)
     raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")

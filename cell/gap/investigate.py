@@ -6,26 +6,26 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from cell.gap import lack_of_fit, search, shrink
-from cell.gap.advise import Advice, advise
-from cell.gap.ambiguity import classes, rivals
-from cell.gap.batch import Simulate, alone, together
-from cell.gap.choose import Found, choose, exhausted
-from cell.gap.compare import LEVEL, Yardstick, holm, yardstick
-from cell.gap.crossvalidation import Validated, validate
-from cell.gap.describe import describe
-from cell.gap.detect import detectable
-from cell.gap.drift import drift
-from cell.gap.findings import Findings, Fitted, Judged, Screened, Shown
-from cell.gap.invariance import Invariance, invariance
-from cell.gap.model import Evidence, Model, Point, evidence
-from cell.gap.polish import finished, founded, refined
-from cell.gap.projection import projection
-from cell.gap.refit import Estimate
-from cell.gap.screen import Score, probe, ranked, ranked_pairs, table
-from cell.gap.starts import refit_base, undetermined
-from cell.gap.subject import Experiment, Subject
-from cell.gap.where import localise
+from cell.gap.diagnosis import held_out_gap, lack_of_fit
+from cell.gap.diagnosis.detection_limit import detectable
+from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.invariance import Invariance, invariance
+from cell.gap.diagnosis.localise import localise
+from cell.gap.diagnosis.next_experiment import Advice, advise
+from cell.gap.diagnosis.sparse_law import describe
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence, Model, Point, evidence
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import refined, refit_base, refit_base_fine, refit_fine, undetermined
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.selection import search
+from cell.gap.selection.choice import Found, choose, exhausted
+from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, holm, likelihood_scale
+from cell.gap.selection.rivals import classes, rivals
+from cell.gap.selection.screening import Score, probe, ranked, ranked_pairs, table
+from cell.gap.subject.subject import Experiment, Subject
+from cell.gap.verdict.findings import Findings, Fitted, Judged, Screened, Shown
 from drivers.types import Array
 
 Progress = Callable[[str, float], None]
@@ -70,11 +70,11 @@ def _fit_base(
 def _judged_base(
     subject: Subject, rough: Estimate, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
-    base = founded(subject, simulate, rough)
+    base = refit_base_fine(subject, simulate, rough)
     inflation, noise = _inflation(base), _noise(base, rng)
     allowed = lack_of_fit.slack(base.evidence, inflation, {})
     return Fitted(
-        alone(simulate, validate(base)),
+        run_one(simulate, validate(base)),
         inflation,
         drift(base),
         lack_of_fit.lack_of_fit(base, noise, allowed),
@@ -86,8 +86,8 @@ def _judged_base(
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
     about = projection(base)
-    by = yardstick([fitted.base])
-    probed = together(simulate, [probe(base, c) for c in subject.scope.candidates])
+    by = likelihood_scale([fitted.base])
+    probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
     known = table(about, probed)
     singles = ranked(known)
     return Screened(
@@ -99,7 +99,9 @@ def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     )
 
 
-def _screened_p(subject: Subject, singles: Sequence[Score], by: Yardstick) -> dict[str, float]:
+def _screened_p(
+    subject: Subject, singles: Sequence[Score], by: LikelihoodScale
+) -> dict[str, float]:
     """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
     raw = {s.names[0]: stats.chi2.sf(2.0 * s.gain / by.inefficiency, size[s.names[0]])
@@ -114,29 +116,33 @@ def _refit(
 ) -> list[Validated]:
     """Every model worth comparing, refitted: nothing more where there is nothing to find."""
     base, candidates = fitted.base, subject.scope.candidates
-    by = yardstick([base])
+    by = likelihood_scale([base])
     least = by.least * by.inefficiency
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return [base]
 
     def tried(pool: Sequence[Validated], scores: Sequence[Score]) -> list[Validated]:
-        known = search.with_bent(candidates, pool)
+        known = search.with_shape_parameters(candidates, pool)
         more = search.fit_scores(simulate, base.estimate, scores, known)
         return search.merged(pool, more)
 
     pool = tried([base], screened.singles[: search.SINGLES])
     if not exhausted(pool):
-        pool = search.merged(pool, search.bent(simulate, pool))
+        pool = search.merged(pool, search.shape_parameters(simulate, pool))
     if exhausted(pool) or not _unsettled(pool, anywhere=True):
         return pool
     progress("refit pairs", 0.45)
-    pairs = search.sifted(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
+    pairs = search.shortlist(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
     pool = tried(pool, pairs)
-    pool = tried(pool, search.extended(simulate, pool, 1, search.with_bent(candidates, pool)))
+    pool = tried(
+        pool, search.extended(simulate, pool, 1, search.with_shape_parameters(candidates, pool))
+    )
     pair = len(choose(pool).accepted.model.effects) == 2
     if pair and not exhausted(pool) and _unsettled(pool, anywhere=False):
         progress("refit triples", 0.7)
-        pool = tried(pool, search.extended(simulate, pool, 2, search.with_bent(candidates, pool)))
+        pool = tried(
+            pool, search.extended(simulate, pool, 2, search.with_shape_parameters(candidates, pool))
+        )
     return tried(pool, search.without_each(pool))
 
 
@@ -166,7 +172,7 @@ def _judge(
     found = _finished(subject, simulate, choose(pool))
     best = found.accepted.estimate
     tested = [(m, e.name) for m in found.tried if _worth_testing(m, found) for e in m.model.effects]
-    results = together(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
+    results = run_all(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
     invariances: dict[str, dict[str, Invariance]] = {}
     for (m, e), result in zip(tested, results, strict=True):
         invariances.setdefault(m.model.name, {})[e] = result
@@ -179,7 +185,7 @@ def _judge(
     leftover, astray = _leftover(best, noise, kind)
     close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
     groups = classes(found.accepted, close)
-    terms = together(simulate, [probe(best, t) for t in subject.scope.terms])
+    terms = run_all(simulate, [probe(best, t) for t in subject.scope.terms])
     law = describe(best, projection(best), terms, found.by.inefficiency, rng)
     return Judged(
         found, invariances, misfit, leftover, astray, drift(best), inflation,
@@ -204,7 +210,7 @@ def _finished(subject: Subject, simulate: Simulate, found: Found) -> Found:
     rough = found.accepted
     if not rough.model.effects:
         return found
-    done = alone(simulate, validate(finished(subject, simulate, rough.estimate)))
+    done = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
     tried = tuple(done if m is rough else m for m in found.tried)
     return replace(found, accepted=done, tried=tried)
 
@@ -226,10 +232,12 @@ def _show(
 
     base, best = fitted.base.estimate, judged.found.accepted.estimate
     known = at(base)
-    before = after = shrink.unseen(simulate, base, known)
+    before = after = held_out_gap.unseen(simulate, base, known)
     if best.model.effects:
-        after = shrink.unseen(simulate, best, Evidence(at(best).runs, known.scales))
-    share = shrink.shrink(shrink.run_squares(before), shrink.run_squares(after), rng)
+        after = held_out_gap.unseen(simulate, best, Evidence(at(best).runs, known.scales))
+    share = held_out_gap.shrink(
+        held_out_gap.run_squares(before), held_out_gap.run_squares(after), rng
+    )
     return Shown(before, after, share)
 
 
@@ -242,7 +250,7 @@ def _advise(
     second = _alternative(screened, judged)
     if second is None or not experiments:
         return []
-    return alone(simulate, advise(first, second, experiments, found.by))
+    return run_one(simulate, advise(first, second, experiments, found.by))
 
 
 def _alternative(screened: Screened, judged: Judged) -> tuple[Model, Array] | None:

@@ -3,8 +3,31 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from calibration.perception.sight import SeenTouch
-from cell.orchestrator.stopped import Stopped
+from calibration.perception.measurement import SeenTouch
+from drivers.errors import CellError, Fault, PreflightRefused
+
+
+@dataclass(frozen=True, slots=True)
+class StopReason:
+    """Why a run is being stopped, and what the command line then returns."""
+
+    name: str
+    reason: str
+    exit_code: int
+
+    @classmethod
+    def by(cls, error: Exception) -> Self:
+        """The stop that an error asks for; one that nobody expected is an `internal_error`."""
+        if isinstance(error, Fault):
+            return cls(error.name, error.reason, error.exit_code)
+        if isinstance(error, CellError):
+            name = "preflight_refused" if isinstance(error, PreflightRefused) else "error"
+            return cls(name, str(error), error.exit_code)
+        return cls("internal_error", f"{type(error).__name__}: {error}", Fault.exit_code)
+
+
+INTERRUPTED = StopReason("interrupted", "stopped from the keyboard", 130)
+INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboard", 130)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +46,11 @@ class Outcome:
     duration: float
 
     @classmethod
-    def of(cls, stopped: Stopped, duration: float) -> Self:
+    def of(cls, stopped: StopReason, duration: float) -> Self:
         """The end of a run that was stopped and measured nothing."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
-    def but(self, stopped: Stopped) -> Self:
+    def but(self, stopped: StopReason) -> Self:
         """The same end, spoilt by what went wrong after it; of two such things the first."""
         if self.name == stopped.name:
             return self

@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Generator
 from dataclasses import asdict, dataclass
+from functools import partial
 
 import numpy as np
 
+from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import Preflight, inspect
-from calibration.perception.sight import SeenTouch
 from calibration.touched_points import TouchedPoints
-from cell.orchestrator.knowledge import Knowledge
-from cell.orchestrator.phase import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
-from cell.senses import Command, Drive, Hold, Senses
-from cell.states import Event, State
+from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
+from cell.orchestrator.states import Event, State
+from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -33,11 +35,8 @@ class Pictured:
     gripper: Pose
 
 
-def preflight(cell: Knowledge, record: Record) -> Phase:
-    """Judge the picture of the strip before it is touched; without a calibration, make one."""
-    if cell.calibration is None:
-        yield from pause(0.0)
-        return Event.NEEDS_CALIBRATION
+def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+    """Judge the picture of the strip before it is touched."""
     fold = cell.settings.fold
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
     frame = (yield from _still_picture()).frame
@@ -48,14 +47,18 @@ def preflight(cell: Knowledge, record: Record) -> Phase:
     record.describe(preflight=checks)
     if seen.appearance is None or not seen.passed:
         raise PreflightRefused(_failures(seen))
-    cell.see_with(cell.calibration, seen.appearance)
+    cell.reader = StripReader.of(cell.settings, cell.strip, cell.calibration, seen.appearance)
     return Event.CHECKED
 
 
-def calibrate(cell: Knowledge, record: Record) -> Phase:
+def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
+    """A run that calibrates has no strip to judge."""
+    yield from pause(0.0)
+    return Event.NEEDS_CALIBRATION
+
+
+def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
     """The map to the plane, from points that the pointer touches."""
-    if cell.lens is None:
-        raise PreflightRefused("there is no calibration; run `cell calibrate`")
     points = TouchedPoints(cell.lens, cell.settings.touches)
     while (pose := points.ask()) is not None:
         yield from move(pose)
@@ -67,7 +70,7 @@ def calibrate(cell: Knowledge, record: Record) -> Phase:
     return Event.CALIBRATED
 
 
-def grasp(cell: Knowledge, _: Record) -> Phase:
+def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     """Come from beyond the free edge, close the fingers on it, check that they hold it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
@@ -75,80 +78,80 @@ def grasp(cell: Knowledge, _: Record) -> Phase:
     yield from move(Pose(length + approach, 2 * approach, 0.0))
     yield from move(Pose(length + approach, 0.0, 0.0))
     yield from move(Pose(length, 0.0, 0.0))
-    senses = yield from close_hand()
-    if not senses.hand.grasped:
+    snapshot = yield from close_hand()
+    if not snapshot.hand.grasped:
         raise Fault("grasp_missed", "the fingers closed on nothing; lay the edge at x = L")
     yield from pause(SETTLE)
     return Event.GRASPED
 
 
-def lift(cell: Knowledge, _: Record) -> Phase:
+def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     """Follow the first stretch of the policy's own path while the pitch grows to hanging."""
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
-    senses = yield Drive(Velocity(0.0, 0.0, 0.0))
-    while senses.arm.pose.z < cell.settings.fold.takeover_height:
-        pose = senses.arm.pose
+    snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+    while snapshot.arm.pose.z < cell.settings.fold.takeover_height:
+        pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
-        senses = yield Drive(_velocity(decision, _lift_pitch_rate(travel, speed, pose.pitch)))
+        snapshot = yield Drive(_velocity(decision, _lift_pitch_rate(travel, speed, pose.pitch)))
     return Event.LIFTED
 
 
-def fold(cell: Knowledge, record: Record) -> Phase:
+def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Decide on each new frame, command on each tick, until the layers are seen to touch."""
-    command = Drive(cell.velocity)
+    command = Drive(begin.velocity)
     while True:
-        senses = yield command
-        if not senses.fresh or senses.sight is None:
+        snapshot = yield command
+        if not snapshot.view.fresh or snapshot.view.measurement is None:
             continue
-        if senses.touch is not None:
-            cell.seen_touch = senses.touch
+        if snapshot.view.touch is not None:
+            cell.seen_touch = snapshot.view.touch
             return Event.LAYER_TOUCH
-        decision = cell.policy.decide(observe(senses))
-        record.decision(senses, decision)
+        decision = cell.policy.decide(observe(snapshot))
+        record.decision(snapshot, decision)
         if decision.done[0]:
             return Event.PATH_DONE
-        upright = PITCH_GAIN * (HANGING - senses.arm.pose.pitch)
+        upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
-def touched(cell: Knowledge, record: Record) -> Phase:
+def touched(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Brake, let the picture settle, and take the measure of the touch."""
-    senses = yield from pause(cell.settings.fold.touch_settle)
-    senses = yield from wait_for(lambda now: not now.arm.moving)
-    cell.seen_touch = senses.touch or cell.seen_touch
-    record.event(senses.time, "at_rest_after_touch", x=senses.arm.pose.x, z=senses.arm.pose.z)
+    snapshot = yield from pause(cell.settings.fold.touch_settle)
+    snapshot = yield from wait_for(lambda now: not now.arm.moving)
+    cell.seen_touch = snapshot.view.touch or cell.seen_touch
+    record.event(snapshot.time, "at_rest_after_touch", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: Knowledge, record: Record) -> Phase:
+def lay(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Lower the grasped edge to the desk, without pulling at the touch."""
-    senses = yield from pause(0.0)
-    path = lay_path(_seen(cell), senses.arm.pose, cell.strip.thickness)
-    senses = yield from _follow_lay(path, cell.settings.fold.lay_speed)
-    record.event(senses.time, "laid", x=senses.arm.pose.x, z=senses.arm.pose.z)
+    snapshot = yield from pause(0.0)
+    path = lay_path(_seen(cell), snapshot.arm.pose, cell.strip.thickness)
+    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed)
+    record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
 
-def release(cell: Knowledge, record: Record) -> Phase:
+def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Open the fingers, see where the edges ended, and retreat from the strip."""
-    senses = yield from open_hand()
-    cell.edge_offset = -senses.arm.pose.x
-    record.event(senses.time, "released", edge_offset=cell.edge_offset)
+    snapshot = yield from open_hand()
+    cell.edge_offset = -snapshot.arm.pose.x
+    record.event(snapshot.time, "released", edge_offset=cell.edge_offset)
     retreat = cell.settings.fold.approach
-    pose = senses.arm.pose
+    pose = snapshot.arm.pose
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     return Event.RELEASED
 
 
-PHASES: dict[State, Callable[[Knowledge, Record], Phase]] = {
+PhaseFactory = Callable[[Record, Snapshot], Phase]
+_FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.PREFLIGHT: preflight,
-    State.CALIBRATE: calibrate,
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
@@ -156,21 +159,32 @@ PHASES: dict[State, Callable[[Knowledge, Record], Phase]] = {
     State.LAY: lay,
     State.RELEASE: release,
 }
+_CALIBRATION: dict[State, Callable[[CalibrationContext, Record, Snapshot], Phase]] = {
+    State.PREFLIGHT: go_calibrate,
+    State.CALIBRATE: calibrate,
+}
 
 
-def observe(senses: Senses) -> Observation:
+def phases_of(context: Context) -> dict[State, PhaseFactory]:
+    """The phases of a run with this context; each starts from the snapshot that led to it."""
+    if isinstance(context, CalibrationContext):
+        return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    return {state: partial(phase, context) for state, phase in _FOLD.items()}
+
+
+def observe(snapshot: Snapshot) -> Observation:
     """What the policy may know: the gripper now, the strip when the newest image was so."""
-    sight, pose = senses.sight, senses.arm.pose
-    if sight is None:
+    seen, pose = snapshot.view.measurement, snapshot.arm.pose
+    if seen is None:
         raise Fault("image_stale", "a policy was asked to decide without an image")
     return Observation(
-        time=np.array([senses.time]),
+        time=np.array([snapshot.time]),
         x=np.array([pose.x]),
         z=np.array([pose.z]),
-        stamp=np.array([sight.stamp]),
-        contact_x=np.array([sight.contact_x]),
-        tip_x=np.array([sight.tip[0]]),
-        tip_z=np.array([sight.tip[1]]),
+        stamp=np.array([seen.stamp]),
+        contact_x=np.array([seen.contact_x]),
+        tip_x=np.array([seen.tip[0]]),
+        tip_z=np.array([seen.tip[1]]),
     )
 
 
@@ -187,16 +201,16 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
 def _follow_lay(path: Path, speed: float) -> Motion:
     """Follow the lay path, turning the pitch evenly from hanging to lying backward."""
     follower = Follower(path, 1)
-    senses = yield Drive(Velocity(0.0, 0.0, 0.0))
+    snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
     while True:
-        pose = senses.arm.pose
+        pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
         if decision.done[0]:
             break
         share = float(follower.progress[0]) / path.length
         wanted = HANGING + share * HANGING
         rate = HANGING * speed / path.length + PITCH_GAIN * (wanted - pose.pitch)
-        senses = yield Drive(_velocity(decision, rate))
+        snapshot = yield Drive(_velocity(decision, rate))
     end = path.points[-1]
     return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))
 
@@ -212,16 +226,20 @@ def _velocity(decision: Decision, pitch_rate: float) -> Velocity:
     return Velocity(speed * np.cos(phi), speed * np.sin(phi), pitch_rate)
 
 
-def _still_picture() -> Generator[Command, Senses, Pictured]:
+def _still_picture() -> Generator[Command, Snapshot, Pictured]:
     """Wait until arm, strip and picture are at rest; the first image taken after that."""
     still = (yield from pause(SETTLE)).time
     while True:
-        senses = yield Hold()
-        if senses.fresh and senses.frame is not None and senses.frame.stamp > still:
-            return Pictured(senses.time, senses.frame, senses.arm.pose)
+        snapshot = yield Hold()
+        if (
+            snapshot.view.fresh
+            and snapshot.view.frame is not None
+            and snapshot.view.frame.stamp > still
+        ):
+            return Pictured(snapshot.time, snapshot.view.frame, snapshot.arm.pose)
 
 
-def _seen(cell: Knowledge) -> SeenTouch:
+def _seen(cell: FoldContext) -> SeenTouch:
     if cell.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     return cell.seen_touch

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Any, Protocol
 
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
+from cell.orchestrator.snapshot import Snapshot
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
-from cell.senses import Senses
 from drivers.types import Frame
 from policies.policy import Decision
 
@@ -27,11 +27,11 @@ class Record(Protocol):
         """Let measured time begin."""
         ...
 
-    def tick(self, senses: Senses, cost: float) -> None:
+    def tick(self, snapshot: Snapshot, cost: float) -> None:
         """A turn of the control loop that took `cost` [s] to compute."""
         ...
 
-    def sight(self, sight: Sight) -> None:
+    def sight(self, sight: StripMeasurement) -> None:
         """What one image showed."""
         ...
 
@@ -39,7 +39,7 @@ class Record(Protocol):
         """An image that was looked at."""
         ...
 
-    def decision(self, senses: Senses, decision: Decision) -> None:
+    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """What the policy decided on a sight."""
         ...
 
@@ -75,14 +75,14 @@ class Recorder:
         self._writer.event(clock, "origin")
         self._flush_early()
 
-    def tick(self, senses: Senses, cost: float) -> None:
+    def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Add a turn of the control loop; nothing before the lift."""
         if self._origin is None:
             return
-        row = Tick.of(senses.arm, senses.state, cost)
+        row = Tick.of(snapshot.arm, snapshot.state, cost)
         self._writer.tick(replace(row, t=row.t - self._origin))
 
-    def sight(self, sight: Sight) -> None:
+    def sight(self, sight: StripMeasurement) -> None:
         """Add what one image showed."""
         if self._origin is not None and sight.stamp >= self._origin:
             self._writer.sight(replace(sight, stamp=sight.stamp - self._origin))
@@ -94,13 +94,13 @@ class Recorder:
         else:
             self._writer.frame(_shifted(frame, -self._origin))
 
-    def decision(self, senses: Senses, decision: Decision) -> None:
+    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add what the policy decided on the newest sight, for `cell replay`."""
-        if senses.frame is not None:
-            facts = {"sequence": senses.frame.sequence, "x": senses.arm.pose.x}
-            facts |= {"z": senses.arm.pose.z, "time": senses.time - self.origin}
+        if snapshot.view.frame is not None:
+            facts = {"sequence": snapshot.view.frame.sequence, "x": snapshot.arm.pose.x}
+            facts |= {"z": snapshot.arm.pose.z, "time": snapshot.time - self.origin}
             facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
-            self._writer.event(senses.time, "decision", **facts)
+            self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Add something that happened at `clock` [s]."""
@@ -123,3 +123,30 @@ class Recorder:
 
 def _shifted(frame: Frame, offset: float) -> Frame:
     return replace(frame, stamp=frame.stamp + offset, arrival=frame.arrival + offset)
+
+
+class NullRecorder:
+    """Takes everything a recorder takes and keeps nothing."""
+
+    origin = 0.0
+
+    def describe(self, **facts: Any) -> None:
+        """Not kept."""
+
+    def begin(self, clock: float) -> None:
+        """Nothing to begin."""
+
+    def tick(self, snapshot: Snapshot, cost: float) -> None:
+        """Not kept."""
+
+    def sight(self, sight: StripMeasurement) -> None:
+        """Not kept."""
+
+    def frame(self, frame: Frame) -> None:
+        """Not kept."""
+
+    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
+        """Not kept."""
+
+    def event(self, clock: float, kind: str, **facts: Any) -> None:
+        """Not kept."""

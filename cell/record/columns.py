@@ -84,7 +84,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True)
 class Sights:
-    """sights.parquet: what each image showed, arrays (n,) as in `Sight`; empty where not kept."""
+    """sights.parquet: a `StripMeasurement` per image as arrays (n,); empty where not kept."""
 
     stamp: Array
     sequence: Array

@@ -157,7 +157,7 @@ def _moment(value: object) -> float:
 def _broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
     """The tables of a run that died; a cell's own may have died before its streams were begun."""
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
-    if not begun and "config" not in (header.model_extra or {}):
+    if not begun and header.config is None:
         raise ConfigurationError(
             f"{folder}: {TICKS}: is missing, and there is no {TICK_STREAM} to make it from"
         )

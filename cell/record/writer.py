@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from calibration.perception.sight import Sight
+from calibration.perception.measurement import StripMeasurement
 from cell.record.documents import json_line, write_all, write_document
 from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
@@ -86,7 +86,7 @@ class RunWriter:
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 
-    def sight(self, sight: Sight) -> None:
+    def sight(self, sight: StripMeasurement) -> None:
         """Add what was seen in one image."""
         row = {name: getattr(sight, name) for name in ("stamp", "sequence", "contact_x")}
         row |= {name: getattr(sight, name) for name in ("gap", "gap_x", "contact_confidence")}

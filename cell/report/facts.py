@@ -27,19 +27,24 @@ Rows = list[tuple[str, str]]
 def measures(run: Run) -> Rows:
     """The numbers of the run that one looks for first."""
     result, rows = run.result, Rows()
-    more = (result.model_extra or {}) if result is not None else {}
     if result is not None and result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
         rows.append(("lower layer l2", millimetres(result.l2)))
     if result is not None and result.t_layer_touch is not None:
         rows.append(("layers touched at", seconds(result.t_layer_touch)))
-    if isinstance(more.get("confidence"), int | float):
-        rows.append(("confidence in the touch", f"{100 * more['confidence']:.0f} %"))
-    if isinstance(more.get("edge_offset"), int | float):
-        rows.append(("edges apart once laid", millimetres(more["edge_offset"], signed=True)))
-    duration = more.get("duration", float(run.ticks.t[-1]) if run.ticks.t.size else None)
-    rows.append(("duration", seconds(duration, 1)))
+    if result is not None and result.confidence is not None:
+        rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
+    if result is not None and result.edge_offset is not None:
+        rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
+    rows.append(("duration", seconds(_duration(run), 1)))
     return [*rows, *_loop(run)]
+
+
+def _duration(run: Run) -> float | None:
+    """How long the run took [s], as stated or as far as its record goes."""
+    if run.result is not None and run.result.duration is not None:
+        return run.result.duration
+    return float(run.ticks.t[-1]) if run.ticks.t.size else None
 
 
 def facts(run: Run) -> Rows:
@@ -102,8 +107,7 @@ def advice(run: Run) -> list[str]:
 
 
 def _steps_at_the_arm(run: Run) -> list[str]:
-    drivers = (run.header.model_extra or {}).get("drivers")
-    if isinstance(drivers, Mapping) and drivers.get("arm") == "twin":
+    if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > 0.01
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."

@@ -47,8 +47,8 @@ def report(run: Run) -> str:
 
 
 def _parts(run: Run) -> Iterator[str]:
-    policy = (run.header.model_extra or {}).get("policy")
-    kicker = f"Fold of {run.header.strip}" + (f", policy {policy}" if policy else "")
+    policy = f", policy {run.header.policy}" if run.header.policy else ""
+    kicker = f"Fold of {run.header.strip}{policy}"
     yield masthead(kicker, run.name)
     under_way = is_under_way(run.folder)
     said = verdict_of(run, read_truth(run.folder), under_way)

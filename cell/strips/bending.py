@@ -5,11 +5,67 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import chi2, norm, t
 
-from cell.strips.birth import STRAIGHT, Birth, Born
 from cell.strips.cantilever_fit import Fit, fit
 from cell.strips.photograph import Photograph
-from cell.strips.pooling import Pooled, pool
+from cell.strips.rest_curvature import STRAIGHT, RestCurvature, RestCurvaturePrior
+from drivers.types import Array
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Pooled:
+    """A `value` within [`low`, `high`] at 95 %, and the `scatter` between the measurements.
+
+    `scatter` is the standard deviation beyond their own; `agreement` the probability that
+    measurements that differ by their own sigma alone scatter as much.
+    """
+
+    value: float
+    low: float
+    high: float
+    scatter: float
+    agreement: float
+
+
+def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
+    """Random-effects mean of `values` with standard deviations `sigmas`.
+
+    Scatter by Paule and Mandel, interval by Hartung and Knapp, never narrower than the sigmas
+    alone make it.
+    """
+    y, variance = np.array(values), np.array(sigmas) ** 2
+    scatter = _scatter(y, variance)
+    weight = 1 / (variance + scatter)
+    value = float((weight * y).sum() / weight.sum())
+    own = float(norm.ppf(0.5 + CONFIDENCE / 2) / np.sqrt(weight.sum()))
+    free = len(y) - 1
+    agreement = float(chi2.sf(_excess(y, variance, 0.0) + free, free)) if free else 1.0
+    spread = 0.0
+    if free:
+        knapp = (weight * (y - value) ** 2).sum() / (free * weight.sum())
+        spread = float(t.ppf(0.5 + CONFIDENCE / 2, free) * np.sqrt(knapp))
+    half = max(own, spread)
+    return Pooled(value, value - half, value + half, float(np.sqrt(scatter)), agreement)
+
+
+def _excess(y: Array, variance: Array, scatter: float) -> float:
+    """Generalised sum of squares over what it is expected to be."""
+    weight = 1 / (variance + scatter)
+    mean = (weight * y).sum() / weight.sum()
+    return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))
+
+
+def _scatter(y: Array, variance: Array) -> float:
+    """Variance between the measurements at which the sum of squares is as expected."""
+    if len(y) < 2 or _excess(y, variance, 0.0) <= 0:
+        return 0.0
+    most = float(np.ptp(y) ** 2) * len(y)
+    return float(brentq(lambda scatter: _excess(y, variance, scatter), 0.0, most))
+
 
 SPREADS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # 1/m, rest curvatures that are tried
 DECISIVE = 5.0  # of log evidence, for a birth with one more unknown
@@ -33,14 +89,14 @@ class Bending:
     gain: float
 
     @property
-    def birth(self) -> Birth:
+    def birth(self) -> RestCurvaturePrior:
         """How the strip was born."""
         return self.fits[0].birth
 
     @property
     def curl(self) -> Pooled:
         """The even part of the rest curvature, pooled [1/m]."""
-        if self.birth.born is Born.STRAIGHT:
+        if self.birth.born is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
 
@@ -48,8 +104,8 @@ class Bending:
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
     """The bending length that fits all photographs, which share how far from straight they are."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
-    curled = _best(photographs, straight, Born.CURLED)
-    varied = _best(photographs, straight, Born.SET)
+    curled = _best(photographs, straight, RestCurvature.CURLED)
+    varied = _best(photographs, straight, RestCurvature.SET)
     fits = straight
     for other in (curled, varied):
         if evidence(other) > evidence(fits) + DECISIVE:
@@ -77,11 +133,11 @@ def pool_lengths(fits: Sequence[Fit]) -> Pooled:
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
-def _best(photographs: Sequence[Photograph], start: Fits, born: Born) -> Fits:
+def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
     """Fits at the spread of rest curvature that makes the midlines most probable."""
     tried: list[Fits] = []
     for spread in SPREADS:
-        birth = Birth(born, spread)
+        birth = RestCurvaturePrior(born, spread)
         start = tuple(fit(each, birth, s) for each, s in zip(photographs, start, strict=True))
         tried.append(start)
     scores = np.array([evidence(each) for each in tried])
@@ -91,6 +147,7 @@ def _best(photographs: Sequence[Photograph], start: Fits, born: Born) -> Fits:
     bend = scores[j - 1] - 2 * scores[j] + scores[j + 1]
     spread = SPREADS[j] * 2 ** float(0.5 * (scores[j - 1] - scores[j + 1]) / bend)
     refined = tuple(
-        fit(each, Birth(born, spread), s) for each, s in zip(photographs, tried[j], strict=True)
+        fit(each, RestCurvaturePrior(born, spread), s)
+        for each, s in zip(photographs, tried[j], strict=True)
     )
     return max(refined, tried[j], key=evidence)

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.strips.birth import STRAIGHT, Birth
 from cell.strips.photograph import Photograph
 from cell.strips.problem import BIRTH, LEDGE, LN_LENGTH, ROLL, TIP, Problem, Trial, X, Z, rotation
+from cell.strips.rest_curvature import STRAIGHT, RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, NoRest
 from drivers.types import Array
 
@@ -28,7 +28,7 @@ class Fit:
     """
 
     photograph: Photograph
-    birth: Birth
+    birth: RestCurvaturePrior
     values: Array
     covariance: Array
     hanging: Hanging
@@ -78,7 +78,7 @@ class Fit:
         return np.asarray((self.values[[X, Z]] + points) / self.photograph.pixel * (1, -1))
 
 
-def fit(photograph: Photograph, birth: Birth, start: Fit | None = None) -> Fit:
+def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = None) -> Fit:
     """The most probable strip of this `birth` in the photograph, sought from `start`."""
     if start is None:
         start = _find(photograph)

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cell.strips.bending import Bending, measure_bending
-from cell.strips.birth import Born
+from cell.strips.bending import Bending, Pooled, measure_bending
 from cell.strips.cantilever_fit import Fit
 from cell.strips.photograph import Photograph
-from cell.strips.pooling import Pooled
+from cell.strips.rest_curvature import RestCurvature
 from drivers.errors import ConfigurationError
 
 VISIBLE = 0.1  # widths by which a straight-born strip misses the midline
@@ -117,14 +116,14 @@ def _refuse(fitted: Fit) -> None:
 def _not_straight(bending: Bending) -> str:
     """Whether the shape is that of a strip with a set of its own."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
-    if bending.birth.born is Born.STRAIGHT or missed < VISIBLE:
+    if bending.birth.born is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""
     lengths = 1e3 * np.array([each.bending_length for each in bending.straight])
     taken = f"{lengths.min():.1f}"
     if len(lengths) > 1:
         taken += f" to {lengths.max():.1f}"
     furthest = 1e3 * max(float(np.abs(each.misses).max()) for each in bending.straight)
-    if bending.birth.born is Born.CURLED:
+    if bending.birth.born is RestCurvature.CURLED:
         curl = bending.curl
         own = f"unloaded it curls by {curl.value:+.1f} 1/m ({curl.low:+.1f} to {curl.high:+.1f})"
     else:

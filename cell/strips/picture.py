@@ -6,8 +6,8 @@ from typing import Any
 import cv2
 
 from cell.report.drawing import BLUE, MUTED, ORANGE, canvas
-from cell.strips.birth import Born
 from cell.strips.cantilever_fit import Fit
+from cell.strips.rest_curvature import RestCurvature
 from drivers.strip.cantilever import hinges
 
 HEIGHT = 1600  # px of the photograph in the picture
@@ -25,7 +25,7 @@ def picture(fitted: Fit, straight: Fit) -> bytes:
         _photograph(whole, fitted, straight)
         _photograph(bend, fitted, straight)
         _near_the_ledge(bend, fitted)
-        if fitted.birth.born is Born.STRAIGHT:
+        if fitted.birth.born is RestCurvature.STRAIGHT:
             _misses(right.subplots(), fitted, straight)
         else:
             upper, lower = right.subplots(2, 1, sharex=True)
@@ -43,7 +43,7 @@ def _title(fitted: Fit, straight: Fit) -> str:
         f"{photograph.path.name}, overhang {1e3 * photograph.overhang:.4g} mm: bending length "
         f"{1e3 * fitted.bending_length:.1f} mm, sigma {100 * fitted.sigma:.1f} %"
     )
-    if fitted.birth.born is Born.STRAIGHT:
+    if fitted.birth.born is RestCurvature.STRAIGHT:
         return text
     return f"{text} (taken as born straight: {1e3 * straight.bending_length:.1f} mm)"
 

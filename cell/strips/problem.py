@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.strips.birth import Birth
 from cell.strips.photograph import Photograph
+from cell.strips.rest_curvature import RestCurvaturePrior
 from drivers.strip.cantilever import Hanging, hang
 from drivers.types import Array
 
@@ -42,7 +42,7 @@ class Problem:
     and the deviates of the rest curvature. All but the place have a normal prior.
     """
 
-    def __init__(self, photograph: Photograph, birth: Birth) -> None:
+    def __init__(self, photograph: Photograph, birth: RestCurvaturePrior) -> None:
         self.photograph = photograph
         self.birth = birth
         self._fields = birth.fields(photograph.overhang, photograph.width)

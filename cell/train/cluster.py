@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from cell.train.errors import WorkersLost
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, WorkersLost
 
 if TYPE_CHECKING:
     from distributed import Client

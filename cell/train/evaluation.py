@@ -10,7 +10,7 @@ import torch
 
 from drivers.strip.engine import Stepper
 from drivers.strip.rod.engine import Rod
-from drivers.twin.chain import Chain
+from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.domain import grid
 from policies.train.folding import FINE

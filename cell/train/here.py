@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from threading import Thread
 
-from cell.train.errors import WorkersLost
+from drivers.errors import WorkersLost
 
 
 def cores() -> int:

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from calibration.calibration import load_calibration
+from cell.orchestrator.snapshot import Snapshot
 from cell.record.files import CALIBRATION
-from cell.senses import Senses
-from cell.viz.moment import Moment, Words, told
+from cell.viz.playback import LogLine, TickView, told
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
 
 if TYPE_CHECKING:
-    from cell.viz.screen import Screen
+    from cell.viz.recording import Screen
 
 Mode = Literal["save", "live"]
 WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
@@ -45,7 +45,7 @@ class Viz:
         `viewer` opens a viewer on an address; by default Rerun's own."""
         self.dropped = 0
         self.failure = ""
-        self._waiting: deque[Moment | Words] = deque()
+        self._waiting: deque[TickView | LogLine] = deque()
         self._news, self._over = threading.Event(), threading.Event()
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
@@ -53,23 +53,23 @@ class Viz:
         self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
         self._thread.start()
 
-    def see(self, senses: Senses) -> None:
+    def see(self, snapshot: Snapshot) -> None:
         """Take over one tick."""
-        sight = senses.sight
+        sight = snapshot.view.measurement
         if sight is not None and sight.sequence == self._sequence:
             sight = None
         if sight is not None:
             self._sequence = sight.sequence
         self._ticks += 1
         self._put(
-            Moment(
-                clock=senses.time,
-                t=senses.time - self._origin,
+            TickView(
+                clock=snapshot.time,
+                t=snapshot.time - self._origin,
                 tick=self._ticks,
-                state=str(senses.state),
-                pose=senses.arm.pose.as_array(),
+                state=str(snapshot.state),
+                pose=snapshot.arm.pose.as_array(),
                 sight=sight,
-                image=self._image(senses),
+                image=self._image(snapshot),
             )
         )
 
@@ -77,7 +77,7 @@ class Viz:
         """Take over one event; the lift begins measured time."""
         if kind == "state" and str(facts.get("state")) == "LIFT":
             self._origin = time
-        self._put(Words(time, told(kind, facts), kind == "fault", time - self._origin))
+        self._put(LogLine(time, told(kind, facts), kind == "fault", time - self._origin))
 
     def close(self, timeout: float = PATIENCE) -> None:
         """Let the thread finish its work, for at most `timeout` [s]; allowed twice."""
@@ -85,16 +85,20 @@ class Viz:
         self._news.set()
         self._thread.join(timeout)
 
-    def _image(self, senses: Senses) -> Image | None:
+    def _image(self, snapshot: Snapshot) -> Image | None:
         """The newest image, if it is time for one and the thread keeps up."""
-        if not senses.fresh or senses.frame is None or senses.time < self._next_image:
+        if (
+            not snapshot.view.fresh
+            or snapshot.view.frame is None
+            or snapshot.time < self._next_image
+        ):
             return None
-        self._next_image = senses.time + IMAGE_PERIOD
-        waiting = (item for item in self._waiting.copy() if isinstance(item, Moment))
+        self._next_image = snapshot.time + IMAGE_PERIOD
+        waiting = (item for item in self._waiting.copy() if isinstance(item, TickView))
         late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
-        return None if late else senses.frame.image
+        return None if late else snapshot.view.frame.image
 
-    def _put(self, item: Moment | Words) -> None:
+    def _put(self, item: TickView | LogLine) -> None:
         if not self._thread.is_alive():
             return
         if len(self._waiting) >= WAITING:
@@ -111,7 +115,7 @@ class Viz:
         viewer: Callable[[str], None] | None,
     ) -> None:
         """Draw what waits until the run is over. Rerun is imported here, beside the run."""
-        from cell.viz.screen import Screen, open_recording
+        from cell.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION
         try:

@@ -8,11 +8,11 @@ import numpy as np
 from drivers.errors import Fault
 from drivers.protocols import Clock
 from drivers.strip.model import Observation
-from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
 from drivers.types import Frame
 
 SOURCE = "twin camera"
@@ -58,6 +58,11 @@ class TwinCamera:
         self._delay = settings.transport_delay + max(0.0, -self._latency)
         self._newest: Frame | None = None
         self._connected = False
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return self._settings.rate
 
     def connect(self) -> None:
         """Start delivering frames."""

@@ -34,7 +34,7 @@ class Grip:
         )
 
 
-class Bearings:
+class RigOffsets:
     """Where the gripper truly is over the true desk, from where the arm believes that it is.
 
     The offsets of `rig` grow as in `grip_path`: from nothing where the strip is grasped.

@@ -6,16 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.installation import Installation
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Effects, describe
+from drivers.strip.model import Effects
 from drivers.twin.arm import TwinArm
 from drivers.twin.camera import TwinCamera, Visible
-from drivers.twin.chain import Chain
+from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.scene import Truth
 from drivers.twin.settings import TwinSettings
-from drivers.twin.truth import Truth
 from drivers.twin.world import Plant, World
 from drivers.types import Pose
 
@@ -28,7 +29,7 @@ def as_it_is(world: World) -> Visible:
 
 
 @dataclass(frozen=True, slots=True)
-class Staging:
+class PlantOptions:
     """What a twin is made of besides its settings: another plant, another view of its world.
 
     `engine` makes the plant from a number of links, `view` is what the camera looks at.
@@ -38,7 +39,7 @@ class Staging:
     view: Callable[[World], Visible] = as_it_is
 
 
-ORDINARY = Staging()
+ORDINARY = PlantOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ def open_twin(
     seed: int,
     index: int = 0,
     installation: Installation = AS_USUAL,
-    staging: Staging = ORDINARY,
+    staging: PlantOptions = ORDINARY,
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 

@@ -1,8 +1,12 @@
 """What the twin's camera needs to know of the world at one instant."""
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 
-from drivers.types import Array, Pose
+from drivers.errors import Fault
+from drivers.strip.shape import Touch
+from drivers.twin.clock import NANO, nanoseconds
+from drivers.types import Array, Pose, frozen
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,3 +27,71 @@ class Scene:
     holds_strip: bool
     pointer: bool = False
     strip: bool = True
+
+
+class History:
+    """Scenes at regular steps, the oldest forgotten; between them it interpolates linearly."""
+
+    def __init__(self, step: float, memory: float) -> None:
+        """Scenes every `step` [s], kept for `memory` [s]."""
+        self._step = nanoseconds(step)
+        self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
+
+    def add(self, scene: Scene) -> None:
+        """Remember a scene one step later than the last."""
+        self._scenes.append(scene)
+
+    @property
+    def newest(self) -> Scene:
+        """The last scene."""
+        return self._scenes[-1]
+
+    def at(self, stamp: float) -> Scene:
+        """The scene at `stamp` [s]; Fault `world_unknown` when it is not remembered."""
+        wanted, first = nanoseconds(stamp), nanoseconds(self._scenes[0].stamp)
+        if not first <= wanted <= nanoseconds(self.newest.stamp):
+            raise Fault(
+                "world_unknown",
+                f"the world at {stamp:.4f} s cannot be shown; known are "
+                f"{first / NANO:.4f} to {self.newest.stamp:.4f} s",
+            )
+        index, rest = divmod(wanted - first, self._step)
+        if rest == 0:
+            return self._scenes[index]
+        return between(self._scenes[index], self._scenes[index + 1], stamp)
+
+
+def between(earlier: Scene, later: Scene, stamp: float) -> Scene:
+    """The scene at `stamp` [s] between two others; what the hand holds is the earlier one's."""
+    share = (stamp - earlier.stamp) / (later.stamp - earlier.stamp)
+    here, there = earlier.gripper.as_array(), later.gripper.as_array()
+    x, z, pitch = (here + share * (there - here)).tolist()
+    points = earlier.points
+    if points is not later.points:
+        points = frozen(points + share * (later.points - points))
+    width = earlier.finger_width + share * (later.finger_width - earlier.finger_width)
+    return replace(
+        earlier, stamp=stamp, points=points, gripper=Pose(x, z, pitch), finger_width=width
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The world at each strip step since the grasp: times `t` (k,) [s of the run].
+
+    `contact_x` (k,) [m]; `tip` (k, 2) [m], the fold's rightmost point; `gripper` (k, 3) and
+    `edge` (k, 3), poses of the fingers and of the strip's grasped edge; `shapes` (k, n, 2) [m],
+    midlines at arc lengths `arc` (n,) [m]; `holding_force` (k,) [N]. `edge_offset` [m] is how far
+    the grasped edge lies beyond the fixed one at the end, with the sign of d.
+    """
+
+    t: Array
+    contact_x: Array
+    tip: Array
+    gripper: Array
+    edge: Array
+    shapes: Array
+    arc: Array
+    holding_force: Array
+    touch: Touch | None
+    edge_offset: float

@@ -12,11 +12,9 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
 from drivers.twin.fingers import Fingers
-from drivers.twin.grip import Bearings, Grip
-from drivers.twin.history import History
-from drivers.twin.scene import Scene
+from drivers.twin.grip import Grip, RigOffsets
+from drivers.twin.scene import History, Scene, Truth
 from drivers.twin.settings import WorldSettings
-from drivers.twin.truth import Truth
 from drivers.types import Array, Pose, frozen
 
 
@@ -47,7 +45,7 @@ class World:
         self._path: deque[tuple[float, Pose]] = deque([(0.0, start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
-        self._bearings = Bearings(model.rig)
+        self._bearings = RigOffsets(model.rig)
         self._grip: Grip | None = None
         self._grasped_at: float | None = None
         plant.reset([model])

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import GRAVITY, StripFile
-from drivers.strip.model import describe
 from drivers.types import Array
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out

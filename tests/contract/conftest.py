@@ -7,15 +7,14 @@ from pathlib import Path
 import pytest
 
 import drivers.clock
-from cell.corrected_arm import CorrectedArm
+from cell.devices.rig_correction import CorrectedArm
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
-from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
-from drivers.twin.settings import TwinSettings
+from drivers.twin.settings import CameraSettings, TwinSettings
 from drivers.types import Pose
 
 DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"

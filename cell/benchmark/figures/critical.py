@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cell.benchmark import paper
-from cell.benchmark.figures.ink import WIDTH
+from cell.benchmark.figures.style import WIDTH
 from cell.benchmark.results import CriticalPoints, Results
 from cell.report.drawing import MUTED, as_svg, canvas
 from drivers.types import Array

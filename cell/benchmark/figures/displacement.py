@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cell.benchmark import paper
-from cell.benchmark.figures.ink import (
+from cell.benchmark.figures.style import (
     BAND,
     DASHES,
     DISPLACEMENT,

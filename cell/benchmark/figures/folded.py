@@ -3,7 +3,7 @@
 import numpy as np
 
 from cell.benchmark import paper
-from cell.benchmark.figures.ink import WIDTH, smooth, stiffness_colours
+from cell.benchmark.figures.style import WIDTH, smooth, stiffness_colours
 from cell.benchmark.results import Laid, Results
 from cell.report.drawing import MUTED, as_svg, canvas
 

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from cell.benchmark.figures.ink import WIDTH, colour, dot, policy_rows
+from cell.benchmark.figures.style import WIDTH, colour, dot, policy_rows
+from cell.benchmark.numbers import numeral
 from cell.benchmark.results import RangeFolds, Results
-from cell.benchmark.words import numeral
 from cell.report.drawing import INK, MUTED, as_svg, canvas
 from cell.report.words import MINUS
 from policies.domain import DAMPING, STIFFNESS

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.benchmark.figures.ink import DASHES, WIDTH, colour, desk, smooth, stiffness_colours
+from cell.benchmark.figures.style import DASHES, WIDTH, colour, desk, smooth, stiffness_colours
 from cell.benchmark.parts.evolution import LEVEL
 from cell.benchmark.results import Adaptation, Curve, Evolution, Results
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, as_svg, canvas

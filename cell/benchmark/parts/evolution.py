@@ -6,10 +6,10 @@ import numpy as np
 
 from cell.benchmark.parts.critical import STEP, level_motion
 from cell.benchmark.parts.paper_range import knowing
-from cell.benchmark.parts.witness import Witness
+from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import Curve, Evolution
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -61,7 +61,7 @@ class Evolved:
         return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, HEIGHT - 1e-9)
 
     def _fold(self) -> "_Seen":
-        strip, witness = strip_at(*PLACE), Witness(Rod(), shapes=True)
+        strip, witness = strip_at(*PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
             witness,

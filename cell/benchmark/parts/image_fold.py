@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from cell.benchmark.results import ImageFold
 from cell.config.places import find_configs
-from cell.fold import Request, fold
-from cell.interrupt import Interrupt
+from cell.operations.fold import Request, fold
+from cell.operations.interrupt import Interrupt
 
 COST = 10.0
 

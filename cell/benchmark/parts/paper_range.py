@@ -6,11 +6,11 @@ from typing import Literal
 
 import numpy as np
 
-from cell.benchmark.parts.witness import Witness
+from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import RangeFolds
+from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from policies.domain import grid
 from policies.planned import Planned
 from policies.policy import Policy
@@ -48,7 +48,7 @@ class OverRange:
     def measure(self) -> RangeFolds:
         """Fold all strips."""
         strips = grid(self.side)
-        witness = Witness(_engine(self.engine))
+        witness = RecordingEngine(_engine(self.engine))
         folds = roll_out(
             knowing(self.policy, strips),
             witness,
@@ -76,6 +76,6 @@ def _engine(name: str) -> Stepper:
         from drivers.strip.rod.engine import Rod
 
         return Rod(SEGMENTS, strict=False)
-    from drivers.twin.chain import Chain
+    from drivers.twin.chain.engine import Chain
 
     return Chain(LINKS)

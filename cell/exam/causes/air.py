@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from drivers.twin.chain_foreign import Parts
-from drivers.twin.chain_joints import Joints
+from drivers.twin.chain.extra_forces import Parts
+from drivers.twin.chain.joints import Joints
 from drivers.types import Array
 
 TINY = 1e-6  # s, over which nodes are led on to see how fast they move

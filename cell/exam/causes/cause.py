@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.settings import Settings
 from drivers.strip.model import StripModel
-from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.types import Array
 
 
@@ -24,7 +24,7 @@ class Cause(Settings):
         """The strip as it lies there in the run `model.index`; `rng` is the run's."""
         return model
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """The forces of the cause on one chain; None where it exerts none."""
         return None
 

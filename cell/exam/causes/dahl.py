@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
 from drivers.types import Array
 
 
@@ -25,7 +24,7 @@ class Dahl(Cause):
     ratio: float = Field(8.0, ge=1, le=50)  # of pre-sliding over bending stiffness
     exponent: float = Field(1.5, ge=1.0, le=3.0)
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """Friction at every hinge, at rest and without moment."""
         if self.yield_curvature == 0:
             return None

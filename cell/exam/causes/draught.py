@@ -6,8 +6,8 @@ from pydantic import Field
 
 from cell.exam.causes.air import moving, slowed
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_lumps import AIR
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.lumps import AIR
 
 LAYER = 0.10  # m over the desk, where the wind has its full speed
 PROFILE = 1 / 7  # of the wind below
@@ -26,7 +26,7 @@ class Draught(Cause):
     memory: float = Field(0.8, gt=0, le=60)  # s
     drag: float = Field(1.2, ge=0, le=10)  # C_d
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:
         """Wind on every link."""
         if self.speed == 0:
             return None

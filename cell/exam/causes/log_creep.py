@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
 from drivers.types import Array
 
 ELEMENTS = 4
@@ -27,7 +26,7 @@ class LogCreep(Cause):
     quick: float = Field(0.1, gt=0, le=10)  # s
     slow: float = Field(5.0, gt=0, le=1000)  # s
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """What the springs of a chain have lost."""
         if self.ratio == 0:
             return None

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from cell.exam.causes.air import moving, slowed
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_lumps import AIR
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.chain.lumps import AIR
 
 
 class ObliqueDrag(Cause):
@@ -27,7 +27,7 @@ class ObliqueDrag(Cause):
     exponent: float = Field(1.85, ge=1.2, le=2.2)
     speed: float = Field(0.3, gt=0, le=5)  # m/s, v_0
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """Drag on every link."""
         if self.coefficient == 0:
             return None

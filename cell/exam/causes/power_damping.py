@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class PowerDamping(Cause):
@@ -23,7 +23,7 @@ class PowerDamping(Cause):
     exponent: float = Field(1.7, ge=1.2, le=3.0)
     rate: float = Field(60.0, gt=0, le=1000)  # 1/(m s), r
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """A dashpot at every hinge."""
         if self.coefficient == 0:
             return None

@@ -6,8 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
-from drivers.twin.chain_hinges import resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
 from drivers.types import Array
 
 STEEPEST = 6.0  # times the curvature of the law from which on it is led straight
@@ -25,7 +24,7 @@ class SinhBending(Cause):
 
     cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """What the law adds to the elastic moment of every hinge."""
         if self.cubic == 0:
             return None

@@ -5,7 +5,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain_foreign import Act, Parts
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
 class StaticCling(Cause):
@@ -18,7 +18,7 @@ class StaticCling(Cause):
     pressure: float = Field(ge=0, le=50)
     reach: float = Field(0.010, gt=0, le=0.1)  # m
 
-    def begin(self, parts: Parts, rng: np.random.Generator) -> Act | None:  # noqa: ARG002
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
         """The pull on every link."""
         if self.pressure == 0:
             return None

@@ -15,7 +15,7 @@ from drivers.types import Array
 PIECE = 0.5  # s of motion in one compiled call: a batch closes up between calls
 
 
-class Way(NamedTuple):
+class GripperPath(NamedTuple):
     """A reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging`: its strip starts at
     rest from the first pose instead of flat.
     """
@@ -33,7 +33,7 @@ class Way(NamedTuple):
 def simulate_all(
     rod: Rod,
     models: Sequence[StripModel],
-    ways: Sequence[Way],
+    ways: Sequence[GripperPath],
     *,
     dt: float = 0.005,
     every: int = 0,
@@ -62,18 +62,18 @@ def simulate_all(
     ]
 
 
-def _true(model: StripModel, way: Way) -> Way:
+def _true(model: StripModel, way: GripperPath) -> GripperPath:
     t, poses = true_path(model.rig, way.t, way.poses, hanging=way.hanging)
     return way._replace(t=t, poses=poses)
 
 
-def _sampled(way: Way, dt: float, count: int) -> Array:
+def _sampled(way: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) at the ends of the steps, the last one held."""
     times = way.t[0] + dt * np.arange(1, count + 1)
     return np.stack([np.interp(times, way.t, way.poses[:, c]) for c in range(3)], axis=-1)
 
 
-def _starts(models: Sequence[StripModel], ways: Sequence[Way]) -> Array:
+def _starts(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> Array:
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
     return np.array([w.poses[0] if w.hanging else f for w, f in zip(ways, flat, strict=True)])
 
@@ -82,7 +82,7 @@ def _motion(
     seen: Showing,
     poses: Array,
     i: int,
-    way: Way,
+    way: GripperPath,
     count: int,
     touch: Touch | None,
     dt: float,

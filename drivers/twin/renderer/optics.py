@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.camera_settings import CameraSettings
+from drivers.twin.settings import CameraSettings
 from drivers.types import Array
 
 Pixels = NDArray[np.float32]

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.curve import Curve, exposed
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
 from drivers.twin.renderer.lint import draw_lint
@@ -18,6 +17,7 @@ from drivers.twin.renderer.splat import Cloud, paint
 from drivers.twin.renderer.stage import bgr, stage
 from drivers.twin.renderer.window import Window
 from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
 from drivers.types import Image
 
 

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.camera_settings import CameraSettings
 from drivers.twin.renderer.curve import Curve
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
+from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
 SPAN = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity

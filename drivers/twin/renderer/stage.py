@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.twin.camera_settings import CameraSettings, Colour
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics, Pixels
+from drivers.twin.settings import CameraSettings, Colour
 from drivers.types import Array, Image
 
 Field = NDArray[np.float32]

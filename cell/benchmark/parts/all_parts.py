@@ -1,0 +1,90 @@
+"""Which parts a benchmark has."""
+
+import hashlib
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import policies
+from cell.benchmark.parts.adaptation import Adapted
+from cell.benchmark.parts.critical import Critical
+from cell.benchmark.parts.evolution import LEVEL, Evolved
+from cell.benchmark.parts.image_fold import ThroughImages
+from cell.benchmark.parts.laid import LaidDown
+from cell.benchmark.parts.paper_range import OverRange
+from cell.benchmark.parts.part import Part
+from cell.benchmark.spec import BenchmarkSpec
+from cell.config.places import Configs
+from cell.devices.devices import DeviceSelection
+from cell.operations.fold import Request
+
+SLOW = 0.02  # m/s, of the level motion
+LEARNED = "feedback"  # the policy that the paper's figures of paths are about
+
+
+def order(asked: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
+    """All parts of the benchmark `asked` for, those that take long first; runs go to `runs`."""
+    speed = configs.cell().fold.speed
+    return (*_in_the_model(asked, speed), *_through_images(asked, configs, runs))
+
+
+def weights_digest() -> str:
+    """Digest of all committed weights."""
+    folder = Path(policies.__file__).parent / "weights"
+    return digest(*(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.json"))))
+
+
+def digest(*texts: str) -> str:
+    """Twelve digits that tell one set of texts from another."""
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
+
+
+def _in_the_model(asked: BenchmarkSpec, speed: float) -> Iterator[Part]:
+    of = digest(version("folding-cell"), weights_digest())
+    extent = asked.extent
+    for policy in asked.policies:
+        yield OverRange(policy, "rod", extent.grid, speed, of)
+        yield OverRange(policy, "chain", extent.chain, speed, of)
+    for pace in (SLOW, speed):
+        yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
+    for place in np.linspace(0.0, 1.0, extent.laid):
+        yield LaidDown(float(place), of)
+    yield Evolved(LEVEL, SLOW, of)
+    if LEARNED in asked.policies:
+        yield Evolved(LEARNED, speed, of)
+        yield Adapted(LEARNED, speed, of)
+
+
+def _through_images(asked: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
+    for strip in asked.strips:
+        for policy in asked.policies:
+            yield _fold(asked, configs, runs, strip, policy, 0)
+    for policy in asked.policies:
+        for repeat in range(1, asked.repeats):
+            yield _fold(asked, configs, runs, asked.repeated, policy, repeat)
+
+
+def _fold(
+    asked: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
+) -> ThroughImages:
+    """The fold whose noise has the seed asked for plus `repeat`; the strip is always fresh."""
+    request = Request(
+        strip=strip,
+        policy=policy,
+        checkpoint=None,
+        choice=DeviceSelection(seed=asked.seed + repeat),
+        runs=runs,
+        configs=configs.folder,
+        frames=None,
+        truth=True,
+        viz="off",
+    )
+    of = digest(
+        version("folding-cell"),
+        configs.cell().model_dump_json(),
+        configs.strip(strip).model_dump_json(),
+        weights_digest(),
+    )
+    return ThroughImages(request, of)

@@ -1,0 +1,73 @@
+"""An engine that is watched: what its strips showed at each decision of a fold."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.strip.engine import Observables, Stepper
+from drivers.strip.model import StripModel
+from drivers.types import Array
+from policies.rollout import TAKEOVER, Marching
+
+
+class RecordingEngine:
+    """Wraps `engine`; keeps contacts and holding forces of all strips, poses of their grippers
+    and, where asked for, `shapes`.
+    """
+
+    def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
+        self.midlines: list[Array] = []
+        self.contacts: list[Array] = []
+        self._engine = engine
+        self._with_shapes = shapes
+        self._forces: list[Array] = []
+        self._heights: list[Array] = []
+        self._going: list[NDArray[np.bool_]] = []
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """As the engine."""
+        self._engine.reset(models)
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """As the engine."""
+        return self.advance(poses[None], dt)
+
+    def advance(self, poses: Array, dt: float) -> Observables:
+        """As the engine; what the last step shows is kept."""
+        if isinstance(self._engine, Marching):
+            seen = self._engine.advance(poses, dt)
+        else:
+            seen = [self._engine.step(pose, dt) for pose in poses][-1]
+        self.contacts.append(seen.contact_x.copy())
+        self._forces.append(np.abs(seen.holding_force))
+        self._heights.append(poses[-1, :, 1].copy())
+        self._going.append(np.array([touch is None for touch in seen.touch]))
+        if self._with_shapes:
+            self.midlines.append(self._engine.shapes().copy())
+        return seen
+
+    def shapes(self) -> Array:
+        """As the engine."""
+        return self._engine.shapes()
+
+    def arc(self) -> Array:
+        """As the engine."""
+        return self._engine.arc()
+
+    @property
+    def frames(self) -> NDArray[np.int64]:
+        """How many decisions each strip (n,) lived through until its touch, that one included."""
+        lived = np.sum(self._going, axis=0)
+        return np.asarray(np.minimum(lived + 1, len(self._going)), dtype=np.int64)
+
+    @property
+    def holding_force(self) -> Array:
+        """Mean size of the force (n,) [N] from the take-over to the touch.
+
+        As the paper counts it; the lift before is not the policy's.
+        """
+        lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER
+        counted = np.array(self._going) & lifted
+        total = np.where(counted, np.array(self._forces), 0.0).sum(axis=0)
+        return np.asarray(total / np.maximum(counted.sum(axis=0), 1))

@@ -1,0 +1,84 @@
+"""What a benchmark is asked to do."""
+
+from typing import Self
+
+from pydantic import Field
+
+from cell.config.places import Configs
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings
+from policies.registry import policy_names
+
+FAVOURITE = "denim"
+FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
+
+
+class Size(Settings):
+    """How much is simulated: strips a side of the `grid` in the rod, and on the `chain`;
+    `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips.
+    """
+
+    grid: int = Field(12, ge=2)
+    chain: int = Field(5, ge=2)
+    stiffnesses: int = Field(7, ge=2)
+    dampings: int = Field(5, ge=2)
+    heights: tuple[float, ...] = (0.06, 0.10, 0.14, 0.18, 0.22, 0.26)
+    laid: int = Field(4, ge=1)
+
+
+QUICK = Size(grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2)
+
+
+class BenchmarkSpec(Settings):
+    """Policies and strips by name, `repeats` of one strip, the first seed, and the extent."""
+
+    policies: tuple[str, ...]
+    strips: tuple[str, ...]
+    repeats: int = Field(5, ge=1)
+    seed: int = Field(0, ge=0)
+    extent: Size = Size()
+
+    @classmethod
+    def of(
+        cls,
+        configs: Configs,
+        policies: tuple[str, ...],
+        strips: tuple[str, ...],
+        repeats: int | None,
+        seed: int,
+        *,
+        quick: bool,
+    ) -> Self:
+        """What the command line asks for; nothing named is everything known.
+
+        Raises ConfigurationError for a name that is not known.
+        """
+        known = configs.strip_names()
+        usual = tuple(name for name in FEW if name in known) if quick else known
+        return cls(
+            policies=_each(policies or policy_names(), policy_names(), "policies"),
+            strips=_each(strips or usual or known, known, "strips"),
+            repeats=repeats or (2 if quick else 5),
+            seed=seed,
+            extent=QUICK if quick else Size(),
+        )
+
+    @property
+    def repeated(self) -> str:
+        """The strip that is folded several times."""
+        return FAVOURITE if FAVOURITE in self.strips else self.strips[0]
+
+
+def _each(names: tuple[str, ...], known: tuple[str, ...], option: str) -> tuple[str, ...]:
+    wanted = tuple(dict.fromkeys(names))
+    for name in wanted:
+        if name not in known:
+            raise ConfigurationError(
+                f"--{option}: unknown name {name!r}; allowed: {', '.join(known) or 'none'}"
+            )
+    return wanted
+
+
+def split(given: str | None) -> tuple[str, ...]:
+    """Names in a list like `denim,blanket`."""
+    return tuple(part.strip() for part in (given or "").split(",") if part.strip())

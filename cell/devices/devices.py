@@ -1,0 +1,69 @@
+"""The devices of a cell, as the orchestrator drives them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from calibration.board_views import BoardPose
+from drivers.protocols import Arm, Camera, Clock, Hand
+from drivers.types import Frame
+
+
+class CalibrationAids(Protocol):
+    """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
+
+    def show_board(self, pose: BoardPose) -> Frame:
+        """An image of the calibration board held at `pose`."""
+        ...
+
+    def hold_pointer(self, held: bool) -> None:
+        """Put the pointer between the fingers, or take it out."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """What the orchestrator drives. `camera_identity` is what a calibration must belong to."""
+
+    clock: Clock
+    arm: Arm
+    hand: Hand
+    camera: Camera
+    camera_identity: str
+    aids: CalibrationAids | None
+    plant: "Plant | None"
+
+    def connect(self) -> None:
+        """Take hold of arm and camera."""
+        self.arm.connect()
+        self.camera.connect()
+
+    def close(self) -> None:
+        """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
+        try:
+            self.arm.close()
+        finally:
+            self.camera.close()
+
+
+class Plant(Protocol):
+    """The twin's truth, for scoring a run after it ended and for nothing else."""
+
+    def truth(self, origin: float) -> Mapping[str, Any]:
+        """Plain facts of what really happened, times since `origin` [s]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSelection:
+    """What the command line says of devices; None where silent.
+
+    `index` counts the runs that the strip on the desk has been through before.
+    """
+
+    arm: str | None = None
+    camera: str | None = None
+    plant: Path | None = None
+    seed: int = 0
+    index: int = 0

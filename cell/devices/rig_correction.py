@@ -1,0 +1,134 @@
+"""Accepted effects of the rig, inverted before anybody sees a value: one place for all of them."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from calibration.correction import corrected
+from cell.config.cell import CellFile
+from cell.devices.devices import Devices
+from drivers.protocols import Arm, Hand
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, true_poses
+from drivers.strip.model import Observation, Rig, StripModel
+from drivers.types import ArmState, Array, Pose, Velocity
+
+
+def corrected_calibration(
+    calibration: Calibration, settings: CellFile, strip: StripFile
+) -> Calibration:
+    """The calibration with what the cell file says of camera and desk taken back."""
+    return corrected(calibration, describe(strip, settings.effects))
+
+
+def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
+    """The devices with an arm that speaks of true poses; without effects the very same."""
+    rig = describe(strip, settings.effects).rig
+    if rig == Rig():
+        return devices
+    return replace(devices, arm=CorrectedArm(devices.arm, devices.hand, rig))
+
+
+def as_recorded(settings: CellFile, strip: StripFile) -> StripModel:
+    """The strip in this cell as its records show it: what is inverted is not in them."""
+    model = describe(strip, settings.effects)
+    return replace(model, rig=Rig(), observation=Observation())
+
+
+MEMORY = 256  # reports kept to know where the gripper was a while ago
+
+
+class CorrectedArm:
+    """Satisfies `drivers.protocols.Arm` over another one, which knows nothing of `rig`.
+
+    States say where the gripper truly is over the true desk at their stamp; poses to go to are
+    true ones. As in `grip_path`, offsets grow from where `hand` first holds the strip.
+    """
+
+    def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:
+        self._arm, self._hand, self._rig = arm, hand, rig
+        self._reports: deque[ArmState] = deque(maxlen=MEMORY)
+        self._start: Array | None = None
+        self._share = 0.0
+
+    def connect(self) -> None:
+        """Take hold of the arm, at rest."""
+        self._arm.connect()
+
+    def state(self) -> ArmState:
+        """The newest measured state, as it truly is."""
+        told = self._arm.state()
+        self._reports.append(told)
+        reported = self._at_stamp(told)
+        if self._start is None and self._hand.state().grasped:
+            self._start = reported
+        self._grow(reported)
+        drift = self._drift(told.velocity)
+        return replace(
+            told,
+            pose=self._true(reported),
+            velocity=_sum(told.velocity, drift),
+            commanded=self._true(told.commanded.as_array()),
+        )
+
+    def move_to(self, pose: Pose) -> None:
+        """Start a motion to rest at the true `pose`."""
+        self._arm.move_to(_pose(reported_poses(self._rig, pose.as_array(), self._share)))
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow the true `velocity` from now on."""
+        self._arm.set_velocity(_sum(velocity, -self._drift(velocity)))
+
+    def stop(self) -> None:
+        """Brake within the limits; allowed at any time, from any state."""
+        self._arm.stop()
+
+    def close(self) -> None:
+        """Brake and let go of the device; allowed twice."""
+        self._arm.close()
+
+    def _at_stamp(self, told: ArmState) -> Array:
+        """Where the arm will say, or has said, that it is at the stamp of `told` (3,).
+
+        What it says at t was so at t - delay. The future is led on at the measured velocity.
+        """
+        ahead = self._rig.delay
+        if ahead == 0:
+            return told.pose.as_array()
+        if ahead > 0:
+            rate = told.velocity
+            moved = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
+            return np.asarray(told.pose.as_array() + moved)
+        stamps = np.array([report.stamp for report in self._reports])
+        poses = np.array([report.pose.as_array() for report in self._reports])
+        return np.array([np.interp(told.stamp + ahead, stamps, poses[:, c]) for c in range(3)])
+
+    def _grow(self, reported: Array) -> None:
+        if self._start is not None:
+            away = float(np.hypot(*(reported - self._start)[:2]))
+            self._share = max(self._share, min(away / LIFT_TRAVEL, 1.0))
+        self._reported = reported
+
+    def _drift(self, rate: Velocity) -> Array:
+        """Velocity (3,) of the offsets while they grow at the arm's `rate`."""
+        if self._start is None or not 0 < self._share < 1:
+            return np.zeros(3)
+        way = (self._reported - self._start)[:2]
+        outward = float(way @ (rate.vx, rate.vz)) / max(float(np.hypot(*way)), 1e-9)
+        full = true_poses(self._rig, np.zeros(3), 1.0)
+        return np.asarray(full * max(outward, 0.0) / LIFT_TRAVEL)
+
+    def _true(self, reported: Array) -> Pose:
+        return _pose(true_poses(self._rig, reported, self._share))
+
+
+def _pose(values: Array) -> Pose:
+    return Pose(*values.tolist())
+
+
+def _sum(velocity: Velocity, more: Array) -> Velocity:
+    x, z, pitch = more.tolist()
+    return Velocity(velocity.vx + x, velocity.vz + z, velocity.pitch_rate + pitch)

@@ -1,0 +1,105 @@
+"""The twin as a cell's devices, with what its calibration needs and what scoring may read."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from calibration.board_views import BoardPose
+from cell.config.cell import CellFile
+from cell.devices.devices import Devices, DeviceSelection
+from drivers.strip.describe import load_plant
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+from drivers.twin.board import board_frame, facing
+from drivers.twin.open import ORDINARY, PlantOptions, Twin, open_twin
+from drivers.types import Frame
+
+
+class TwinCalibrationAids:
+    """Holds boards before the twin's camera and puts the pointer into its hand."""
+
+    def __init__(self, twin: Twin, settings: CellFile, seed: int) -> None:
+        self.twin = twin
+        self.settings = settings
+        self.seed = seed
+        self._shown = 0
+
+    def show_board(self, pose: BoardPose) -> Frame:
+        """An image of the board held at `pose`."""
+        centre = np.array([pose.x, pose.y, pose.z])
+        placed = facing(centre, pose.tilt, pose.turn, pose.roll)
+        self._shown += 1
+        board = self.settings.boards.board()
+        return board_frame(
+            self.settings.twin.camera, board, placed, self.seed, sequence=self._shown
+        )
+
+    def hold_pointer(self, held: bool) -> None:
+        """Put the pointer between the fingers, or take it out."""
+        self.twin.world.hold_pointer(held)
+
+
+@dataclass(frozen=True, slots=True)
+class TwinPlant:
+    """What really happened to the strip on the twin."""
+
+    twin: Twin
+    plant: StripFile
+
+    def truth(self, origin: float) -> Mapping[str, Any]:
+        """Plant, true touch and displacement, final offset of the edges."""
+        truth = self.twin.truth()
+        touch = truth.touch
+        return {
+            "plant": self.plant.model_dump(mode="json", by_alias=True),
+            "displacement": None if touch is None else touch.displacement,
+            "t_layer_touch": None if touch is None else touch.time - origin,
+            "l1": None if touch is None else touch.to_grasped,
+            "l2": None if touch is None else touch.to_fixed,
+            "edge_offset": truth.edge_offset,
+        }
+
+
+def twin_devices(
+    settings: CellFile,
+    strip: StripFile,
+    choice: DeviceSelection,
+    *,
+    calibrating: bool,
+    staging: PlantOptions = ORDINARY,
+) -> Devices:
+    """The twin with the plant on its desk; effects of the rig begin after its calibration.
+
+    Without a plant the twin is what the controller believes, accepted effects of the rig included.
+    """
+    if choice.plant is None:
+        plant, lying, rig = strip, strip, settings.effects
+    else:
+        plant = load_plant(choice.plant)
+        lying, rig = _divided(plant)
+    if calibrating:
+        world = settings.twin.world.model_copy(update={"strip": False})
+        bare = settings.twin.model_copy(update={"world": world})
+        twin = open_twin(bare, lying, {}, choice.seed, installation=settings.installation)
+    else:
+        twin = open_twin(
+            settings.twin, lying, rig, choice.seed, choice.index, settings.installation, staging
+        )
+    return Devices(
+        clock=twin.clock,
+        arm=twin.arm,
+        hand=twin.hand,
+        camera=twin.camera,
+        camera_identity=settings.twin.camera.identity,
+        aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
+        plant=TwinPlant(twin, plant),
+    )
+
+
+def _divided(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
+    """The strip with its own effects, and those of the rig that the plant file adds."""
+    own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
+    rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}
+    return plant.model_copy(update={"effects": own}), rig

@@ -1,0 +1,1 @@
+"""The cases of an exam: drawn by chance, sized, their keys sealed."""

@@ -1,0 +1,72 @@
+"""The sealed key: what is hidden in a case, written before it is judged, read by the scorer."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import cell
+import drivers
+from cell.exam.case import Case
+from cell.record.documents import write_document
+from drivers.settings import load
+
+KEYS = "keys"
+ENGINE = ("gap", "record")
+"""Folders of the package `cell` on which verdicts depend, beside the strip's model."""
+
+SCORER = ("scoring/score.py", "scoring/oracle.py", "run_case.py")
+
+
+def seal(case: Case, folder: Path) -> Path:
+    """Write the key of `case` into the exam's `folder`, for its owner's eyes only."""
+    keys = folder / KEYS
+    keys.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path = keys / f"{case.name}.yaml"
+    write_document(path, case.model_dump(mode="json"))
+    path.chmod(0o600)
+    return path
+
+
+def opened(folder: Path, name: str) -> Case:
+    """The key of the case `name`; raises ConfigurationError where it is missing or broken."""
+    return load(folder / KEYS / f"{name}.yaml", Case)
+
+
+def case_hash(case: Case) -> str:
+    """Digest of everything that a case says."""
+    return hashlib.sha256(case.model_dump_json().encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """Digests of the sources that a verdict depends on (`engine`) and that score it."""
+
+    engine: str
+    scorer: str
+
+    def verdict(self, case: Case) -> str:
+        """What the verdict on a case depends on."""
+        return f"{self.engine}-{case_hash(case)}"
+
+    def entry(self, case: Case) -> str:
+        """What the entry of a case depends on."""
+        return f"{self.verdict(case)}-{self.scorer}"
+
+
+def sources() -> Sources:
+    """The sources as they lie on the disk now."""
+    package, model = Path(cell.__file__).parent, Path(drivers.__file__).parent / "strip"
+    here = Path(__file__).parents[1]
+    return Sources(
+        engine=_digest([*(package / name for name in ENGINE), model]),
+        scorer=_digest([here / name for name in SCORER]),
+    )
+
+
+def _digest(places: list[Path]) -> str:
+    h = hashlib.sha256()
+    for place in places:
+        files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        for path in files:
+            h.update(str(path.relative_to(place.parent)).encode() + path.read_bytes())
+    return h.hexdigest()[:16]

@@ -1,0 +1,185 @@
+"""Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
+from cell.exam.cases.outside import OUTSIDE
+from cell.exam.cases.strength import Path, Ruler
+from cell.exam.causes import CAUSES
+from cell.exam.runs.from_model import BY, MOTIONS
+from cell.exam.runs.through_images import refusal
+from cell.record.header import Sigma
+from drivers.errors import Fault
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+from policies.standard import FIRST, STANDARD
+
+TRIES = 60  # draws of an effect until one can be as strong as asked
+PLACED = 4  # draws of where one of them sits
+NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
+CHAINED = 12  # one state-based case in so many is a chain's
+PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
+WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
+TIMES = (0.1, 2.0)  # s, of one that has a time
+RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
+STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
+LEVELS: tuple[Strength, ...] = ("weak", "medium", "strong")
+SHARES: dict[Tier, dict[Kind, float]] = {
+    "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
+    "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
+}
+UNLIKE = 2  # one in so many triples of levels through images has laws that only resemble
+RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.answers}
+
+
+def cases(tier: Tier, count: int, seed: int) -> list[Case]:
+    """`count` cases; the same for the same seed. Raises Fault where none can be that strong."""
+    kinds = _kinds(tier, count)
+    number = dict.fromkeys(kinds, 0)
+    found = []
+    for i, kind in enumerate(kinds):
+        found.append(_case(tier, kind, i, number[kind], seed))
+        number[kind] += 1
+    return found
+
+
+def _kinds(tier: Tier, count: int) -> list[Kind]:
+    """Kinds in the tier's shares, rounded by largest remainders."""
+    exact = {kind: share * count for kind, share in SHARES[tier].items()}
+    whole = {kind: int(number) for kind, number in exact.items()}
+    by_remainder = sorted(exact, key=lambda kind: whole[kind] - exact[kind])
+    for kind in by_remainder[: count - sum(whole.values())]:
+        whole[kind] += 1
+    return [kind for kind, number in whole.items() for _ in range(number)]
+
+
+def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
+    rng = np.random.default_rng([seed, i])
+    bare = Case(
+        name=f"{tier}-{seed}-{i:03d}",
+        tier=tier,
+        kind=kind,
+        strip=str(rng.choice(find_configs(None).strip_names())),
+        seed=int(rng.integers(2**31)),
+        engine="chain" if tier == "state" and i % CHAINED == 0 else "rod",
+        stiffness=float(STIFFER ** rng.uniform(-1, 1)),
+        damping=float(SLOWER ** rng.uniform(-1, 1)),
+    )
+    hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
+        "nothing": lambda case, _level, _rng: case,
+        "single": lambda case, level, rng: _with_one(case, number, level, rng),
+        "pair": _with_two,
+        "outside": lambda case, _level, _rng: _with_foreign(case, number),
+    }
+    level = LEVELS[number % len(LEVELS)]
+    for _ in range(TRIES):
+        case = hide[kind](bare, level, rng)
+        if tier == "state" or kind not in ("single", "pair") or refusal(case) is None:
+            return case
+    raise Fault("exam", f"{bare.name}: the cell folds no {kind} of {bare.strip} that is {level}")
+
+
+def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
+    """One effect; through images every other three by laws that only resemble the library's."""
+    turn, place = divmod(number, len(LEVELS))
+    if case.tier == "state" or turn % UNLIKE == 0:
+        return _hiding(case, level, drawn(case, 1, level, rng))
+    names = sorted(RESEMBLING)
+    first = (turn // UNLIKE * len(LEVELS) + place) % len(names)
+    for name in [*names[first:], *names[:first]]:
+        shown = _showing(case, registry()[name], STRENGTHS[level], rng)
+        if shown is not None:
+            strip, values = shown
+            cause = RESEMBLING[name]
+            known = {k: v for k, v in values.items() if k in CAUSES[cause].model_fields}
+            update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
+            return case.model_copy(update={**update, "strength": level})
+    raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
+
+
+def _showing(
+    case: Case, effect: Effect, target: float, rng: np.random.Generator
+) -> tuple[str, Values] | None:
+    """A strip on which an effect leaves a gap of `target`, and its values; None where none does:
+    no air that a heavy strip does not feel, no seam where nothing is lifted.
+    """
+    others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
+    for strip in [case.strip, *others]:
+        for _ in range(PLACED):
+            path = _path(effect, find_configs(None).strip(strip), rng)
+            share = _ruler(strip, case.tier).share(path, target)
+            if share is not None:
+                return strip, path.at(share)
+    return None
+
+
+def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
+    """Two effects, each of medium strength or above for itself and of medium beside the other."""
+    strong: Strength = "strong" if level == "strong" else "medium"
+    ruler = _ruler(case.strip, case.tier)
+    for _ in range(TRIES):
+        both = drawn(case, 2, strong, rng)
+        if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
+            return _hiding(case, strong, both)
+    raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
+
+
+def _with_foreign(case: Case, number: int) -> Case:
+    """A cause that nothing in the library resembles, of medium strength or above."""
+    turn, place = divmod(number, len(OUTSIDE))
+    name = sorted(OUTSIDE)[place]
+    strong: Strength = "strong" if (turn + place) % 2 else "medium"
+    return case.model_copy(update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong})
+
+
+def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
+    return case.model_copy(
+        update={"effects": hidden, "answer": tuple(sorted(hidden)), "strength": level}
+    )
+
+
+def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
+    """`count` effects, each of strength `level` for itself on the case's strip as stated."""
+    strip, ruler = find_configs(None).strip(case.strip), _ruler(case.strip, case.tier)
+    effects: dict[str, Values] = {}
+    for _ in range(TRIES):
+        effect = registry()[str(rng.choice(sorted(registry())))]
+        path = _path(effect, strip, rng)
+        share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
+        if share is not None:
+            effects[effect.name] = path.at(share)
+        if len(effects) == count:
+            return dict(sorted(effects.items()))
+    raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
+
+
+@cache
+def _ruler(strip: str, tier: Tier) -> Ruler:
+    """The ruler of a strip as its file states it, on the motions of a tier."""
+    configs = find_configs(None)
+    if tier == "state":
+        return Ruler(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
+    sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
+    return Ruler(configs.strip(strip), [*STANDARD, FIRST], sigma)
+
+
+def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
+    """An effect with the numbers that shape it drawn, growing to a side drawn too."""
+    others: Values = {}
+    for p in effect.parameters[1:]:
+        if p.name == "position":
+            others[p.name] = float(strip.length * rng.uniform(*PLACES))
+        elif p.name == "width":
+            others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
+        elif p.name == "time":
+            others[p.name] = float(np.exp(rng.uniform(*np.log(TIMES))))
+        elif p.name == "stiffness_ratio":
+            others[p.name] = float(rng.uniform(*RATIOS))
+        elif p.null is not None:
+            others[p.name] = p.null
+    return Path.of(effect, strip, others, up=bool(rng.uniform() < 0.5))

@@ -1,0 +1,66 @@
+"""The cases of an exam, drawn once: another engine is examined on the very same ones."""
+
+import json
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from cell.exam.case import Case, Tier
+from cell.exam.cases.answer_key import KEYS
+from cell.record.documents import replace_file
+from drivers.errors import ConfigurationError
+
+DRAWN = "drawn.json"
+USUAL = {"state": 300, "images": 60, "small": 6}
+
+
+def load_or_draw(folder: Path, tier: str, count: int | None, seed: int) -> tuple[Case, ...]:
+    """The cases of a tier: those that `folder` holds for the same request, else drawn now.
+
+    Raises ConfigurationError where the folder holds another exam or cannot be written.
+    """
+    path = folder / KEYS / DRAWN
+    wanted = count or USUAL[tier]
+    asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
+    known = _known(path)
+    if known is None:
+        from cell.exam.cases.draw import cases
+
+        of: Tier = "images" if tier == "images" else "state"
+        found = tuple(cases(of, wanted, seed))
+        _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
+        return found
+    held = {key: known.get(key) for key in asked}
+    if held != asked:
+        given = " ".join(f"{key} {value}" for key, value in held.items())
+        raise ConfigurationError(f"--out: {folder} holds another exam ({given}); name a new folder")
+    return _cases(path, known)
+
+
+def _known(path: Path) -> dict[str, object] | None:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(f"{path}: cannot be read: {error}; remove the folder") from None
+    return content if isinstance(content, dict) else {}
+
+
+def _cases(path: Path, known: dict[str, object]) -> tuple[Case, ...]:
+    held = known.get("cases")
+    try:
+        return tuple(Case.model_validate(c) for c in (held if isinstance(held, list) else []))
+    except ValidationError:
+        raise ConfigurationError(
+            f"{path}: was drawn by another version; name a new folder"
+        ) from None
+
+
+def _keep(path: Path, content: dict[str, object]) -> None:
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        replace_file(path, json.dumps(content, indent=1).encode())
+    except OSError as error:
+        raise ConfigurationError(f"--out: {path}: cannot be written: {error.strerror}") from None
+    path.chmod(0o600)

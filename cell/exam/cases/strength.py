@@ -1,0 +1,159 @@
+"""How large a hidden effect must be to leave a given gap, after the base is refitted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.model import response
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import nominal
+from cell.gap.subject.strip.experiments import planned
+from cell.gap.subject.strip.probes import sizes
+from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.subject import Request
+from cell.record.header import Sigma
+from drivers.errors import ConfigurationError
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+from drivers.types import Array
+
+LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
+BELIEVABLE = 3.0  # times the largest size that laboratories report
+Hidden = dict[str, dict[str, float]]
+"""Effects by name, with their values by parameter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """An effect that grows: its switch from null to `largest`, its other numbers fixed."""
+
+    effect: Effect
+    others: dict[str, float]
+    largest: float
+
+    @classmethod
+    def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
+        """Towards the largest believable value on `strip`; `up` where both signs are possible."""
+        p, known = effect.parameters[0], sizes(effect, strip)
+        if p.null is None:
+            return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
+        if p.null > 0.0:
+            return cls(effect, others, max(known) ** (1.0 if up else -1.0))
+        signed = BELIEVABLE * max(map(abs, known)) * (1.0 if up or p.low >= 0.0 else -1.0)
+        return cls(effect, others, float(np.clip(signed, p.low, p.high)))
+
+    def at(self, share: float) -> dict[str, float]:
+        """Its parameters, `share` of the way from null."""
+        p = self.effect.parameters[0]
+        if p.null is None:
+            value = self.largest / share
+        elif p.null > 0.0:
+            value = p.null * (self.largest / p.null) ** share
+        else:
+            value = share * self.largest
+        return {p.name: float(np.clip(value, p.low, p.high)), **self.others}
+
+
+class Ruler:
+    """Gaps that effects leave on the standard motions of a strip, in the model's own eyes."""
+
+    def __init__(self, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> None:
+        made = {run.name: run for run in planned(plant, sigma, 0)}
+        runs = [
+            replace(
+                made[name],
+                name=f"{i:02d}-{name}",
+                measured=replace(made[name].measured, index=i),
+            )
+            for i, name in enumerate(motions)
+        ]
+        self._subject = Strip(plant, runs)
+        self._estimate = nominal(self._subject, self._subject.simulate)
+        self._about = projection(self._estimate)
+
+    def excess(self, hidden: Sequence[Hidden]) -> Array:
+        """Excess gap (k,) that each of these sets of effects leaves."""
+        return np.array([self._seen(left) for left in self._left(hidden)])
+
+    def beside(self, both: Hidden) -> Array:
+        """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
+
+        To first order: what of the joint response the base and the other's own do not span.
+        """
+        alone = [{name: values} for name, values in both.items()]
+        joint, *each = self._left([both, *alone])
+        others = [other / np.linalg.norm(other) for other in reversed(each)]
+        return np.array([self._seen(joint - other * (other @ joint)) for other in others])
+
+    def _left(self, hidden: Sequence[Hidden]) -> list[Array]:
+        """Whitened responses (N,) to sets of effects, once the base has moved against them."""
+        estimate = self._estimate
+        base, local = estimate.shared, estimate.point.local
+        asked = [
+            Request(run, base, {n: engine_values(n, v) for n, v in effects.items()}, own)
+            for effects in hidden
+            for run, own in zip(estimate.evidence.runs, local, strict=True)
+        ]
+        answers = self._subject.simulate(asked)
+        count = len(local)
+        found = []
+        for k in range(len(hidden)):
+            mine = answers[k * count : (k + 1) * count]
+            moved = [
+                response(here, there, scale)
+                for here, there, scale in zip(
+                    mine, estimate.raw, estimate.evidence.scales, strict=True
+                )
+            ]
+            found.append(self._about.left(np.concatenate(moved)))
+        return found
+
+    def _seen(self, left: Array) -> float:
+        """Excess gap of a whitened response (N,) under the noise of the runs."""
+        ends = np.cumsum([len(r) for r in self._estimate.residuals])[:-1]
+        noisy = [
+            np.sqrt(r**2 + (run.samples.noise / scale) ** 2)
+            for r, run, scale in zip(
+                np.split(left, ends),
+                self._estimate.evidence.runs,
+                self._estimate.evidence.scales,
+                strict=True,
+            )
+        ]
+        square = held_out_gap.run_squares(replace(self._estimate, residuals=tuple(noisy)))
+        return float(held_out_gap.excess(square))
+
+    def share(self, path: Path, target: float) -> float | None:
+        """How far along `path` the gap is `target`; None where it never gets there."""
+        try:
+            if self._along(path, LADDER[-1:]).max() < target:
+                return None
+            excess = self._along(path, LADDER)
+        except ConfigurationError:
+            return None
+        beyond = np.flatnonzero(excess >= target)
+        k = max(1, int(beyond[0]))
+        (low, high), (a, b) = LADDER[k - 1 : k + 1], excess[k - 1 : k + 1]
+        return float(low * (high / low) ** ((target - a) / (b - a)))
+
+    def _along(self, path: Path, shares: Array) -> Array:
+        return self.excess([{path.effect.name: path.at(s)} for s in shares])
+
+
+def engine_values(name: str, values: dict[str, float]) -> Array:
+    """An effect's parameters, stated as files state them, as the gap engine has them."""
+    effect = registry()[name]
+    complete = effect.complete(values)
+    switch = effect.parameters[0]
+    inverse = switch.null is None
+    return np.array(
+        [
+            1.0 / complete[p.name] if inverse and p is switch else complete[p.name]
+            for p in effect.parameters
+            if p.finer is None or p.name in values
+        ]
+    )

@@ -1,0 +1,81 @@
+"""The figure of an exam: confusion, reliability, and the rate by strength."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.exam.scoring.score import Outcome
+from cell.exam.scoring.statistics import Bin, Confusion, wilson
+
+INK, FAINT, WRONG, RIGHT = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+EDGES = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, float("inf"))
+
+
+def figure(table: Confusion, bins: Sequence[Bin], found: Sequence[Outcome]) -> Figure:
+    """All three, the matrix above."""
+    height = 1.6 + 0.24 * len(table.rows)
+    drawn = Figure(figsize=(max(9.0, 3.5 + 0.36 * len(table.columns)), height + 4.0),
+                   layout="constrained")  # fmt: skip
+    top, below = np.ravel(drawn.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.2]))
+    _matrix(top.subplots(), table)
+    left, right = below.subplots(1, 2)
+    _reliability(left, bins)
+    _strength(right, found)
+    for axis in (left, right):
+        _quiet(axis)
+    return drawn
+
+
+def _quiet(axis: Axes) -> None:
+    axis.tick_params(colors=INK, labelsize=8)
+    for side in ("top", "right"):
+        axis.spines[side].set_visible(False)
+
+
+def _matrix(axis: Axes, table: Confusion) -> None:
+    """Counts, shaded by their share of the row."""
+    counts = np.array([[table.count(r, c) for c in table.columns] for r in table.rows])
+    axis.imshow(counts / counts.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3,
+                aspect="auto")  # fmt: skip
+    for i, j in zip(*np.nonzero(counts), strict=True):
+        axis.text(j, i, str(counts[i, j]), ha="center", va="center", fontsize=7, color=INK)
+    axis.set_yticks(range(len(table.rows)), table.rows, fontsize=8)
+    axis.set_xticks(range(len(table.columns)), table.columns, fontsize=8, rotation=50, ha="right")
+    axis.set_ylabel("hidden", fontsize=8)
+    axis.set_xlabel("said", fontsize=8)
+
+
+def _reliability(axis: Axes, bins: Sequence[Bin]) -> None:
+    axis.plot([0, 1], [0, 1], color=FAINT, lw=1.0)
+    for b in bins:
+        axis.plot([b.confidence] * 2, b.right.interval, color=RIGHT, lw=1.2)
+        axis.plot(b.confidence, b.right.value, "o", color=RIGHT, ms=4)
+        axis.annotate(str(b.right.count), (b.confidence, b.right.value), fontsize=7,
+                      xytext=(-12, -3), textcoords="offset points", color=INK)  # fmt: skip
+    axis.set(xlim=(0, 1.02), ylim=(0, 1.02))
+    axis.set_xlabel("stated confidence", fontsize=8)
+    axis.set_ylabel("right, by class", fontsize=8)
+
+
+def _strength(axis: Axes, found: Sequence[Outcome]) -> None:
+    """Right and wrong names of single effects by the gap that the refitted base left."""
+    single = [o for o in found if o.kind == "single"]
+    groups = [[o for o in single if low <= o.realised < high] for low, high in pairwise(EDGES)]
+    for shift, colour, words in ((-0.08, RIGHT, "right, by class"), (0.08, WRONG, "wrong name")):
+        for i, group in enumerate(groups):
+            hits = sum(o.right if colour == RIGHT else o.result == "wrong_name" for o in group)
+            if group:
+                axis.plot([i + shift] * 2, wilson(hits, len(group)), color=colour, lw=1.2)
+                axis.plot(i + shift, hits / len(group), "o", color=colour, ms=4)
+        axis.plot([], [], "o", color=colour, ms=4, label=words)
+    labels = [f"{low:g}-{high:g}" if np.isfinite(high) else f"> {low:g}"
+              for low, high in pairwise(EDGES)]  # fmt: skip
+    counts = [len(group) for group in groups]
+    axis.set_xticks(range(len(groups)), [f"{w}\n{n}" for w, n in zip(labels, counts, strict=True)])
+    axis.set(ylim=(-0.02, 1.02))
+    axis.set_xlabel("excess gap left by the refitted base, and cases", fontsize=8)
+    axis.set_ylabel("share of single effects", fontsize=8)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=8, frameon=False)

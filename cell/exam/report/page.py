@@ -1,0 +1,275 @@
+"""An exam's report: Markdown and a figure, every number from the ledger."""
+
+import io
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from statistics import median
+
+from cell.exam.case import Tier
+from cell.exam.report.figures import figure
+from cell.exam.scoring.results import Entry
+from cell.exam.scoring.score import Outcome
+from cell.exam.scoring.statistics import (
+    Confusion,
+    brier,
+    calibration_error,
+    confusion,
+    rate,
+    reliability,
+)
+from cell.exam.scoring.targets import Target, checked, outcomes, shown, targets
+from cell.record.documents import replace_file
+from drivers.errors import ConfigurationError
+
+DPI = 160
+GOOD = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
+TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
+PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
+        "wrong_name": "a wrong one"}  # fmt: skip
+
+
+def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
+    """Write the Markdown `page`, and a figure a tier beside it; the paths.
+
+    Raises ConfigurationError where that is impossible.
+    """
+    content = {page: markdown(entries, page.stem, command).encode()}
+    for tier, mine in by_tier(entries):
+        if outcomes(mine):
+            content[_picture(page, tier)] = _png(mine)
+    try:
+        page.parent.mkdir(parents=True, exist_ok=True)
+        for path, data in content.items():
+            replace_file(path, data)
+    except OSError as error:
+        raise ConfigurationError(f"{page}: cannot be written: {error.strerror}") from None
+    return tuple(content)
+
+
+def by_tier(entries: Iterable[Entry]) -> Iterator[tuple[Tier, list[Entry]]]:
+    """The tiers that were examined, with their cases."""
+    every = list(entries)
+    for tier in TIERS:
+        mine = [e for e in every if e.case.tier == tier]
+        if mine:
+            yield tier, mine
+
+
+def markdown(entries: Sequence[Entry], stem: str = "exam", command: str = "") -> str:
+    """The whole page."""
+    parts = [
+        "# The exam of the gap workflow",
+        "Every case is a strip whose plant hides something, or nothing. The workflow sees the "
+        "runs and the strip file in a process that cannot open the key; its verdict is then held "
+        "against the key. Rates are given with their 95 % intervals (Wilson).",
+    ]
+    if command:
+        parts.append(f"Made by `{command}`.")
+    for tier, mine in by_tier(entries):
+        parts += _tier(mine, tier, f"{stem}-{tier}.png")
+    return "\n\n".join(parts) + "\n"
+
+
+def _tier(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
+    failed = sum(e.state == "failed" for e in entries)
+    yield f"## {TIERS[tier]}"
+    yield (
+        f"{len(entries)} cases; {failed} of them gave no verdict, and count as not right. "
+        f"Source of the engine: {_engines(entries)}."
+    )
+    yield _targets(targets(entries, tier))
+    found = outcomes(entries)
+    if found:
+        yield f"![Confusion, confidence, strength]({picture})"
+        yield from _details(entries, found)
+    yield "### Every miss"
+    yield "\n".join(_misses(entries)) or "None."
+
+
+def _details(entries: Sequence[Entry], found: Sequence[Outcome]) -> Iterator[str]:
+    yield "### What was hidden and what was said"
+    yield _confusion(said_of(entries))
+    yield "### Is the stated confidence earned?"
+    yield _confidence(found)
+    yield "### Do the intervals hold the truth?"
+    yield _coverage(entries)
+    yield "### The gap on held-out runs, against knowing the truth"
+    yield _against_truth(entries)
+    yield "### Against simpler ways, on the same cases"
+    yield _baselines(entries)
+
+
+def _engines(entries: Iterable[Entry]) -> str:
+    return ", ".join(sorted({e.of.split("-")[0] for e in entries}))
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _targets(lines: Iterable[Target]) -> str:
+    words = {True: "met", False: "**missed**", None: ""}
+    rows = [(line.words, line.found, line.wanted, words[line.met]) for line in lines]
+    return _table(["what", "found", "wanted", ""], rows)
+
+
+def stated(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
+    """Confidence of every verdict that names, and whether it was right."""
+    return [(o.confidence, o.right) for o in found if o.confidence is not None]
+
+
+def said_of(entries: Iterable[Entry]) -> Confusion:
+    """What was hidden against what was said; pairs together."""
+    return confusion((_hidden(e), _said(e)) for e in entries)
+
+
+def _hidden(entry: Entry) -> str:
+    if entry.case.kind == "nothing":
+        return "nothing"
+    if entry.case.kind == "pair":
+        return "two effects"
+    return " + ".join(sorted((*entry.case.effects, *entry.case.causes)))
+
+
+def _said(entry: Entry) -> str:
+    found = entry.outcome
+    if found is None:
+        return "failed"
+    if found.verdict == "ambiguous":
+        return "a class with it" if found.result in ("right_class", "partly") else "a class"
+    if found.verdict != "named":
+        return found.verdict.replace("_", " ")
+    if found.kind == "pair":
+        return PAIR.get(found.result, "a wrong one")
+    return found.named[0] if len(found.named) == 1 else "several"
+
+
+def _confusion(table: Confusion) -> str:
+    rows = []
+    for row in table.rows:
+        said = {c: table.count(row, c) for c in table.columns if table.count(row, c)}
+        often = sorted(said.items(), key=lambda item: -item[1])
+        words = ", ".join(f"{column} {count}" for column, count in often)
+        rows.append((row, str(sum(said.values())), words))
+    return _table(["hidden", "cases", "said"], rows)
+
+
+def _confidence(found: Iterable[Outcome]) -> str:
+    claims = stated(found)
+    if not claims:
+        return "Nothing was named."
+    rows = [(f"{b.confidence:.2f}", shown(b.right)) for b in reliability(claims)]
+    return "\n\n".join(
+        [
+            _table(["mean confidence", "right, by class"], rows),
+            f"Brier score {brier(claims):.3f}; expected calibration error "
+            f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name.",
+        ]
+    )
+
+
+def _coverage(entries: Sequence[Entry]) -> str:
+    every = checked(entries)
+    right = [e for e in entries if e.outcome and e.outcome.result in GOOD]
+    if not every:
+        return "No parameter can be compared: no laws agree."
+    rows = [
+        ("all", shown(rate(c.covered for c in every)), ""),
+        ("all, of right verdicts", shown(rate(c.covered for c in checked(right))), ""),
+    ]
+    for name in sorted({c.name for c in every}):
+        mine = [c for c in every if c.name == name]
+        errors = [c.error for c in mine if c.error is not None]
+        middle = f"{100 * median(errors):.1f} %" if errors else ""
+        rows.append((name, shown(rate(c.covered for c in mine)), middle))
+    return _table(["parameter", "held", "median error"], rows)
+
+
+def _against_truth(entries: Iterable[Entry]) -> str:
+    rows = []
+    for word in ("weak", "medium", "strong"):
+        known = [
+            (e.outcome, e.oracle)
+            for e in entries
+            if e.case.strength == word and e.outcome and e.oracle
+        ]
+        if known:
+            named = [o.shrink if o.verdict == "named" else 0.0 for o, _ in known]
+            truth, left = [t.shrink for _, t in known], [o.realised for o, _ in known]
+            numbers = (f"{100 * median(v):.0f} %" for v in (named, truth))
+            rows.append((word, str(len(known)), f"{median(left):.2f}", *numbers))
+    if not rows:
+        return "No case has an answer in the library."
+    note = (
+        "Medians over all cases with an answer. The gap is the excess that the refitted base "
+        "leaves; where nothing was named, nothing is shrunk."
+    )
+    head = ["strength", "cases", "gap left", "shrunk", "shrunk, knowing the truth"]
+    return note + "\n\n" + _table(head, rows)
+
+
+def _baselines(entries: Iterable[Entry]) -> str:
+    """Refitting alone is always silent, the least error always names."""
+    known = [(e.outcome, e.baselines) for e in entries if e.outcome and e.baselines]
+    silent = [(o, b) for o, b in known if o.kind in ("nothing", "outside")]
+    hidden = [(o, b) for o, b in known if o.kind in ("single", "pair")]
+    rows = [
+        (
+            "named nothing, where nothing of the library is hidden",
+            shown(rate(not o.named for o, _ in silent)),
+            shown(rate(True for _ in silent)),
+            shown(rate(b.single is None for _, b in silent)),
+        ),
+        (
+            "named an effect that is hidden, and no other",
+            shown(rate(o.right or o.result == "partly" for o, _ in hidden)),
+            shown(rate(False for _ in hidden)),
+            shown(rate(b.right for _, b in hidden)),
+        ),
+    ]
+    return _table(["", "workflow", "refit the base only", "least in-sample error"], rows)
+
+
+def _misses(entries: Iterable[Entry]) -> Iterator[str]:
+    for entry in entries:
+        found = entry.outcome
+        if found is None:
+            yield f"- `{entry.case.name}`: {_secret(entry)}; no verdict: {entry.reason}"
+        elif found.result not in GOOD:
+            yield f"- `{entry.case.name}`: {_secret(entry)}; {_answer(found)}"
+
+
+def _secret(entry: Entry) -> str:
+    """What was hidden, with its numbers."""
+    case = entry.case
+    names = [
+        f"{name} ({', '.join(f'{k} {v:.3g}' for k, v in values.items())})"
+        for name, values in (case.effects | case.causes).items()
+    ]
+    strength = f", {case.strength}" if case.strength else ""
+    return f"hidden {' and '.join(names) or 'nothing'} on {case.strip}{strength}"
+
+
+def _answer(found: Outcome) -> str:
+    """What was said of it, and what stood against it."""
+    what = ", ".join(found.named) or "; ".join(" or ".join(group) for group in found.classes)
+    words = f"gap left {found.realised:.2f}; said {found.verdict.replace('_', ' ')}"
+    words += f" ({what})" if what else ""
+    if found.confidence is not None:
+        words += f", confidence {found.confidence:.2f}"
+    if found.rival:
+        words += f"; strongest rival {found.rival}"
+    return words + (f"; {found.reason}" if found.reason else "")
+
+
+def _picture(page: Path, tier: Tier) -> Path:
+    return page.with_name(f"{page.stem}-{tier}.png")
+
+
+def _png(entries: Sequence[Entry]) -> bytes:
+    found = outcomes(entries)
+    content = io.BytesIO()
+    drawn = figure(said_of(entries), reliability(stated(found)), found)
+    drawn.savefig(content, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
+    return content.getvalue()

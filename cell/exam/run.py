@@ -1,0 +1,75 @@
+"""An exam carried out: keys sealed, runs made, verdicts sealed off, scores in the ledger."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from cell.benchmark.crew import carry_out
+from cell.benchmark.results import Refused
+from cell.exam.case import Case
+from cell.exam.cases.answer_key import seal, sources
+from cell.exam.run_case import Examined, Maker, Steps, failed, made_by_tier
+from cell.exam.scoring.results import Entry, Ledger
+
+LEDGER = "ledger.jsonl"
+Progress = Callable[[int, int, str], None]
+"""Called with how many cases are done, of how many, and what came of the last one."""
+
+
+def quiet(done: int, total: int, said: str) -> None:
+    """Progress that nobody watches."""
+
+
+def run_exam(
+    cases: Sequence[Case],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    progress: Progress = quiet,
+    interrupted: Callable[[], bool] = lambda: False,
+    steps: Steps = "all",
+    again: bool = False,
+    make: Maker = made_by_tier,
+) -> tuple[Entry, ...]:
+    """The entries of `cases`, `jobs` of them side by side in processes; kept in `folder`.
+
+    What is scored already, by the same engine and scorer, is skipped, and runs are kept while
+    their case stays the same; `again` judges anew. A case that fails is an entry with its
+    reason, tried again at the next start. No case begins once `interrupted`; from the keyboard
+    all end at once (KeyboardInterrupt), and what is finished is kept.
+    """
+    ledger, now = Ledger(folder / LEDGER), sources()
+    for case in cases:
+        seal(case, folder)
+    anew = again or steps == "make"
+    left = [c for c in cases if anew or not ledger.finished(c.name, now.entry(c))]
+    named = {case.name: case for case in left}
+    total, done = len(cases), len(cases) - len(left)
+    progress(done, total, "")
+    with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
+        parts = [Examined(n, folder, Path(workdirs), now, steps, make, again) for n in named]
+        for name, result in _carried_out(parts, jobs):
+            case = named[name]
+            entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
+            if entry.state != "made":
+                ledger.put(entry)
+            done += 1
+            progress(done, total, f"{name}: {said(entry)}")
+            if interrupted():
+                break
+    return ledger.of(cases)
+
+
+def said(entry: Entry) -> str:
+    """What came of a case, in a few words."""
+    if entry.outcome is None:
+        return "runs made" if entry.state == "made" else f"failed: {entry.reason}"
+    return entry.outcome.result.replace("_", " ")
+
+
+def _carried_out(parts: Sequence[Examined], jobs: int) -> Iterator[tuple[str, Entry | str]]:
+    """Names and entries as they finish; words where a process died."""
+    crew: Any = carry_out  # asks of a part no more than its key and that it can be measured
+    for part, result in crew(parts, jobs):
+        yield part.key, result.reason if isinstance(result, Refused) else result

@@ -1,0 +1,177 @@
+"""One case from its key to its entry in the ledger: runs, verdict in a sealed process, score."""
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from cell.config.places import find_configs
+from cell.exam.case import Case
+from cell.exam.cases.answer_key import Sources, case_hash, opened
+from cell.exam.sandbox.child import NOTES, VERDICT
+from cell.exam.sandbox.parent import SandboxRun, run_sandboxed
+from cell.exam.scoring.oracle import oracle
+from cell.exam.scoring.results import Baselines, Entry
+from cell.exam.scoring.score import same, score
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.verdict.schema import Verdict, read_verdict
+from cell.record.documents import replace_file
+from drivers.errors import CellError, ConfigurationError
+from drivers.strip.describe import load_strip
+
+Steps = Literal["all", "make", "judge"]
+Maker = Callable[[Case, Path], object]
+RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
+
+
+def made_by_tier(case: Case, folder: Path) -> None:
+    """The runs of a case, made by its tier's own maker."""
+    if case.tier == "images":
+        from cell.exam.runs import through_images
+
+        through_images.make_runs(case, folder)
+        return
+    from cell.exam.runs.from_model import make_runs
+
+    make_runs(case, folder)
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """A case to carry out in a process of its own; its result is the entry. The key of
+    `name` lies in `folder`; sealed processes work in folders within `workdirs`.
+    """
+
+    name: str
+    folder: Path
+    workdirs: Path
+    sources: Sources
+    steps: Steps
+    make: Maker
+    again: bool = False
+
+    @property
+    def key(self) -> str:
+        """Name of the case."""
+        return self.name
+
+    def measure(self) -> Entry:
+        """Whatever happens to a case is its entry."""
+        case = opened(self.folder, self.name)
+        try:
+            return self._carried_out(case)
+        except CellError as error:
+            reason = str(error)
+        except Exception as error:  # noqa: BLE001  an edge: the other cases go on
+            from drivers.errors import Unexpected
+
+            reason = str(Unexpected(error))
+        return failed(case, self.sources.entry(case), reason)
+
+    def _carried_out(self, case: Case) -> Entry:
+        place = self.folder / RUNS / case.name
+        if self.steps != "judge":
+            made(case, place, self.make)
+        if self.steps == "make":
+            return Entry(case=case, of=self.sources.entry(case), state="made")
+        if stamped(place) != case_hash(case):
+            reason = _refusal(place, case) or "holds no runs of this case; make them first"
+            raise ConfigurationError(f"{place}: {reason}")
+        return judged(case, self.folder, self.sources, workdirs=self.workdirs, again=self.again)
+
+
+def failed(case: Case, of: str, reason: str) -> Entry:
+    """The entry of a case that gave no verdict."""
+    return Entry(case=case, of=of, state="failed", reason=reason)
+
+
+def made(case: Case, place: Path, make: Maker) -> None:
+    """The case's runs at `place`, kept where they are there and of this very case."""
+    if stamped(place) == case_hash(case):
+        return
+    scratch = place.with_name(place.name + ".part")
+    for old in (scratch, place):
+        shutil.rmtree(old, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    try:
+        make(case, scratch)
+    except CellError as error:
+        said = {"case": case_hash(case), "reason": str(error)}
+        replace_file(_beside(place), json.dumps(said).encode())
+        raise
+    (scratch / MADE).write_text(case_hash(case), encoding="utf-8")
+    scratch.replace(place)
+
+
+def _beside(place: Path) -> Path:
+    """Where it stands why the runs of `place` could not be made."""
+    return place.with_name(place.name + ".refused.json")
+
+
+def _refusal(place: Path, case: Case) -> str | None:
+    """Why the runs of this very case could not be made, if that was tried."""
+    try:
+        said = json.loads(_beside(place).read_text(encoding="utf-8"))
+        return str(said["reason"]) if said["case"] == case_hash(case) else None
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def stamped(place: Path) -> str | None:
+    """Digest of the case of which the runs at `place` are; None where there are none."""
+    try:
+        return (place / MADE).read_text(encoding="utf-8")
+    except OSError:
+        return None
+
+
+def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool = False) -> Entry:
+    """The case's entry: its verdict is kept where neither engine nor case has changed."""
+    strip = find_configs(None).strip_path(case.strip)
+    runs, out = find_runs([folder / RUNS / case.name]), folder / VERDICTS / case.name
+    sandboxed = None if again else _sat(out, by.verdict(case))
+    if sandboxed is None:
+        shutil.rmtree(out, ignore_errors=True)
+        sandboxed = run_sandboxed(strip, runs, out, [folder], workdirs=workdirs)
+        facts = {
+            "of": by.verdict(case),
+            "wall": sandboxed.wall,
+            "memory": sandboxed.memory,
+            "kernel": sandboxed.kernel,
+        }
+        replace_file(out / STAMP, json.dumps(facts).encode())
+    verdict = read_verdict(out / VERDICT)
+    tried = json.loads((out / NOTES).read_text(encoding="utf-8"))["tried"]
+    return Entry(
+        case=case, of=by.entry(case), state="scored",
+        outcome=score(verdict, case, load_strip(strip)),
+        oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
+        baselines=baselines(verdict, tried, case),
+        wall=sandboxed.wall, memory=sandboxed.memory,
+    )  # fmt: skip
+
+
+def baselines(verdict: Verdict, tried: list[dict[str, Any]], case: Case) -> Baselines:
+    """The single effect of the least in-sample error; where none was refitted, that of the
+    screen's greatest gain.
+    """
+    singles = [model for model in tried if model["effects"] == 1]
+    if singles:
+        name = str(min(singles, key=lambda model: float(model["mean_square"]))["name"])
+    else:
+        rows = [row.name for row in verdict.candidates if " + " not in row.name]
+        name = rows[0] if rows else ""
+    return Baselines(single=name or None, right=same(name, case.answer))
+
+
+def _sat(out: Path, of: str) -> SandboxRun | None:
+    """What is known of a verdict that is there and not out of date."""
+    try:
+        facts = json.loads((out / STAMP).read_text(encoding="utf-8"))
+        if facts["of"] == of:
+            return SandboxRun(facts["wall"], facts["memory"], facts["kernel"])
+    except (OSError, ValueError, KeyError):
+        pass
+    return None

@@ -1,0 +1,1 @@
+"""The runs of a case, made from the model or folded through images."""

@@ -1,0 +1,97 @@
+"""A strip with causes in it, as the plant of a twin."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.exam.causes.cause import Cause
+from drivers.strip.engine import Observables
+from drivers.strip.model import StripModel
+from drivers.twin.camera import Visible
+from drivers.twin.chain.engine import Chain
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from drivers.twin.scene import Scene
+from drivers.types import Array
+
+
+class Specimen:
+    """An engine for one strip that `causes` act on; chance comes from `seed` and the run's index.
+
+    Without causes it is a chain of `links` links, bit for bit.
+    """
+
+    def __init__(self, links: int, causes: Sequence[Cause], seed: int) -> None:
+        self._links, self._causes, self._seed = links, tuple(causes), seed
+        self._time = 0.0
+        self._chain = Chain(links)
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """Lay the strip flat and still, as its causes have left it after `index` runs."""
+        (model,) = models
+        rngs = [
+            np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
+        ]
+        for cause, rng in zip(self._causes, rngs, strict=True):
+            model = cause.described(model, rng)
+        laws = [Law(cause, rng) for cause, rng in zip(self._causes, rngs, strict=True)]
+        self._time = 0.0
+        self._chain = Chain(self._links, laws)
+        self._chain.reset([model])
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may know better."""
+        self._time += dt
+        moved = np.asarray(poses, dtype=np.float64)
+        for cause in self._causes:
+            moved = np.stack([cause.moved(pose, self._time) for pose in moved])
+        return self._chain.step(moved, dt)
+
+    def release(self) -> None:
+        """Let the grasped edge go."""
+        self._chain.release()
+
+    def shapes(self) -> Array:
+        """Midline (1, links + 1, 2) [m]."""
+        return self._chain.shapes()
+
+    def arc(self) -> Array:
+        """Arc lengths (1, links + 1) [m]."""
+        return self._chain.arc()
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The forces of a cause, with its generator."""
+
+    cause: Cause
+    rng: np.random.Generator
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """The cause at work; one without forces does nothing."""
+        act = self.cause.begin(parts, self.rng)
+        return _nothing if act is None else act
+
+
+class Aged:
+    """A world as images show it whose stamps are not the time at which it was so."""
+
+    def __init__(self, world: Visible, causes: Sequence[Cause]) -> None:
+        self._world, self._causes = world, tuple(causes)
+        self._grasped: float | None = None
+
+    def scene(self, stamp: float) -> Scene:
+        """The cell in an image of `stamp` [s]."""
+        if self._grasped is None:
+            seen = self._world.scene(stamp)
+            if not seen.holds_strip:
+                return seen
+            self._grasped = stamp
+        since = stamp - self._grasped
+        for cause in self._causes:
+            since = cause.shown(since)
+        return replace(self._world.scene(self._grasped + since), stamp=stamp)
+
+
+def _nothing(*_: object) -> None:
+    """No force."""

@@ -1,0 +1,235 @@
+"""The runs of a case of the tier through images: folded by the cell, the plant sealed."""
+
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import yaml
+
+from calibration.calibration import Calibration
+from cell.config.cell import CellFile
+from cell.config.places import Configs, find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import check_drivers
+from cell.devices.rig_correction import corrected_devices
+from cell.devices.twin import twin_devices
+from cell.exam.case import Case
+from cell.exam.causes import cause_of
+from cell.exam.causes.cause import Cause
+from cell.exam.runs.specimen import Aged, Specimen
+from cell.operations.calibrate import calibration_of
+from cell.operations.fold import Request, fold
+from cell.operations.result import FoldResult
+from cell.operations.standard_runs import standard_requests
+from cell.orchestrator.outcome import INTERRUPTED
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.record.documents import write_document
+from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from drivers.errors import ConfigurationError, Fault
+from drivers.settings import read_yaml
+from drivers.strip.file import StripFile
+from drivers.twin.open import PlantOptions
+from policies.registry import MOTION
+
+LINKS = 200
+STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
+STEPS: Mapping[str, float] = {"shake": 0.001}
+"""s, of motions that need a finer one: the least damped knit leaves the model 2.3 times the noise
+of its profile with 1 ms, 1.9 with 0.5 ms, 4 with 2 ms and 10 with 4 ms.
+"""
+FILES = (RUN, TICKS, PROFILE, RESULT)
+REFUSED = "preflight_refused"
+TOLD = frozenset(
+    {"schema", "strip", "sigma", "start", "index", "condition", "speed", "camera_hz"}
+    | {"contact_height", "policy"}
+)
+"""Keys of run.yaml that a sealed run keeps: those of the contract, which say nothing of plants."""
+MEASURED = frozenset({"schema", "outcome", "t_layer_touch", "displacement", "l1", "l2"})
+"""Keys of result.yaml that a sealed run keeps."""
+
+
+def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
+    """Fold the standard runs of `case`, or the first `number`, into folders NN-NAME of `folder`.
+
+    Each holds the four files of a measured run and nothing that tells of the plant. Runs that
+    are there already stay; one that was broken off is folded again. Raises ConfigurationError for
+    a case that cannot be folded, Fault for a run that was refused or left no record.
+    """
+    configs = find_configs(None)
+    settings, strip = configs.cell(), configs.strip(case.strip)
+    causes = [cause_of(name, values) for name, values in case.causes.items()]
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = _wanted(case)[:number]
+    missing = [(name, request) for name, request in wanted if not (folder / name).is_dir()]
+    if not missing:
+        return
+    calibration = calibration_of(settings)
+    for name, request in missing:
+        with _workplace(case, configs, request) as placed:
+            result = _folded(placed, causes, case.seed, calibration, State.LAY)
+            if result.outcome == REFUSED:
+                raise Fault(REFUSED, f"{placed.policy} of {case.strip}: {result.reason}")
+            _sealed(Path(result.run), folder / name, strip)
+
+
+def refusal(case: Case) -> str | None:
+    """Why the preflight of the cell refuses to fold this plant; None where it does not.
+
+    A desk a few millimetres too high or an edge far from where the strip file puts it.
+    """
+    configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
+    _, request = _wanted(case)[0]
+    calibration = calibration_of(configs.cell())
+    with _workplace(case, configs, request) as placed:
+        result = _folded(placed, causes, case.seed, calibration, State.GRASP)
+    return result.reason if result.outcome == REFUSED else None
+
+
+def _wanted(case: Case) -> list[tuple[str, Request]]:
+    choice = DeviceSelection(seed=case.seed)
+    nowhere = Path()
+    base = Request(
+        case.strip, "", None, choice, nowhere, None, "none", truth=False, viz="off"
+    )  # fmt: skip
+    return [
+        (f"{i:02d}-{request.policy.removeprefix(MOTION)}", request)
+        for i, request in enumerate(standard_requests(base))
+    ]
+
+
+@contextmanager
+def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Request]:
+    """The request with a cell of its own, whose desk carries the plant, in a folder that goes."""
+    with TemporaryDirectory(prefix="exam-") as name:
+        place = Path(name)
+        (place / "strips").mkdir()
+        strip = configs.strip_path(case.strip)
+        shutil.copy(strip, place / "strips" / strip.name)
+        settings = exam_cell(configs.cell(), request.policy.removeprefix(MOTION))
+        _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
+        plant = plant_of(case, configs.strip(case.strip))
+        _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
+        choice = replace(request.choice, plant=place / "plant.yaml")
+        yield replace(request, choice=choice, runs=place / "runs", configs=place)
+
+
+def exam_cell(settings: CellFile, motion: str) -> CellFile:
+    """The cell with a plant that is finer than the model of any workflow."""
+    changes = {"links": LINKS, "step": STEPS.get(motion, STEP)}
+    world = settings.twin.world.model_copy(update=changes)
+    return settings.model_copy(update={"twin": settings.twin.model_copy(update={"world": world})})
+
+
+def plant_of(case: Case, strip: StripFile) -> StripFile:
+    """What lies on the desk: the strip file with the base of `case`, and its effects."""
+    return strip.model_copy(
+        update={
+            "bending_length": strip.bending_length * case.stiffness,
+            "retardation_time": strip.retardation_time * case.damping,
+            "effects": case.effects,
+            "provenance": (),
+        }
+    )
+
+
+class Open:
+    """Opens the twin with `causes` in it; their chance comes from `seed`."""
+
+    def __init__(self, causes: list[Cause], seed: int) -> None:
+        self._causes, self._seed = causes, seed
+
+    def __call__(
+        self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
+    ) -> Devices:
+        """Devices of the twin; the camera says that it is the one that was calibrated."""
+        check_drivers(settings, choice)
+        cv2.setNumThreads(1)
+        staging = PlantOptions(
+            engine=lambda links: Specimen(links, self._causes, self._seed),
+            view=lambda world: Aged(world, self._causes),
+        )
+        devices = twin_devices(
+            self._touched(settings), strip, choice, calibrating=calibrating, staging=staging
+        )
+        devices = replace(devices, camera_identity=settings.twin.camera.identity)
+        return corrected_devices(devices, settings, strip)
+
+    def _touched(self, settings: CellFile) -> CellFile:
+        """The cell with the lens that its camera has by now."""
+        distortion = settings.twin.camera.distortion
+        for cause in self._causes:
+            distortion = cause.distorted(distortion)
+        camera = settings.twin.camera.model_copy(update={"distortion": distortion})
+        twin = settings.twin.model_copy(update={"camera": camera})
+        return settings.model_copy(update={"twin": twin})
+
+
+class Until:
+    """Watches a run, and interrupts it once it stands at `state`: what follows shows nothing.
+
+    Callable as `interrupted`, and an observer of the run.
+    """
+
+    def __init__(self, state: State) -> None:
+        self._state, self._reached = state, False
+
+    def see(self, snapshot: Snapshot) -> None:
+        """A tick says nothing."""
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
+        """An event: the run enters a state."""
+        self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
+
+    def __call__(self) -> bool:
+        """Whether the run may end."""
+        return self._reached
+
+
+def _folded(
+    request: Request, causes: list[Cause], seed: int, calibration: Calibration, end: State
+) -> FoldResult:
+    """A fold that is broken off where it enters `end`."""
+    until = Until(end)
+    return fold(
+        request, lambda *_: (until,), until, calibration, opened=Open(causes, seed), page=False
+    )
+
+
+def _sealed(made: Path, final: Path, strip: StripFile) -> None:
+    """The four files of the record at `final`, whole or not at all."""
+    lacking = [name for name in FILES if not (made / name).is_file()]
+    if lacking:
+        raise Fault("record", f"{final}: the fold of {strip.name} left no {', '.join(lacking)}")
+    part = final.with_name(final.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir()
+    for name in (TICKS, PROFILE):
+        shutil.copy(made / name, part / name)
+    header, result = read_yaml(made / RUN), read_yaml(made / RESULT)
+    write_document(part / RUN, {k: v for k, v in header.items() if k in TOLD})
+    write_document(part / RESULT, measured(result))
+    part.replace(final)
+
+
+def measured(result: Mapping[str, Any]) -> dict[str, Any]:
+    """result.yaml of a run that was ended on purpose once its touch was measured."""
+    kept = {k: v for k, v in result.items() if k in MEASURED}
+    touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))
+    if kept.get("outcome") == INTERRUPTED.name and touched:
+        kept["outcome"] = "layer_touch"
+    return kept
+
+
+def _write(path: Path, content: Mapping[str, Any]) -> None:
+    try:
+        path.write_text(yaml.safe_dump(dict(content), sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: cannot be written: {error.strerror}; make room for temporary files"
+        ) from None

@@ -1,0 +1,1 @@
+"""The process that judges a case and can open nothing but its runs."""

@@ -1,0 +1,142 @@
+"""The workflow on a case, in a process that sees the runs and the strip file and nothing else."""
+
+import json
+import os
+import shutil
+import site
+import subprocess
+import sys
+import sysconfig
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cell
+from cell.config.places import cache_folder
+from cell.exam.sandbox.child import NOTES, VERDICT
+from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from drivers.errors import CellError
+
+FILES = (RUN, TICKS, PROFILE, RESULT)
+PACKAGES = ("cell", "drivers", "policies", "calibration")
+SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
+          "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
+DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
+LIMIT = 600.0  # s
+GLANCE = 0.02  # s
+
+
+class NoVerdict(CellError):
+    """The sealed process gave no verdict: it ran too long, died, or refused its input."""
+
+
+@dataclass(frozen=True, slots=True)
+class SandboxRun:
+    """A verdict's process: `wall` [s], `memory` [MB, peak], and whether the kernel barred it."""
+
+    wall: float
+    memory: float
+    kernel: bool
+
+
+def run_sandboxed(
+    strip: Path,
+    runs: Sequence[Path],
+    out: Path,
+    sealed: Sequence[Path],
+    *,
+    limit: float = LIMIT,
+    workdirs: Path | None = None,
+) -> SandboxRun:
+    """Judge the `runs` of `strip`: verdict.json and exam.json in `out`.
+
+    The runs are laid out in a new folder within `workdirs` (usually that of temporary files).
+    `sealed` cannot be read, wherever it lies. Raises NoVerdict after `limit` [s], and with the
+    last line that the process said where it failed.
+    """
+    with TemporaryDirectory(prefix="exam-", dir=workdirs) as name:
+        workdir = Path(name).resolve()
+        stage(workdir, strip, runs)
+        wall, peak = _waited(_started(workdir, sealed), limit, workdir / "said")
+        out.mkdir(parents=True, exist_ok=True)
+        for file in (VERDICT, NOTES):
+            shutil.copyfile(workdir / "out" / file, out / file)
+    notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
+    return SandboxRun(wall, notes["memory"] or peak, notes["kernel"])
+
+
+def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
+    """Lay out what may be seen: the strip file, and of each run the files of the contract."""
+    shutil.copyfile(strip, workdir / "strip.yaml")
+    for run in runs:
+        folder = workdir / "runs" / run.name
+        folder.mkdir(parents=True)
+        for file in FILES:
+            if (run / file).is_file():
+                shutil.copyfile(run / file, folder / file)
+
+
+def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
+    """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
+    root = Path(cell.__file__).resolve().parents[1]
+    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages())
+    fonts = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "matplotlib"
+    code = [str(root / name) for name in PACKAGES]
+    return {
+        "readable": [*dict.fromkeys(python), *code, *SYSTEM, str(fonts)],
+        "writable": [str(workdir), str(cache_folder()), *DEVICES],
+        "sealed": [str(path.resolve()) for path in (*sealed, root / "cell" / "exam")],
+    }
+
+
+def _started(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
+    """The process, in the staged folder, with an environment that tells nothing."""
+    module = [
+        sys.executable,
+        "-P",
+        "-m",
+        "cell.exam.sandbox.child",
+        json.dumps(policy(workdir, sealed)),
+    ]
+    kept = ("PATH", "HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "LANG", "SYSTEMROOT")
+    environment = {key: os.environ[key] for key in kept if key in os.environ}
+    environment |= {
+        "PYTHONPATH": str(Path(cell.__file__).resolve().parents[1]),
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "TMPDIR": str(workdir),
+        **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    }
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with (workdir / "said").open("wb") as said:
+        return subprocess.Popen(  # noqa: S603  this very interpreter, on a module of our own
+            module, cwd=workdir, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+        )
+
+
+def _waited(process: subprocess.Popen[bytes], limit: float, said: Path) -> tuple[float, float]:
+    """Wall time [s] and peak memory [MB] of the process, which is ended at `limit`.
+
+    The kernel counts what the starting process held before, hence the process's own word first.
+    """
+    began = time.monotonic()
+    try:
+        while True:
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            wall = time.monotonic() - began
+            if pid:
+                process.returncode = os.waitstatus_to_exitcode(status)
+                break
+            if wall > limit:
+                raise NoVerdict(f"no verdict after {limit:.0f} s; the process was ended")
+            time.sleep(GLANCE)
+    finally:
+        if process.returncode is None:
+            process.kill()
+            process.wait()
+    if process.returncode:
+        lines = said.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        last = lines[-1] if lines else "nothing was said"
+        raise NoVerdict(f"the workflow ended with code {process.returncode}: {last}")
+    return wall, usage.ru_maxrss / 1024

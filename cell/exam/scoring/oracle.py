@@ -1,0 +1,90 @@
+"""What knowing the truth would have given: the true effects, refitted on the same runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cell.exam.case import Case
+from cell.exam.scoring.results import Oracle
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Evidence, Model, Point, evidence
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.search import with_effects
+from cell.gap.subject.strip.subject import open_strip
+from cell.gap.subject.subject import Candidate, Subject
+from drivers.strip.describe import load_strip
+from drivers.strip.effects import registry
+from drivers.types import Array
+
+
+def oracle(case: Case, strip: Path, runs: Sequence[Path], held_out: Sequence[str]) -> Oracle | None:
+    """What the case's answer leaves on the held-out runs, against the refitted base.
+
+    Laws of the library are refitted from the truth; effects that a cause resembles from where a
+    screen finds them. None where the answer is empty or the library cannot simulate it.
+    """
+    subject = open_strip(strip, runs)
+    known = {c.name for c in subject.scope.candidates}
+    if not case.answer or not known.issuperset(case.answer):
+        return None
+    train = evidence([run for run in subject.runs if run.name not in held_out])
+    test = evidence([run for run in subject.runs if run.name in held_out])
+    start = _truth(case, strip, subject)
+    base = _refitted(subject.simulate, Model(subject.scope.base), train, [start])
+    model = with_effects(base.model, case.answer, subject.scope.candidates)
+    if case.alike:
+        starts = [model.joined(start, _values(case, model.effects))]
+    else:
+        starts = _found(subject.simulate, base, model)
+    whole = _refitted(subject.simulate, model, train, starts)
+    before, after = (_excess(subject.simulate, fit, test) for fit in (base, whole))
+    return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
+
+
+def _truth(case: Case, path: Path, subject: Subject) -> Array:
+    """The plant's base, where the plant has one."""
+    strip = load_strip(path)
+    true = {
+        "bending_length": case.stiffness * strip.bending_length,
+        "retardation_time": case.damping * strip.retardation_time,
+    }
+    return np.array([true.get(p.name, p.start) for p in subject.scope.base])
+
+
+def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
+    """True values of the effects as the engine has them."""
+    found = {}
+    for effect in effects:
+        true = registry()[effect.name].complete(case.effects[effect.name])
+        values = [
+            (1.0 / true[p.name] if p.inverse else true[p.name]) if p.name in true else p.start
+            for p in effect.parameters
+        ]
+        found[effect.name] = np.array(values)
+    return found
+
+
+def _found(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
+    """The null, and where a screen finds each effect by itself."""
+    probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
+    scores = ranked(table(projection(base), probed))
+    values = {name: value for score in scores for name, value in score.start.items()}
+    return [model.joined(base.shared, {}), model.joined(base.shared, values)]
+
+
+def _refitted(
+    simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]
+) -> Estimate:
+    """The best of the fits from these values."""
+    tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
+    return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)
+
+
+def _excess(simulate: Simulate, fit: Estimate, test: Evidence) -> float:
+    return float(
+        held_out_gap.excess(held_out_gap.run_squares(held_out_gap.unseen(simulate, fit, test)))
+    )

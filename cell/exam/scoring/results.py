@@ -1,0 +1,100 @@
+"""The ledger of an exam: what came of every case, so that one that was interrupted goes on."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from pydantic import ValidationError
+
+from cell.exam.case import Case
+from cell.exam.scoring.score import Outcome
+from cell.record.documents import json_line, read_json_lines, replace_file
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings
+
+
+class Oracle(Settings):
+    """The model that knows what is hidden, refitted on the same runs: the excess gap that it
+    leaves on the same held-out ones, and the share of the excess that it removes.
+    """
+
+    after: float
+    shrink: float
+
+
+class Baselines(Settings):
+    """What simpler ways would have said: the `single` candidate of the least in-sample error,
+    and whether that is in the answer. Refitting the base alone never names anything.
+    """
+
+    single: str | None
+    right: bool
+
+
+class Entry(Settings):
+    """A case in the ledger: what it was judged of, and its outcome or the reason of its failure;
+    `made` where its runs were made and nothing else was asked for.
+
+    `wall` [s] and `memory` [MB, peak] are those of the sealed process; `oracle` is None where
+    nothing of the library is hidden.
+    """
+
+    case: Case
+    of: str
+    state: Literal["made", "scored", "failed"]
+    outcome: Outcome | None = None
+    oracle: Oracle | None = None
+    baselines: Baselines | None = None
+    wall: float = 0.0
+    memory: float = 0.0
+    reason: str = ""
+
+
+class Ledger:
+    """Lines of JSON at `path`, one a case; the last line of a case counts.
+
+    A line is whole on the disk when `put` returns. Raises ConfigurationError where that is
+    impossible.
+    """
+
+    def __init__(self, path: Path, *, again: bool = False) -> None:
+        """Open or begin, without a last line that was cut off; `again` forgets everything."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lines = [] if again else read_json_lines(path)
+            replace_file(path, b"".join(json_line(line) for line in lines))
+        except OSError as error:
+            raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+        self._known = {e.case.name: e for e in map(_entry, lines) if e is not None}
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Every case, as it was judged last."""
+        return tuple(self._known.values())
+
+    def of(self, cases: Iterable[Case]) -> tuple[Entry, ...]:
+        """The entries of these cases, in their order."""
+        return tuple(self._known[c.name] for c in cases if c.name in self._known)
+
+    def finished(self, name: str, of: str) -> bool:
+        """Whether the case was scored, made of the same."""
+        entry = self._known.get(name)
+        return entry is not None and entry.of == of and entry.state == "scored"
+
+    def put(self, entry: Entry) -> None:
+        """Keep a case."""
+        self._known[entry.case.name] = entry
+        with self.path.open("ab") as stream:
+            stream.write(json_line(entry.model_dump(mode="json")))
+            stream.flush()
+            os.fsync(stream.fileno())
+
+
+def _entry(line: dict[str, object]) -> Entry | None:
+    """The entry in a line; None where another version wrote it."""
+    try:
+        return Entry.model_validate(line)
+    except ValidationError:
+        return None

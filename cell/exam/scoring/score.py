@@ -1,0 +1,208 @@
+"""A verdict against what was hidden: pure functions, the only ones that see both."""
+
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import Literal
+
+from cell.exam.case import Case, Kind, Strength, Tier
+from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
+from cell.gap.verdict.schema import Kind as VerdictKind
+from drivers.settings import Settings
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+
+TWINS = (
+    frozenset({"control_delay", "camera_latency"}),
+    frozenset({"homography_shift", "contact_bias"}),
+)
+"""Effects that no run of a fold tells apart."""
+
+Result = Literal[
+    "right_strict", "right_class", "partly", "wrong_name", "abstained",
+    "false_alarm", "gap_claimed", "correct_no_gap", "correct_abstention",
+]  # fmt: skip
+RIGHT: tuple[Result, ...] = ("right_strict", "right_class")
+
+
+class Checked(Settings):
+    """A parameter that was estimated, against the truth.
+
+    `error` is relative to the truth's distance from the null, None where that is zero; `switch`
+    where the parameter says how much of an effect there is.
+    """
+
+    name: str
+    truth: float
+    value: float
+    low: float | None
+    high: float | None
+    error: float | None
+    switch: bool = False
+
+    @property
+    def covered(self) -> bool:
+        """Whether the interval holds the truth; an open end holds everything."""
+        above = self.low is None or self.low <= self.truth
+        return above and (self.high is None or self.truth <= self.high)
+
+
+class Outcome(Settings):
+    """What came of a case. `named` and `classes` are what was said, `realised` is the excess gap
+    that was left after the base was refitted, `rival` the strongest model that was not accepted,
+    with its nats over the base, `reason` what the verdict says remains.
+    """
+
+    case: str
+    tier: Tier
+    kind: Kind
+    strength: Strength | None
+    hidden: tuple[str, ...]
+    answer: tuple[str, ...]
+    verdict: VerdictKind
+    named: tuple[str, ...]
+    classes: tuple[tuple[str, ...], ...]
+    result: Result
+    confidence: float | None
+    realised: float
+    shrink: float
+    base: tuple[Checked, ...]
+    parameters: tuple[Checked, ...]
+    rival: str
+    reason: str
+    runtime: float
+    simulations: int
+
+    @property
+    def right(self) -> bool:
+        """Whether the answer was named, strictly or by its class."""
+        return self.result in RIGHT
+
+    @property
+    def claimed(self) -> bool:
+        """Whether a gap was claimed, with a name or without."""
+        return self.verdict != "no_gap"
+
+
+def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
+    """What a verdict on the runs of `case`, made of `strip`, is worth."""
+    named = tuple(effect.name for effect in verdict.effects)
+    rival, reason = _rival(verdict, named), verdict.unexplained
+    return Outcome(
+        case=case.name, tier=case.tier, kind=case.kind, strength=case.strength,
+        hidden=hidden(case), answer=case.answer,
+        verdict=verdict.verdict, named=named, classes=tuple(map(tuple, verdict.ambiguous)),
+        result=result(verdict, case),
+        confidence=min((e.confidence for e in verdict.effects), default=None),
+        realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
+        base=tuple(_base(verdict, case, strip)), parameters=tuple(_parameters(verdict, case)),
+        rival=rival, reason=reason.description if reason else "",
+        runtime=verdict.runtime, simulations=verdict.simulations,
+    )  # fmt: skip
+
+
+def hidden(case: Case) -> tuple[str, ...]:
+    """Names of everything that is hidden in the plant."""
+    return tuple(sorted((*case.effects, *case.causes)))
+
+
+def result(verdict: Verdict, case: Case) -> Result:
+    """Which of the nine outcomes it is."""
+    named = frozenset(effect.name for effect in verdict.effects)
+    if case.kind == "nothing":
+        return _of_nothing(verdict, named)
+    if case.kind == "outside":
+        return _of_outside(verdict)
+    answer = frozenset(case.answer)
+    if not named:
+        return _of_classes(verdict.ambiguous, answer)
+    found = _of_names(named, answer)
+    doubtful = frozenset(name for group in verdict.ambiguous for name in group)
+    return "right_class" if found == "partly" and answer <= named | doubtful else found
+
+
+def _of_nothing(verdict: Verdict, named: frozenset[str]) -> Result:
+    if verdict.verdict == "no_gap":
+        return "correct_no_gap"
+    return "false_alarm" if named else "gap_claimed"
+
+
+def _of_outside(verdict: Verdict) -> Result:
+    """A cause outside the library is best left open; that no gap was seen is no merit."""
+    if verdict.verdict == "unexplained":
+        return "correct_abstention"
+    return "abstained" if verdict.verdict == "no_gap" else "wrong_name"
+
+
+def _of_names(named: frozenset[str], answer: frozenset[str]) -> Result:
+    """One false name makes the whole wrong; one of two without a false one is a part."""
+    if named == answer:
+        return "right_strict"
+    if named in _with_twins(answer):
+        return "right_class"
+    parts = [part for whole in _with_twins(answer) for part in whole]
+    return "partly" if len(answer) > 1 and named <= set(parts) else "wrong_name"
+
+
+def _of_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Result:
+    """Classes that hold all of the answer are right, some of a pair is a part of it."""
+    held = answer & {name for group in classes for name in group}
+    if answer and held == answer:
+        return "right_class"
+    return "partly" if held else "abstained"
+
+
+def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
+    """The answer, and what it becomes with twins in the place of its names."""
+    choices = [sorted(next((t for t in TWINS if name in t), {name})) for name in sorted(answer)]
+    return [frozenset(choice) for choice in product(*choices)]
+
+
+def same(name: str, answer: Iterable[str]) -> bool:
+    """Whether a single name is in the answer, twins counting as one."""
+    return any(name in whole for whole in _with_twins(frozenset(answer)))
+
+
+def _base(verdict: Verdict, case: Case, strip: StripFile) -> Iterable[Checked]:
+    """Base parameters, where the plant's laws are the library's."""
+    truth = {
+        "bending_length": case.stiffness * strip.bending_length,
+        "retardation_time": case.damping * strip.retardation_time,
+    }
+    if not case.alike:
+        return
+    for name, value in truth.items():
+        if name in verdict.base:
+            yield _checked(name, value, 0.0, verdict.base[name])
+
+
+def _parameters(verdict: Verdict, case: Case) -> Iterable[Checked]:
+    """Parameters of effects that were named rightly and whose law is the library's."""
+    for effect in verdict.effects:
+        if case.alike and effect.name in case.effects:
+            yield from _of_effect(effect, case.effects[effect.name])
+
+
+def _of_effect(effect: NamedEffect, truth: dict[str, float]) -> Iterable[Checked]:
+    known = registry()[effect.name]
+    for i, p in enumerate(known.parameters):
+        if p.name in truth and p.name in effect.parameters:
+            label, found = f"{effect.name}.{p.name}", effect.parameters[p.name]
+            yield _checked(label, truth[p.name], p.null or 0.0, found, switch=i == 0)
+
+
+def _checked(
+    name: str, truth: float, null: float, found: Interval, *, switch: bool = False
+) -> Checked:
+    size = abs(truth - null)
+    error = abs(found.value - truth) / size if size else None
+    return Checked(
+        name=name, truth=truth, value=found.value, low=found.low, high=found.high,
+        error=error, switch=switch,
+    )  # fmt: skip
+
+
+def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:
+    for row in verdict.candidates:
+        if frozenset(row.name.split(" + ")) != frozenset(named):
+            return f"{row.name} ({row.elpd_gain:.0f} nats)"
+    return ""

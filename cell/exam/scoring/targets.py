@@ -1,0 +1,175 @@
+"""What an exam is to show, tier by tier, and whether it did."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+from cell.exam.case import Kind, Tier
+from cell.exam.scoring.results import Entry
+from cell.exam.scoring.score import Checked, Outcome
+from cell.exam.scoring.statistics import Rate, rate
+
+Judge = Callable[[Rate], bool]
+MOST = 0.9  # of the shrink that knowing the truth would give
+NEAR = 0.25  # of a parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A line of the table: what was counted, what came out, what is wanted (empty: nothing), and
+    whether it is met (None: nothing is wanted, or nothing was counted).
+    """
+
+    words: str
+    found: str
+    wanted: str = ""
+    met: bool | None = None
+
+
+def targets(entries: Sequence[Entry], tier: Tier) -> list[Target]:
+    """The lines of a tier."""
+    through = tier == "images"
+    return [
+        *_false_alarms(entries, through),
+        *_names(entries, through),
+        *_abstentions(entries, through),
+        _coverage(entries, through),
+        _shrink(entries, through),
+        _errors(entries, through),
+        *_cost(entries),
+    ]
+
+
+def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
+    """Outcomes of the cases of these kinds; of all where none is given."""
+    found = [e.outcome for e in entries if e.outcome is not None]
+    return [o for o in found if not kinds or o.kind in kinds]
+
+
+def shown(found: Rate) -> str:
+    """A rate in words, with its interval."""
+    if not found.count:
+        return "no case"
+    low, high = found.interval
+    return (
+        f"{found.hits} of {found.count}, {100 * found.value:.0f} % "
+        f"[{100 * low:.0f}, {100 * high:.0f}]"
+    )
+
+
+def _line(words: str, found: Rate, wanted: str = "", judge: Judge | None = None) -> Target:
+    met = judge(found) if judge is not None and found.count else None
+    return Target(words, shown(found), wanted, met)
+
+
+def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
+    nothing = outcomes(entries, "nothing")
+    named = rate(o.result == "false_alarm" for o in nothing)
+    words = "an effect named where nothing is hidden"
+    if through:
+        yield _line(words, named, "at most one case", lambda r: r.hits <= 1)
+    else:
+        yield _line(words, named, "at most 5 %, upper end at most 8 %", _rare)
+    claimed = rate(o.claimed for o in nothing)
+    yield _line("a gap claimed where nothing is hidden, named or not", claimed)
+
+
+def _rare(found: Rate) -> bool:
+    return found.value <= 0.05 and found.interval[1] <= 0.08
+
+
+def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
+    """Cases that failed count as not right."""
+    single = [e for e in entries if e.case.kind == "single"]
+    clear = [e for e in single if e.case.strength != "weak"]
+    weak = [e for e in single if e.case.strength == "weak"]
+    pairs = [e for e in entries if e.case.kind == "pair"]
+    rows = [
+        ("the right name strictly, medium strength and above", clear, ("right_strict",), 0.85),
+        ("the right name by its class, medium and above", clear, ("right_strict", "right_class"),
+         0.95),
+        ("of a pair at least one, and no false one", pairs,
+         ("right_strict", "right_class", "partly"), 0.95),
+        ("of a pair both", pairs, ("right_strict", "right_class"), 0.70),
+    ]  # fmt: skip
+    for words, cases, good, least in rows:
+        found = rate(_result(e) in good for e in cases)
+        yield _at_least(words, found, least if through else None)
+    false = rate(_result(e) == "wrong_name" for e in weak)
+    wanted = "at most 10 %" if through else ""
+    yield _line("a wrong name at weak strength", false, wanted,
+                (lambda r: r.value <= 0.10) if through else None)  # fmt: skip
+
+
+def _at_least(words: str, found: Rate, least: float | None) -> Target:
+    if least is None:
+        return _line(words, found)
+    return _line(words, found, f"at least {100 * least:.0f} %", lambda r: r.value >= least)
+
+
+def _result(entry: Entry) -> str:
+    return entry.outcome.result if entry.outcome is not None else "failed"
+
+
+def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
+    outside = [e for e in entries if e.case.kind == "outside"]
+    if outside or through:
+        found = rate(_result(e) == "correct_abstention" for e in outside)
+        yield _at_least("abstained on causes outside the library", found, 0.80 if through else None)
+
+
+def checked(entries: Iterable[Entry]) -> list[Checked]:
+    """Every parameter that can be held against the truth."""
+    return [c for o in outcomes(entries) for c in (*o.base, *o.parameters)]
+
+
+def _coverage(entries: Sequence[Entry], through: bool) -> Target:
+    found = rate(c.covered for c in checked(entries))
+    words = "95 % intervals that hold the truth, where the laws agree"
+    if through:
+        return _line(words, found)
+    return _line(words, found, "91 to 98 %", lambda r: 0.91 <= r.value <= 0.98)
+
+
+def shares(entries: Iterable[Entry]) -> list[float]:
+    """Shrink of what was named, over the shrink that knowing the truth would give."""
+    return [
+        e.outcome.shrink / e.oracle.shrink
+        for e in entries
+        if e.outcome and e.oracle and e.outcome.verdict == "named" and e.oracle.shrink > 0.0
+    ]
+
+
+def _shrink(entries: Sequence[Entry], through: bool) -> Target:
+    found = shares(entries)
+    words = "held-out gap shrunk, over what knowing the truth would give (median of named)"
+    wanted = f"at least {100 * MOST:.0f} %" if through else ""
+    return _median(words, found, wanted, lambda v: v >= MOST)
+
+
+def _errors(entries: Sequence[Entry], through: bool) -> Target:
+    found = [c.error for c in checked(entries) if c.switch and c.error is not None]
+    words = "relative error of the amount of an effect, where the laws agree (median)"
+    wanted = f"within {100 * NEAR:.0f} %" if through else ""
+    return _median(words, found, wanted, lambda v: v <= NEAR)
+
+
+def _median(
+    words: str, found: Sequence[float], wanted: str, judge: Callable[[float], bool]
+) -> Target:
+    if not found:
+        return Target(words, "no case", wanted)
+    middle = median(found)
+    met = judge(middle) if wanted else None
+    return Target(words, f"{100 * middle:.0f} % of {len(found)} values", wanted, met)
+
+
+def _cost(entries: Sequence[Entry]) -> Iterable[Target]:
+    walls = [e.wall for e in entries if e.outcome is not None]
+    memory = [e.memory for e in entries if e.outcome is not None]
+    if not walls:
+        return
+    middle, longest = median(walls), max(walls)
+    yield Target("run time on one core, median", f"{middle:.0f} s", "45 s", middle <= 45.0)
+    yield Target("run time on one core, longest", f"{longest:.0f} s", "120 s", longest <= 120.0)
+    yield Target("peak memory, largest", f"{max(memory):.0f} MB")

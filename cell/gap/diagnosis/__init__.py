@@ -1,0 +1,1 @@
+"""Where a fitted model misses the runs, how much, and what would tell more."""

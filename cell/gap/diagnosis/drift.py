@@ -1,0 +1,80 @@
+"""Does the specimen change from run to run: base parameters that drift with the run's index."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap.diagnosis import lack_of_fit
+from cell.gap.fitting import normal_equations
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.projection import projection, stacked
+from cell.gap.selection.likelihood import LEVEL
+from cell.gap.subject.subject import Run
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """Base parameters that change with the index: `words` of the surest one, `p` of them all.
+
+    By channel, in units of the noise: `scatter` between repeats, `inflation` once the drift is
+    taken out of them.
+    """
+
+    words: str
+    p: float
+    scatter: dict[str, float]
+    inflation: dict[str, float]
+
+    @property
+    def real(self) -> bool:
+        """Whether repeats differ by more than noise, and by a drift."""
+        return self.p < LEVEL and max(self.scatter.values(), default=1.0) > 1.0
+
+
+def drift(estimate: Estimate) -> Drift | None:
+    """The drift of the base between repeats, or None where no condition was repeated.
+
+    Likelihood ratio (Wilks 1938) of each parameter linear in the index, all at once, in units of
+    the scatter between repeats that is left then. Only repeats are held against each other: what
+    the model gets wrong of a condition is the same in all of them.
+    """
+    runs = estimate.evidence.runs
+    later = _later(runs)
+    if not later.any():
+        return None
+    about = projection(estimate)
+    count = len(estimate.shared)
+    owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
+    columns = stacked(estimate)[:, :count] * later[owner][:, None]
+    columns = about.weighed(columns)
+    form = about.form(columns)
+    free = np.full(count, np.inf)
+    limits = normal_equations.Bounds(-free, free, np.zeros(count), np.zeros(count))
+    rates = normal_equations.bounded_step(form, np.zeros(count), limits)
+    corrected = (about.residual + about.left(columns) @ rates) / about.weight
+    parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
+    inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
+    unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
+    p = float(stats.chi2.sf(2.0 * normal_equations.decrease(form, rates) / unit, count))
+    return Drift(_words(estimate, form), p, lack_of_fit.pure_error(estimate), inflation)
+
+
+def _later(runs: Sequence[Run]) -> Array:
+    """By how many runs each (R,) is later than those of its condition are on average."""
+    index = np.array([run.index for run in runs], dtype=float)
+    label = np.array([run.condition for run in runs])
+    return np.asarray(index - np.array([index[label == own].mean() for own in label]))
+
+
+def _words(estimate: Estimate, form: normal_equations.Normal) -> str:
+    """The parameter whose drift alone explains most, and its change per run."""
+    information = np.maximum(np.diag(form.curvature), 1e-300)
+    i = int(np.argmax(form.gradient**2 / information))
+    rate = -form.gradient[i] / information[i]
+    p, value = estimate.model.parameters[i], float(estimate.shared[i])
+    if value == 0.0:
+        return f"{p.name} changes by {rate:+.2g} {p.unit} a run"
+    return f"{p.name} changes by {100 * rate / value:+.2g} % a run"

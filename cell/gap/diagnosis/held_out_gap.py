@@ -1,0 +1,101 @@
+"""The gap on held-out runs: before, after, the floor, and how much it shrank."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.subject.subject import Quantity, Words
+from drivers.types import Array
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Shrink:
+    """Share of the excess gap that is gone, with its 95 % interval over runs."""
+
+    value: float
+    low: float
+    high: float
+
+
+def unseen(simulate: Simulate, estimate: Estimate, evidence: Evidence) -> Estimate:
+    """A fitted model on other runs: shared values held, only the runs' own unknowns fitted."""
+    model = estimate.model.holding(estimate.shared)
+    start = Point(np.zeros(0), evidence.start())
+    return run_all(simulate, [refit(model, evidence, start)])[0]
+
+
+def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """Root mean square gap by quantity as shown, of readings, runs with equal weight."""
+    squares: dict[str, list[float]] = defaultdict(list)
+    for run, raw in zip(estimate.evidence.runs, estimate.raw, strict=True):
+        for name, found in _by_word(run.samples.quantity, raw.square).items():
+            squares[name].append(found)
+    return _shown(squares, quantities)
+
+
+def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """What a perfect model would leave: the noise of the readings."""
+    squares: dict[str, list[float]] = defaultdict(list)
+    for run in evidence.runs:
+        for name, found in _by_word(run.samples.quantity, run.samples.reading**2).items():
+            squares[name].append(found)
+    return _shown(squares, quantities)
+
+
+def _by_word(words: Words, square: Array) -> dict[str, float]:
+    found = {}
+    for name in np.unique(words):
+        values = square[words == name]
+        values = values[np.isfinite(values)]
+        if len(values):
+            found[str(name)] = float(values.mean())
+    return found
+
+
+def _shown(
+    squares: Mapping[str, Sequence[float]], quantities: Mapping[str, Quantity]
+) -> dict[str, float]:
+    return {
+        quantities[name].key: quantities[name].factor * float(np.sqrt(np.mean(values)))
+        for name, values in squares.items()
+        if quantities[name].key
+    }
+
+
+def run_squares(estimate: Estimate) -> Array:
+    """Mean square whitened residual of each run, channels with equal weight (R,)."""
+    found = []
+    for run, r in zip(estimate.evidence.runs, estimate.residuals, strict=True):
+        found.append(np.mean(list(_by_word(run.samples.channel, r**2).values())))
+    return np.array(found)
+
+
+def excess(squares: Array) -> Array:
+    """sqrt(max(mean r^2 - 1, 0)) over the last axis."""
+    return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
+
+
+def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, float]:
+    """The gap by quantity as shown, and its excess."""
+    return {**rms(estimate, quantities), "excess": float(excess(run_squares(estimate)))}
+
+
+def shrink(before: Array, after: Array, rng: np.random.Generator) -> Shrink:
+    """1 - excess after / before, with a percentile bootstrap over runs (Efron 1979)."""
+    drawn = rng.integers(0, len(before), (DRAWS, len(before)))
+    value = float(_share(before, after))
+    shares = _share(before[drawn], after[drawn])
+    low, high = np.quantile(shares, [0.025, 0.975])
+    return Shrink(value, float(low), float(high))
+
+
+def _share(before: Array, after: Array) -> Array:
+    was = excess(before)
+    return np.where(was > 0.0, 1.0 - excess(after) / np.where(was > 0.0, was, 1.0), 0.0)

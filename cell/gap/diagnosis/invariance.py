@@ -1,0 +1,95 @@
+"""One amplitude must serve all conditions: what tells a cause from a proxy."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import request, response
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.tasks import Task
+from cell.gap.selection.likelihood import LikelihoodScale
+from drivers.types import Array
+
+DRIFT = 0.25  # relative scatter of the amplitude between conditions that a cause may show
+
+
+@dataclass(frozen=True, slots=True)
+class Invariance:
+    """Amplitudes of an effect relative to its fitted one, by condition (`p`: all are equal).
+
+    `drift` is their scatter beyond what noise explains.
+    """
+
+    effect: str
+    amplitudes: dict[str, float]
+    errors: dict[str, float]
+    p: float
+    drift: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether one amplitude serves all conditions."""
+        return self.p >= 0.01 or self.drift <= DRIFT
+
+
+def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Invariance]:
+    """Homogeneity of an effect's amplitude over conditions; yields simulations.
+
+    The whitened response of the fitted effect, split by condition, is regressed on what is left
+    with all fitted unknowns free; the test is a score test of equal amplitudes (Rao 1948; in the
+    spirit of invariant prediction, Peters, Buehlmann, Meinshausen 2016).
+    """
+    moved = yield from _response(estimate, effect)
+    about = projection(estimate)
+    labels = [run.condition for run in estimate.evidence.runs]
+    conditions = list(dict.fromkeys(labels))
+    columns = np.zeros((len(moved), len(conditions)))
+    at = 0
+    for label, r in zip(labels, estimate.residuals, strict=True):
+        columns[at : at + len(r), conditions.index(label)] = moved[at : at + len(r)]
+        at += len(r)
+    form = about.form(about.weighed(columns))
+    inverse = np.linalg.pinv(form.curvature, rcond=1e-6, hermitian=True)
+    amounts = -inverse @ form.gradient
+    errors = np.sqrt(by.inefficiency * np.maximum(np.diag(inverse), 1e-12))
+    statistic = float(form.gradient @ inverse @ form.gradient) / by.inefficiency
+    freedom = np.linalg.matrix_rank(inverse, hermitian=True)
+    p = float(stats.chi2.sf(statistic, freedom)) if len(conditions) > 1 else 1.0
+    return Invariance(
+        effect,
+        {c: float(1.0 + a) for c, a in zip(conditions, amounts, strict=True)},
+        {c: float(e) for c, e in zip(conditions, errors, strict=True)},
+        p,
+        _drift(amounts, errors),
+    )
+
+
+def _response(estimate: Estimate, effect: str) -> Task[Array]:
+    """Whitened residual with the effect minus without it, all else as fitted (N,)."""
+    model = estimate.model
+    base, effects = model.split(estimate.shared)
+    null = next(e.null for e in model.effects if e.name == effect)
+    without = model.joined(base, {**effects, effect: null})
+    runs = estimate.evidence.runs
+    asked = [
+        request(model, run, without, own)
+        for run, own in zip(runs, estimate.point.local, strict=True)
+    ]
+    answers = yield asked
+    parts = [
+        response(here, gone, s)
+        for here, gone, s in zip(estimate.raw, answers, estimate.evidence.scales, strict=True)
+    ]
+    return np.concatenate(parts)
+
+
+def _drift(amounts: Array, errors: Array) -> float:
+    """Scatter of the amounts beyond their errors (DerSimonian and Laird 1986)."""
+    if len(amounts) < 2:
+        return 0.0
+    w = errors**-2
+    q = float(w @ (amounts - w @ amounts / w.sum()) ** 2)
+    spread = (q - len(amounts) + 1) / (w.sum() - (w**2).sum() / w.sum())
+    return float(np.sqrt(max(0.0, spread)))

@@ -1,0 +1,151 @@
+"""Is there a gap: what repeats say of the noise, and whether the residuals exceed it."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from cell.gap.fitting import robust
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence
+from cell.gap.fitting.projection import Projection
+from cell.gap.subject.subject import Run
+from drivers.types import Array
+
+SPAN = 0.3  # s of one bin in which repeats are compared
+DRAWS = 400
+OTHERS = 6  # runs that a model must describe before one may go another way
+
+
+def pure_error(
+    estimate: Estimate, residuals: Sequence[Array] | None = None, spent: int = 0
+) -> dict[str, float]:
+    """Factor by channel on the stated noise that the scatter between repeats demands, >= 1.
+
+    `residuals` stand in for the estimate's own, `spent` degrees of freedom went into them.
+    Variance of bin means between runs of one condition over what the noise explains, accepted
+    where its chi-square probability is below 1 % (Draper and Smith, Applied Regression
+    Analysis, lack of fit and pure error).
+    """
+    squares: dict[str, float] = defaultdict(float)
+    freedom: dict[str, int] = defaultdict(int)
+    for rows in _repeated(estimate, residuals or estimate.residuals).values():
+        for channel, values in rows:
+            mean, count = values[:, 0], values[:, 1]
+            centre = np.average(mean, weights=count)
+            squares[channel] += float((count * (mean - centre) ** 2).sum())
+            freedom[channel] += len(mean) - 1
+    factors = {}
+    for channel, dof in freedom.items():
+        left = max(1, dof - spent)
+        excess = stats.chi2.sf(squares[channel], left) < 0.01
+        factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
+    return factors
+
+
+def _repeated(estimate: Estimate, residuals: Sequence[Array]) -> dict[str, list[tuple[str, Array]]]:
+    """By condition with repeats: channel and (mean, count) of each run in each common bin."""
+    bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
+    for run, r in zip(estimate.evidence.runs, residuals, strict=True):
+        for key, rows in _binned(run).items():
+            bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
+    found: dict[str, list[tuple[str, Array]]] = defaultdict(list)
+    for (condition, channel, *_), values in bins.items():
+        if len(values) > 1:
+            found[condition].append((channel, np.array(values)))
+    return found
+
+
+def _binned(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
+    rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
+    s = run.samples
+    for i in range(len(s)):
+        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / SPAN))
+        rows[key].append(i)
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """Lack of fit: probability under noise alone, and by channel the mean square of its worst
+    condition in units of it.
+    """
+
+    p: float
+    square: dict[str, float]
+
+
+def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
+    """Largest standardised mean square over channels and conditions against bootstrapped noise.
+
+    `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
+    divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
+    """
+    r = robust.clipped(np.concatenate(estimate.residuals) / allowed)
+    rows = _groups(estimate)
+    found = np.array([np.mean(r[i] ** 2) for i in rows.values()])
+    drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows.values()])
+    mean, spread = drawn.mean(axis=1, keepdims=True), drawn.std(axis=1, keepdims=True) + 1e-12
+    worst = float(((found[:, None] - mean) / spread).max())
+    null = ((drawn - mean) / spread).max(axis=0)
+    p = (1.0 + float((null >= worst).sum())) / (1.0 + len(null))
+    square: dict[str, float] = defaultdict(float)
+    for (channel, _), f, m in zip(rows, found, mean[:, 0], strict=True):
+        square[channel] = max(square[channel], float(f / m))
+    return Misfit(p, dict(square))
+
+
+def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
+    """Samples of each channel in each condition."""
+    runs = estimate.evidence.runs
+    channel = np.concatenate([run.samples.channel for run in runs])
+    condition = np.concatenate([np.full(len(run.samples), run.condition) for run in runs])
+    keys = sorted(set(zip(channel.tolist(), condition.tolist(), strict=True)))
+    return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
+
+
+def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
+    """Residuals (N, draws) that unit noise leaves once the fitted unknowns have absorbed theirs.
+
+    Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
+    """
+    return about.left(rng.standard_normal((len(about.residual), draws)))
+
+
+def slack(
+    evidence: Evidence, inflation: Mapping[str, float], tolerance: Mapping[str, float]
+) -> Array:
+    """Factor (N,) on the scale of each sample that allows for more than its stated noise.
+
+    `inflation` multiplies the noise of a channel, `tolerance` [SI] adds to that of a quantity.
+    """
+    factors = []
+    for run, scale in zip(evidence.runs, evidence.scales, strict=True):
+        more = np.array([inflation.get(str(c), 1.0) for c in run.samples.channel])
+        extra = np.array([tolerance.get(str(c), 0.0) for c in run.samples.quantity])
+        factors.append(np.hypot(more * scale, extra) / scale)
+    return np.concatenate(factors)
+
+
+def astray(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
+    """The run that departs most from the model, where OTHERS can bear that out, and which samples
+    (N,) are its.
+    """
+    squares = [float(np.mean(robust.clipped(r) ** 2)) for r in estimate.residuals]
+    owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
+    if len(squares) <= OTHERS:
+        return None, np.zeros(len(owner), dtype=bool)
+    worst = int(np.argmax(squares))
+    return estimate.evidence.runs[worst].name, owner == worst
+
+
+def unshown(estimate: Estimate) -> NDArray[np.bool_]:
+    """Samples (N,) that the model cannot show while it shows others of their run.
+
+    The strip lies down in another place there, which is for the other channels to judge.
+    """
+    lost = [np.isnan(raw.mean) for raw in estimate.raw]
+    return np.concatenate([rows & ~rows.all() for rows in lost])

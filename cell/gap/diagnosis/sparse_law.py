@@ -1,0 +1,119 @@
+"""What no effect of the library explains, described by a sparse law that is stable over runs.
+
+A description, never a cause: terms of the subject are mixed until the next one gains nothing,
+and a term counts as stable when it is chosen on most halves of the runs with one sign
+(Meinshausen and Buehlmann 2010, Stability selection).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.fitting import normal_equations
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.projection import Projection
+from cell.gap.selection.likelihood import MARGIN
+from cell.gap.selection.screening import Probed
+from drivers.types import Array
+
+TERMS = 3
+HALVES = 40
+OFTEN = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """`words` of the law, whether it is `stable`, and the share of the misfit it accounts for."""
+
+    words: str
+    stable: bool
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Term:
+    words: str
+    unit: str
+    value: float
+    response: Array
+
+
+def describe(
+    estimate: Estimate, about: Projection, probed: Sequence[Probed], worth: float,
+    rng: np.random.Generator,
+) -> Law | None:  # fmt: skip
+    """Sparse law of what `estimate` leaves; `worth` samples are one independent sample."""
+    terms = _terms(probed)
+    if not terms:
+        return None
+    responses = about.weighed(np.array([t.response for t in terms]).T)
+    form = about.form(responses)
+    chosen = _forward(form, worth)
+    if not chosen:
+        return None
+    amounts, gain = _amounts(form, chosen)
+    stable = _stable(estimate, about, responses, chosen, amounts, rng)
+    total = 0.5 * float(about.residual @ about.residual)
+    parts = [
+        f"{terms[i].value * a:+.3g} {terms[i].unit} x {terms[i].words}"
+        for i, a in zip(chosen, amounts, strict=True)
+    ]
+    return Law(" ".join(parts), stable, min(1.0, gain / total) if total > 0 else 0.0)
+
+
+def _terms(probed: Sequence[Probed]) -> list[_Term]:
+    """Each parameter of each term at its smallest probe."""
+    found = []
+    for p in probed:
+        for vector, response in zip(p.groups[0], p.responses[0].T, strict=True):
+            k = int(np.argmax(np.abs(vector)))
+            parameter = p.candidate.parameters[k]
+            words = f"{p.candidate.sentence} ({parameter.name})"
+            if np.abs(response).max() > 0.0:
+                found.append(_Term(words, parameter.unit, vector[k], response))
+    return found
+
+
+def _forward(form: normal_equations.Normal, worth: float) -> list[int]:
+    """Terms that gain more than the margin each, greedily."""
+    chosen: list[int] = []
+    reached = 0.0
+    while len(chosen) < TERMS:
+        gains = [
+            _amounts(form, [*chosen, i])[1] if i not in chosen else -np.inf
+            for i in range(len(form.gradient))
+        ]
+        i = int(np.argmax(gains))
+        if gains[i] - reached < MARGIN * worth:
+            break
+        chosen.append(i)
+        reached = gains[i]
+    return chosen
+
+
+def _amounts(form: normal_equations.Normal, chosen: Sequence[int]) -> tuple[Array, float]:
+    some = normal_equations.Normal(form.gradient[chosen], form.curvature[np.ix_(chosen, chosen)])
+    free = np.full(len(chosen), np.inf)
+    limits = normal_equations.Bounds(-free, free, np.zeros(len(chosen)), np.zeros(len(chosen)))
+    step = normal_equations.bounded_step(some, np.zeros(len(chosen)), limits)
+    return step, normal_equations.decrease(some, step)
+
+
+def _stable(
+    estimate: Estimate, about: Projection, responses: Array, chosen: Sequence[int],
+    amounts: Array, rng: np.random.Generator,
+) -> bool:  # fmt: skip
+    """Whether the same terms win with the same signs on most halves of the runs."""
+    runs = len(estimate.residuals)
+    owner = np.repeat(np.arange(runs), [len(r) for r in estimate.residuals])
+    left = about.left(responses)
+    agreed = 0
+    for _ in range(HALVES):
+        half = np.isin(owner, rng.permutation(runs)[: max(1, runs // 2)])
+        form = normal_equations.Normal(
+            responses[half].T @ about.residual[half], responses[half].T @ left[half]
+        )
+        again, _ = _amounts(form, chosen)
+        agreed += bool((np.sign(again) == np.sign(amounts)).all())
+    return agreed >= OFTEN * HALVES

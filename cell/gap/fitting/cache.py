@@ -1,0 +1,84 @@
+"""Simulations remembered on disk, so that an interrupted fit goes on where it stopped.
+
+A fit asks for the same simulations in the same order whenever its inputs are the same. Each
+round of answers is written as it comes; started again, rounds are read back while what is asked
+equals what was asked then, bit for bit.
+"""
+
+import hashlib
+import shutil
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cell.gap.fitting.tasks import Simulate
+from cell.gap.subject.subject import Request, Residuals
+
+
+class SimulationCache:
+    """A simulation whose answers survive in `folder`; `total` counts the simulations.
+
+    The folder's parent is the tape's own: it goes with the last erasure.
+    """
+
+    def __init__(self, simulate: Simulate, folder: Path) -> None:
+        self._simulate = simulate
+        self._folder = folder
+        self._round = 0
+        self.total = 0
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def __call__(self, requests: Sequence[Request]) -> list[Residuals]:
+        """Residuals of `requests`, read back or simulated."""
+        path = self._folder / f"{self._round:05d}.npz"
+        self._round += 1
+        self.total += len(requests)
+        asked = digest(requests)
+        answers = _read(path, asked)
+        if answers is None:
+            answers = list(self._simulate(requests))
+            _write(path, asked, answers)
+        return answers
+
+    def erase(self) -> None:
+        """Forget everything: the fit is complete."""
+        shutil.rmtree(self._folder.parent, ignore_errors=True)
+
+
+def digest(requests: Sequence[Request]) -> str:
+    """Hash of what is asked."""
+    h = hashlib.sha256()
+    for r in requests:
+        h.update(r.run.name.encode())
+        h.update(r.base.tobytes())
+        for name in sorted(r.effects):
+            h.update(name.encode() + r.effects[name].tobytes())
+        h.update(r.local.tobytes())
+    return h.hexdigest()
+
+
+def _read(path: Path, asked: str) -> list[Residuals] | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if str(stored["asked"]) != asked:
+                return None
+            edges = np.cumsum(stored["counts"])[:-1]
+            means, squares = np.split(stored["mean"], edges), np.split(stored["square"], edges)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
+        return None
+    return [Residuals(m, s) for m, s in zip(means, squares, strict=True)]
+
+
+def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
+    partial = path.with_suffix(".part")
+    with partial.open("wb") as file:
+        np.savez(
+            file,
+            asked=np.array(asked),
+            counts=np.array([len(a.mean) for a in answers]),
+            mean=np.concatenate([a.mean for a in answers]),
+            square=np.concatenate([a.square for a in answers]),
+        )
+    partial.replace(path)

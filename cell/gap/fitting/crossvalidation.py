@@ -1,0 +1,139 @@
+"""How well a fitted model predicts runs that it has not seen, condition by condition.
+
+Each fold leaves out whole conditions; frames of one run are never split. The fit without a fold
+is taken to be one Newton step from the fit with it (Giordano et al. 2019, A Swiss Army
+infinitesimal jackknife): losses differ from those of whole fits by 2 % in the median. The runs
+left out then adapt their own unknowns.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting.gauss_newton import Estimate, residuals
+from cell.gap.fitting.model import Evidence, Model, Point, requests
+from cell.gap.fitting.tasks import Task, side_by_side
+from cell.gap.subject.subject import Run
+from drivers.types import Array
+
+FOLDS = 8
+SILENT = 10.0  # times the variance: other runs hold less than a tenth of what is known
+
+
+@dataclass(frozen=True, slots=True)
+class Validated:
+    """An estimate and what it predicts: whitened residuals (n,) of each run when left out.
+
+    `charged` (R,) [nats] on top: what could not be predicted but only fitted.
+    """
+
+    estimate: Estimate
+    left_out: tuple[Array, ...]
+    charged: Array
+
+    @property
+    def model(self) -> Model:
+        """The model."""
+        return self.estimate.model
+
+    def losses(self, scale: float) -> Array:
+        """Predictive loss of each run at a dispersion [nats]."""
+        return self.charged + [float(robust.bounded_loss(r / scale).sum()) for r in self.left_out]
+
+
+def folds(runs: Sequence[Run], most: int = FOLDS) -> list[list[int]]:
+    """Run numbers by fold: whole conditions, dealt in turn; single runs where all are alike."""
+    conditions = list(dict.fromkeys(run.condition for run in runs))
+    label = [conditions.index(run.condition) for run in runs]
+    if len(conditions) == 1:
+        label = list(range(len(runs)))
+    count = min(most, max(label) + 1)
+    return [[i for i, c in enumerate(label) if c % count == f] for f in range(count)]
+
+
+def validate(estimate: Estimate) -> Task[Validated]:
+    """Predictive residuals of every run; yields simulations."""
+    dealt = folds(estimate.evidence.runs)
+    parts = yield from side_by_side([_fold(estimate, fold) for fold in dealt])
+    left_out: dict[int, Array] = {}
+    charged = np.zeros(len(estimate.evidence.runs))
+    for fold, (found, unknown) in zip(dealt, parts, strict=True):
+        left_out.update(zip(fold, found, strict=True))
+        charged[fold[0]] = unknown
+    return Validated(estimate, tuple(left_out[i] for i in range(len(charged))), charged)
+
+
+def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ...], int]]:
+    """Whitened residuals of the runs of `fold` under the fit to all others, and how many shared
+    unknowns only these runs determine.
+    """
+    keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
+    only = _only_here(estimate, keep)
+    shared = _newton(estimate, keep, only).shared
+    unseen = _some(estimate.evidence, fold)
+    own = Point(np.zeros(0), tuple(_adapted(estimate, i, shared) for i in fold))
+    raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
+    return residuals(raw, unseen), int(only.sum())
+
+
+def _some(evidence: Evidence, keep: Sequence[int]) -> Evidence:
+    return Evidence(tuple(evidence.runs[i] for i in keep), tuple(evidence.scales[i] for i in keep))
+
+
+def _only_here(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Mask:
+    """Which shared unknowns (P,) of effects the runs `keep` say next to nothing of.
+
+    An effect that lives in one condition cannot be predicted from the others; it keeps its
+    value, and is charged with the nat by which a fit flatters itself (Akaike 1974).
+    """
+    count = len(estimate.shared)
+    base = len(estimate.model.base)
+    with_all, without = (
+        np.diag(normal_equations.covariance(_equations(estimate, runs)))[:count]
+        for runs in (range(len(estimate.evidence.runs)), keep)
+    )
+    return np.asarray((without > SILENT * with_all) & (np.arange(count) >= base))
+
+
+def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Normal:
+    """Normal equations of the runs `keep` at the whole fit."""
+    kept = _some(estimate.evidence, keep)
+    place = normal_equations.layout(estimate.model, kept)
+    z = _packed(estimate, keep)
+    jacobians = tuple(estimate.jacobians[i] for i in keep)
+    r = [estimate.residuals[i] for i in keep]
+    data = normal_equations.normal(place, r, jacobians, estimate.scale)
+    return normal_equations.with_prior(data, z, normal_equations.bounds(estimate.model, kept))
+
+
+def _packed(estimate: Estimate, keep: Sequence[int]) -> Array:
+    place = normal_equations.layout(estimate.model, _some(estimate.evidence, keep))
+    return place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
+
+
+def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask) -> Point:
+    """One bounded Newton step from the whole fit to the fit of the runs `keep`; shared unknowns
+    that are `held` (P,) stay.
+    """
+    kept = _some(estimate.evidence, keep)
+    limits, z = normal_equations.bounds(estimate.model, kept), _packed(estimate, keep)
+    fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
+    limits = replace(
+        limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
+    )
+    step = normal_equations.bounded_step(_equations(estimate, keep), z, limits)
+    return normal_equations.layout(estimate.model, kept).unpacked(z + step)
+
+
+def _adapted(estimate: Estimate, i: int, shared: Array) -> Array:
+    """The run's own unknowns, moved linearly with the shared values."""
+    count = len(estimate.shared)
+    jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]
+    moved = jacobian[:, :count] @ (shared - estimate.shared)
+    weight = robust.weights(estimate.residuals[i] / estimate.scale)[:, None]
+    spread = np.array([p.spread for p in estimate.evidence.runs[i].local])
+    curvature = (own * weight).T @ own / estimate.scale**2 + np.diag(spread**-2)
+    gradient = (own * weight).T @ moved / estimate.scale**2
+    return np.asarray(estimate.point.local[i] - np.linalg.solve(curvature, gradient))

@@ -1,0 +1,232 @@
+"""Fit of a model to runs: robust Gauss-Newton with the parameters' own secant steps.
+
+Shared parameters and each run's own unknowns are estimated jointly. Simulations are dear and
+responses nearly linear, so that a Jacobian is kept while it predicts the decrease well.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whitened
+from cell.gap.fitting.tasks import Task
+from cell.gap.subject.subject import Parameter, Request, Residuals, Run
+from drivers.types import Array
+
+STEPS = 20
+ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
+TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
+PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
+DAMPING = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A fitted model: where, what is left, and how the residuals respond.
+
+    Per run: `residuals` (n,) whitened, `raw` in physical units, `jacobians` (n, shared + local)
+    of the whitened residuals. `scale` is the dispersion, `objective` the loss at it [nats].
+    """
+
+    model: Model
+    evidence: Evidence
+    point: Point
+    residuals: tuple[Array, ...]
+    raw: tuple[Residuals, ...]
+    jacobians: tuple[Array, ...]
+    scale: float
+    objective: float
+
+    @property
+    def shared(self) -> Array:
+        """Values of the shared parameters (P,)."""
+        return self.point.shared
+
+    def normal(self, scale: float | None = None) -> normal_equations.Normal:
+        """Normal equations of data and priors here, at `scale` or the estimate's own."""
+        place = normal_equations.layout(self.model, self.evidence)
+        used = self.scale if scale is None else scale
+        data = normal_equations.normal(place, self.residuals, self.jacobians, used)
+        limits = normal_equations.bounds(self.model, self.evidence)
+        return normal_equations.with_prior(data, place.packed(self.point), limits)
+
+
+def refit(
+    model: Model,
+    evidence: Evidence,
+    start: Point,
+    jacobians: tuple[Array, ...] | None = None,
+    enough: float = ENOUGH,
+    steps: int = STEPS,
+) -> Task[Estimate]:
+    """Estimate of `model` from `start`; yields simulations.
+
+    `jacobians` of a fit near by spare the first secants; it ends when a further step promises
+    less than `enough` nats, or after so many `steps`.
+    """
+    place = normal_equations.layout(model, evidence)
+    limits = normal_equations.bounds(model, evidence)
+    z = np.clip(place.packed(start), limits.low, limits.high)
+    fresh = jacobians is None
+    if jacobians is None:
+        raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+    else:
+        raw = yield requests(model, evidence.runs, place.unpacked(z))
+    for _ in range(steps):
+        r = residuals(raw, evidence)
+        scale = robust.scale(np.concatenate(r))
+        data = normal_equations.normal(place, r, jacobians, scale)
+        equations = normal_equations.with_prior(data, z, limits)
+        step = normal_equations.bounded_step(equations, z, limits)
+        promised = normal_equations.decrease(equations, step)
+        if promised < enough:
+            break
+        now = normal_equations.objective(r, z, limits, scale)
+        search = _Search(model, evidence, jacobians, equations.curvature, scale, now)
+        trial = yield from _tried(search, z, step, r)
+        won = now - trial.objective
+        if won <= 0.0 and fresh:
+            break
+        if won > 0.0:
+            z, raw = trial.z, trial.raw
+        fresh = not TRUSTED[0] < won / promised < TRUSTED[1]
+        if fresh:
+            raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+    return _estimate(model, evidence, z, raw, jacobians)
+
+
+def _estimate(
+    model: Model,
+    evidence: Evidence,
+    z: Array,
+    raw: Sequence[Residuals],
+    jacobians: tuple[Array, ...],
+) -> Estimate:
+    limits = normal_equations.bounds(model, evidence)
+    point = normal_equations.layout(model, evidence).unpacked(z)
+    r = residuals(raw, evidence)
+    scale = robust.scale(np.concatenate(r))
+    total = normal_equations.objective(r, z, limits, scale)
+    return Estimate(model, evidence, point, r, tuple(raw), jacobians, scale, total)
+
+
+def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
+    """Whitened residuals per run."""
+    return tuple(whitened(a, s) for a, s in zip(raw, evidence.scales, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    model: Model
+    evidence: Evidence
+    jacobians: tuple[Array, ...]
+    curvature: Array
+    scale: float
+    now: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    z: Array
+    raw: Sequence[Residuals]
+    objective: float
+
+
+def _tried(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
+    """The full step, or where it does not win the best point of a parabola bent by curvature."""
+    full = (yield from _evaluated(search, [z + step]))[0]
+    if full.objective < search.now:
+        return full
+    bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
+    points = [z + f * step + f * f * bend for f in PARABOLA]
+    trials = yield from _evaluated(search, [*points, z + PARABOLA[-1] * step])
+    return min(trials, key=lambda trial: trial.objective)
+
+
+def _bend(
+    search: _Search, z: Array, step: Array, before: Sequence[Array], after: Sequence[Array]
+) -> Array:
+    """Second-order part of the path to the minimum (geodesic acceleration, Transtrum 2012).
+
+    What the residuals did beyond the linear promise is answered by the same linear model; weak
+    directions, along which the full step was too bold, are damped.
+    """
+    place = normal_equations.layout(search.model, search.evidence)
+    beyond = [
+        b - a - jacobian @ step[place.columns(i)]
+        for i, (a, b, jacobian) in enumerate(zip(before, after, search.jacobians, strict=True))
+    ]
+    gradient = np.zeros_like(z)
+    for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
+        gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
+    damped = search.curvature + DAMPING * np.diag(np.diag(search.curvature))
+    limits = normal_equations.bounds(search.model, search.evidence)
+    inside = np.clip(z + step, limits.low, limits.high)
+    return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
+
+
+def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
+    model, evidence = search.model, search.evidence
+    place = normal_equations.layout(model, evidence)
+    limits = normal_equations.bounds(model, evidence)
+    inside = [np.clip(p, limits.low, limits.high) for p in points]
+    answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpacked(p))]
+    trials, runs = [], len(evidence.runs)
+    for i, p in enumerate(inside):
+        raw = answers[i * runs : (i + 1) * runs]
+        value = normal_equations.objective(residuals(raw, evidence), p, limits, search.scale)
+        trials.append(_Trial(p, raw, value))
+    return trials
+
+
+def linearised(
+    model: Model, evidence: Evidence, point: Point
+) -> Task[tuple[Sequence[Residuals], tuple[Array, ...]]]:
+    """Residuals and whitened secants at a point: per run (n, shared + local)."""
+    asked: list[Request] = []
+    steps: list[Array] = []
+    for run, local in zip(evidence.runs, point.local, strict=True):
+        moved, h = _moved(model, run, point.shared, local)
+        asked += moved
+        steps.append(h)
+    answers = yield asked
+    raw, jacobians, at = [], [], 0
+    for h, scale in zip(steps, evidence.scales, strict=True):
+        mine = answers[at : at + 1 + len(h)]
+        at += len(mine)
+        raw.append(mine[0])
+        jacobians.append(secants(mine[0], mine[1:], scale, h))
+    return raw, tuple(jacobians)
+
+
+def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Array) -> Array:
+    """Whitened differences over steps (n, len(steps)); zero where either side is lost."""
+    columns = [(m.mean - here.mean) / scale / h for m, h in zip(moved, steps, strict=True)]
+    matrix = np.array(columns).reshape(len(columns), len(scale)).T
+    return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def _moved(model: Model, run: Run, shared: Array, local: Array) -> tuple[list[Request], Array]:
+    asked = [request(model, run, shared, local)]
+    steps = []
+    for i, p in enumerate(model.parameters):
+        h = _inward(p, shared[i])
+        asked.append(request(model, run, _shifted(shared, i, h), local))
+        steps.append(h)
+    for i, p in enumerate(run.local):
+        h = _inward(p, local[i])
+        asked.append(request(model, run, shared, _shifted(local, i, h)))
+        steps.append(h)
+    return asked, np.array(steps)
+
+
+def _inward(p: Parameter, value: float) -> float:
+    return p.step if value + p.step <= p.high else -p.step
+
+
+def _shifted(values: Array, i: int, h: float) -> Array:
+    moved = values.copy()
+    moved[i] += h
+    return moved

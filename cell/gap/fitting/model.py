@@ -1,0 +1,110 @@
+"""A model under test: the base with some effects, and a point in its space of unknowns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Run
+from drivers.types import Array
+
+LOST = 10.0  # whitened residual of a sample that the model cannot show
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Base parameters and the effects that are switched on, in this order.
+
+    With `held` the shared parameters have these values and only runs' own unknowns are free.
+    """
+
+    base: tuple[Parameter, ...]
+    effects: tuple[Candidate, ...] = ()
+    held: tuple[float, ...] | None = None
+
+    @property
+    def name(self) -> str:
+        """Names of its effects, or `base`."""
+        return " + ".join(e.name for e in self.effects) or "base"
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of its effects."""
+        return frozenset(e.name for e in self.effects)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Shared parameters: the base's, then each effect's."""
+        if self.held is not None:
+            return ()
+        return self.base + tuple(p for e in self.effects for p in e.parameters)
+
+    def holding(self, shared: Array) -> "Model":
+        """The same model with its shared parameters held at these values."""
+        return replace(self, held=tuple(map(float, shared)))
+
+    def split(self, shared: Array) -> tuple[Array, dict[str, Array]]:
+        """Base values, and values by effect."""
+        shared = shared if self.held is None else np.array(self.held)
+        effects, at = {}, len(self.base)
+        for effect in self.effects:
+            effects[effect.name] = shared[at : at + len(effect.parameters)]
+            at += len(effect.parameters)
+        return shared[: len(self.base)], effects
+
+    def joined(self, base: Array, effects: dict[str, Array]) -> Array:
+        """Shared values of base values and values by effect; nulls where one is not given."""
+        parts = [e.completed(effects.get(e.name, e.null)) for e in self.effects]
+        return np.concatenate([base, *parts])
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Values of the shared parameters (P,) and of each run's own unknowns."""
+
+    shared: Array
+    local: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Runs to fit, and the scale (n,) that whitens the residuals of each."""
+
+    runs: tuple[Run, ...]
+    scales: tuple[Array, ...]
+
+    def of(self, names: Sequence[str]) -> "Evidence":
+        """Only the runs with these names."""
+        keep = [i for i, run in enumerate(self.runs) if run.name in set(names)]
+        return Evidence(tuple(self.runs[i] for i in keep), tuple(self.scales[i] for i in keep))
+
+    def start(self) -> tuple[Array, ...]:
+        """Where the runs' own unknowns start."""
+        return tuple(np.array([p.start for p in run.local]) for run in self.runs)
+
+
+def evidence(runs: Sequence[Run]) -> Evidence:
+    """Runs whitened by noise and floor."""
+    scales = [np.hypot(run.samples.noise, run.samples.floor) for run in runs]
+    return Evidence(tuple(runs), tuple(scales))
+
+
+def request(model: Model, run: Run, shared: Array, local: Array) -> Request:
+    """The simulation of one run at these values."""
+    base, effects = model.split(shared)
+    return Request(run, base, effects, local)
+
+
+def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
+    """The simulations of all runs at a point."""
+    return [request(model, r, point.shared, v) for r, v in zip(runs, point.local, strict=True)]
+
+
+def whitened(residuals: Residuals, scale: Array) -> Array:
+    """Residuals in units of noise; what the model cannot show counts as LOST."""
+    return np.nan_to_num(residuals.mean / scale, nan=LOST, posinf=LOST, neginf=-LOST)
+
+
+def response(there: Residuals, here: Residuals, scale: Array) -> Array:
+    """By how many units of noise the residuals `there` exceed those `here`."""
+    return whitened(there, scale) - whitened(here, scale)

@@ -1,0 +1,172 @@
+"""The local quadratic model of a fit: whitened Jacobians, normal equations, bounded steps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.fitting import robust
+from cell.gap.fitting.model import Evidence, Model, Point
+from drivers.types import Array
+
+Mask = NDArray[np.bool_]
+RIDGE = 1e-9  # relative; keeps directions that nothing determines where they are
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the unknowns sit in one vector: shared first, then each run's own."""
+
+    shared: int
+    local: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.shared + sum(self.local)
+
+    def columns(self, run: int) -> NDArray[np.int64]:
+        """Positions of the shared unknowns and those of run number `run`."""
+        first = self.shared + sum(self.local[:run])
+        own = np.arange(first, first + self.local[run])
+        return np.concatenate([np.arange(self.shared), own])
+
+    def packed(self, point: Point) -> Array:
+        """The point as one vector."""
+        return np.concatenate([point.shared, *point.local])
+
+    def unpacked(self, z: Array) -> Point:
+        """The vector as a point."""
+        edges = np.cumsum([self.shared, *self.local])
+        parts = np.split(z, edges[:-1])
+        return Point(parts[0], tuple(parts[1:]))
+
+
+def layout(model: Model, evidence: Evidence) -> Layout:
+    """Layout of a model's unknowns over some runs."""
+    return Layout(len(model.parameters), tuple(len(run.local) for run in evidence.runs))
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Lowest and highest values, prior means and precisions of all unknowns (size,)."""
+
+    low: Array
+    high: Array
+    mean: Array
+    precision: Array
+
+
+def bounds(model: Model, evidence: Evidence) -> Bounds:
+    """Bounds and priors of a model's unknowns over some runs."""
+    every = [*model.parameters, *(p for run in evidence.runs for p in run.local)]
+    return Bounds(
+        low=np.array([p.low for p in every]),
+        high=np.array([p.high for p in every]),
+        mean=np.array([p.start for p in every]),
+        precision=np.array([p.spread**-2 for p in every]),
+    )
+
+
+def objective(residuals: Sequence[Array], z: Array, limits: Bounds, scale: float) -> float:
+    """Robust loss of all runs at `scale` plus the priors [nats]."""
+    data = sum(float(robust.loss(r / scale).sum()) for r in residuals)
+    return data + 0.5 * float(limits.precision @ (z - limits.mean) ** 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Gradient (size,) and curvature (size, size) of the objective in all unknowns [nats]."""
+
+    gradient: Array
+    curvature: Array
+
+
+def normal(
+    place: Layout, residuals: Sequence[Array], jacobians: Sequence[Array], scale: float
+) -> Normal:
+    """Weighted normal equations of the data alone, runs summed."""
+    gradient, curvature = np.zeros(place.size), np.zeros((place.size, place.size))
+    for i, (r, jacobian) in enumerate(zip(residuals, jacobians, strict=True)):
+        weighted = jacobian * (robust.weights(r / scale) / scale**2)[:, None]
+        at = place.columns(i)
+        gradient[at] += weighted.T @ r
+        curvature[np.ix_(at, at)] += weighted.T @ jacobian
+    return Normal(gradient, curvature)
+
+
+def with_prior(data: Normal, z: Array, limits: Bounds) -> Normal:
+    """Normal equations of data and priors."""
+    return Normal(
+        data.gradient + limits.precision * (z - limits.mean),
+        data.curvature + np.diag(limits.precision),
+    )
+
+
+def bounded_step(equations: Normal, z: Array, limits: Bounds) -> Array:
+    """Step (size,) to the minimum of the quadratic model within the bounds, by active set.
+
+    Unknowns that the step would carry over a bound are put on it and leave the system; held ones
+    come back while the gradient there pulls them inside (Lawson and Hanson 1974, chapter 23).
+    """
+    diagonal = np.diag(equations.curvature)
+    ridged = equations.curvature + np.diag(RIDGE * diagonal + 1e-300)
+    low, high = limits.low - z, limits.high - z
+    free = (diagonal > 0.0) & ~_pushed_out(equations.gradient, np.zeros_like(z), low, high)
+    step, best, least = np.zeros_like(z), np.zeros_like(z), 0.0
+    for _ in range(len(z) + 3):
+        step, free = _within(equations.gradient, ridged, free, step, low, high)
+        slope = equations.gradient + ridged @ step
+        value = 0.5 * float(step @ (equations.gradient + slope))
+        if value < least:
+            best, least = step, value
+        back = ~free & (diagonal > 0.0) & (low < high) & ~_pushed_out(slope, step, low, high)
+        if not back.any():
+            break
+        pull = np.where(back, np.abs(slope) / np.sqrt(diagonal + 1e-300), -1.0)
+        free[int(np.argmax(pull))] = True
+    return best
+
+
+def _within(
+    gradient: Array, curvature: Array, free: Mask, step: Array, low: Array, high: Array
+) -> tuple[Array, Mask]:
+    """Minimum over the free unknowns, those that leave their bounds held there; who is free."""
+    step, free = step.copy(), free.copy()
+    while free.any():
+        right = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
+        step[free] = -_solved(curvature[np.ix_(free, free)], right)
+        over = free & ((step < low) | (step > high))
+        if not over.any():
+            break
+        step[over] = np.clip(step, low, high)[over]
+        free &= ~over
+    return step, free
+
+
+def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
+    """Which unknowns stand on a bound with a slope that holds them there."""
+    return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """Solution of a symmetric positive system, scaled to a unit diagonal first."""
+    d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))
+    return np.asarray(d * np.linalg.solve(scaled, d * right))
+
+
+def decrease(equations: Normal, step: Array) -> float:
+    """Decrease of the objective [nats] that the quadratic model promises for `step`."""
+    return float(-equations.gradient @ step - 0.5 * step @ equations.curvature @ step)
+
+
+def covariance(equations: Normal) -> Array:
+    """Inverse curvature (size, size); directions without information are huge, not infinite."""
+    diagonal = np.maximum(np.diag(equations.curvature), 1e-300)
+    d = 1.0 / np.sqrt(diagonal)
+    scaled = equations.curvature * d[:, None] * d[None]
+    values, vectors = np.linalg.eigh(scaled)
+    inverse = (vectors / np.maximum(values, 1e-12)) @ vectors.T
+    return np.asarray(inverse * d[:, None] * d[None])

@@ -1,0 +1,75 @@
+"""What is left of a residual or a response once the fitted unknowns may move to absorb it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting.gauss_newton import Estimate
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Projection:
+    """The quadratic model about an estimate, in robustly weighted units of its dispersion.
+
+    `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
+    free unknowns, `inverse` (u, u) of their curvature with priors, `weight` (N,) that brings
+    whitened residuals to these units.
+    """
+
+    residual: Array
+    jacobian: Array
+    inverse: Array
+    weight: Array
+
+    def left(self, response: Array) -> Array:
+        """Response (N, ...) after the free unknowns have moved against it, in weighted units."""
+        back = self.inverse @ (self.jacobian.T @ response)
+        return np.asarray(response - self.jacobian @ back)
+
+    def weighed(self, whitened: Array) -> Array:
+        """A whitened response (N, k) in weighted units."""
+        return np.asarray(whitened * self.weight[:, None])
+
+    def form(self, responses: Array) -> normal_equations.Normal:
+        """Gradient and curvature of the refitted objective in the amounts of `responses`.
+
+        At the estimate the unknowns' own gradient vanishes, so that adding a responses moves the
+        minimum by a' D' r + a' D' (I - H) D a / 2, H the hat matrix with priors.
+        """
+        return normal_equations.Normal(
+            responses.T @ self.residual, responses.T @ self.left(responses)
+        )
+
+
+def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
+    """The quadratic model about `estimate`; unknowns held by a bound do not absorb."""
+    place = normal_equations.layout(estimate.model, estimate.evidence)
+    limits = normal_equations.bounds(estimate.model, estimate.evidence)
+    z = place.packed(estimate.point)
+    r = np.concatenate(estimate.residuals)
+    scale = estimate.scale if robustly else 1.0
+    weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
+    free = (z > limits.low) & (z < limits.high)
+    jacobian = stacked(estimate) * weight[:, None]
+    jacobian = jacobian[:, free]
+    curvature = jacobian.T @ jacobian + np.diag(limits.precision[free])
+    inverse = normal_equations.covariance(
+        normal_equations.Normal(np.zeros(len(curvature)), curvature)
+    )
+    pull = (limits.precision * (z - limits.mean))[free]
+    settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
+    return Projection(settled, jacobian, inverse, weight)
+
+
+def stacked(estimate: Estimate) -> Array:
+    """Whitened Jacobian (N, size) of all runs in all unknowns."""
+    place = normal_equations.layout(estimate.model, estimate.evidence)
+    rows = [len(r) for r in estimate.residuals]
+    full = np.zeros((sum(rows), place.size))
+    at = 0
+    for i, (n, jacobian) in enumerate(zip(rows, estimate.jacobians, strict=True)):
+        full[at : at + n, place.columns(i)] = jacobian
+        at += n
+    return full

@@ -1,0 +1,90 @@
+"""Robust likelihood: Huber's loss, its scale, and how independent samples really are."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cell.gap.subject.subject import Run
+from drivers.types import Array
+
+THRESHOLD = 3.0  # in units of the scale, where Huber's loss turns from square to linear
+WILD = 5.0  # beyond which a sample says that the strip went another way, not how far
+
+
+def loss(r: Array) -> Array:
+    """Huber's rho (Huber 1964, Robust estimation of a location parameter): nats per sample."""
+    a = np.abs(r)
+    return np.where(a <= THRESHOLD, 0.5 * r * r, THRESHOLD * (a - 0.5 * THRESHOLD))
+
+
+def bounded_loss(r: Array) -> Array:
+    """Huber's loss up to WILD, no more beyond: for judging fits, where no single sample that went
+    another way may decide (Hampel et al. 1986, redescending estimators).
+    """
+    return loss(np.clip(r, -WILD, WILD))
+
+
+def weights(r: Array) -> Array:
+    """psi(r) / r of Huber's loss: the weights of iterated least squares."""
+    return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
+
+
+def clipped(r: Array) -> Array:
+    """psi(r) of Huber's loss: what a residual weighs in the fit."""
+    return np.clip(r, -THRESHOLD, THRESHOLD)
+
+
+def scale(r: Array) -> float:
+    """max(1, spread): how far residuals exceed the stated noise."""
+    return max(1.0, _deviation(r)) if len(r) else 1.0
+
+
+def spread(r: Array) -> float:
+    """min(1, spread): how far the stated noise, with its floor, exceeds residuals."""
+    return min(1.0, _deviation(r)) if len(r) else 1.0
+
+
+def _deviation(r: Array) -> float:
+    """Normalised median absolute residual."""
+    return 1.4826 * float(np.median(np.abs(r)))
+
+
+def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+    """1 + 2 sum of autocorrelations: how many samples are worth one independent sample.
+
+    Pooled over all series of all runs, summed by pairs of lags while they stay positive (Geyer
+    1992, Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
+    smaller than their scale, as a generous floor leaves them, count by their long-run variance.
+    """
+    scaled = _scaled(residuals)
+    clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
+    power, products = _autocovariance(runs, clipped)
+    if power <= 0.0:
+        return 1.0
+    rho = products / power
+    total = 1.0
+    for k in range(0, len(rho) - 1, 2):
+        pair = rho[k] + rho[k + 1]
+        if pair <= 0.0:
+            break
+        total += 2.0 * pair
+    room = sum(len(r) * s * s for r, s in scaled)
+    return max(1.0, float(total * min(1.0, power / room)))
+
+
+def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
+    s = scale(np.concatenate(residuals)) if residuals else 1.0
+    return [(r, s) for r in residuals]
+
+
+def _autocovariance(
+    runs: Sequence[Run], residuals: Sequence[Array], lags: int = 40
+) -> tuple[float, Array]:
+    power, products = 0.0, np.zeros(lags)
+    for run, r in zip(runs, residuals, strict=True):
+        for series in np.unique(run.samples.series):
+            x = r[run.samples.series == series]
+            power += float(x @ x)
+            for k in range(1, min(lags, len(x) - 1) + 1):
+                products[k - 1] += float(x[:-k] @ x[k:])
+    return power, products

@@ -1,0 +1,125 @@
+"""The base refitted from several starts, and what the runs cannot determine of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.fitting import normal_equations
+from cell.gap.fitting.gauss_newton import Estimate, linearised, refit
+from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
+from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.subject.subject import Subject
+from drivers.types import Array
+
+STARTS = 3
+
+
+def refit_base(
+    simulate: Simulate, model: Model, evidence: Evidence, rng: np.random.Generator
+) -> Estimate:
+    """Best of the fits from the stated values and, where that one leaves more than noise, from
+    values drawn around them.
+    """
+    nominal = np.array([p.start for p in model.parameters])
+    first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
+    if all(np.mean(r**2) < 1.0 for r in first.residuals):
+        return first
+    points = [_drawn(model, rng) for _ in range(STARTS - 1)]
+    tasks = [refit(model, evidence, Point(p, evidence.start())) for p in points]
+    return best([first, *run_all(simulate, tasks)])
+
+
+def best(estimates: list[Estimate]) -> Estimate:
+    """The estimate of the smallest objective, all judged at the smallest dispersion."""
+    scale = min(e.scale for e in estimates)
+    return min(estimates, key=lambda e: judged(e, scale))
+
+
+def judged(estimate: Estimate, scale: float) -> float:
+    """Objective of an estimate at a given dispersion [nats]."""
+    place = normal_equations.layout(estimate.model, estimate.evidence)
+    limits = normal_equations.bounds(estimate.model, estimate.evidence)
+    return normal_equations.objective(
+        estimate.residuals, place.packed(estimate.point), limits, scale
+    )
+
+
+def _drawn(model: Model, rng: np.random.Generator) -> Array:
+    """Values within what was known before, off the bounds."""
+    values = []
+    for p in model.parameters:
+        width = p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low)
+        low, high = max(p.low, p.start - width), min(p.high, p.start + width)
+        values.append(low + (high - low) * rng.uniform(0.1, 0.9))
+    return np.array(values)
+
+
+@dataclass(frozen=True, slots=True)
+class Undetermined:
+    """A direction of the base that the runs tell less about than was known before.
+
+    `gain` is the ratio of prior to posterior standard deviation along it; `words` names it.
+    """
+
+    words: str
+    gain: float
+
+
+def undetermined(estimate: Estimate) -> list[Undetermined]:
+    """Directions of shared parameters with singular values below one, weakest first.
+
+    Singular values of the whitened Jacobian, runs' own unknowns projected out, each parameter in
+    units of what was known of it (Brun, Reichert, Kuensch 2001, identifiability analysis).
+    """
+    parameters = estimate.model.parameters
+    jacobian = stacked(estimate) / estimate.scale
+    shared, local = jacobian[:, : len(parameters)], jacobian[:, len(parameters) :]
+    if local.size:
+        q, _ = np.linalg.qr(local)
+        shared = shared - q @ (q.T @ shared)
+    widths = [p.spread if np.isfinite(p.spread) else 0.25 * (p.high - p.low) for p in parameters]
+    _, singular, directions = np.linalg.svd(shared * np.array(widths), full_matrices=False)
+    names = [p.name for p in parameters]
+    weak = [
+        Undetermined(_words(names, row), float(np.hypot(1.0, s)))
+        for s, row in zip(singular, directions, strict=True)
+        if s < 1.0
+    ]
+    return sorted(weak, key=lambda u: u.gain)
+
+
+def _words(names: list[str], direction: Array) -> str:
+    order = np.argsort(-np.abs(direction))
+    main = [i for i in order if abs(direction[i]) > 0.3]
+    sign = np.sign(direction[main[0]])
+    parts = [("+ " if direction[i] * sign > 0 else "- ") + names[i] for i in main]
+    return " ".join(parts).removeprefix("+ ")
+
+
+def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
+    """The fit on runs that are corrected for the grain of simulation at its own values, with the
+    scales of the rough one: all models are judged by the same.
+    """
+    runs = refined(subject, rough.model, rough.point, rough.evidence).runs
+    return run_one(simulate, refit(rough.model, Evidence(runs, rough.evidence.scales), rough.point))
+
+
+def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
+    """The same with the scales that the grain at these values leaves: for the base."""
+    runs = refined(subject, rough.model, rough.point, rough.evidence)
+    return run_one(simulate, refit(rough.model, runs, rough.point))
+
+
+def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Evidence:
+    """The runs corrected for the grain of simulation at `point`, whitened by what that leaves."""
+    return evidence(subject.refined(requests(model, known.runs, point)))
+
+
+def nominal(subject: Subject, simulate: Simulate) -> Estimate:
+    """The base of `subject` where its file has it: what else responds is judged from there."""
+    known, model = evidence(subject.runs), Model(subject.scope.base)
+    point = Point(np.array([p.start for p in model.parameters]), known.start())
+    raw, jacobians = run_one(simulate, linearised(model, known, point))
+    nothing = tuple(np.zeros(len(r.mean)) for r in raw)
+    return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)

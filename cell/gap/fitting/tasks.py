@@ -1,0 +1,73 @@
+"""Many fits side by side: their simulations are gathered into one call of the subject.
+
+A task is a generator that yields requests and is sent their residuals; its result does not
+depend on what runs beside it.
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from typing import TypeVar
+
+from cell.gap.subject.subject import Request, Residuals
+
+T = TypeVar("T")
+Simulate = Callable[[Sequence[Request]], Sequence[Residuals]]
+Task = Generator[list[Request], Sequence[Residuals], T]
+
+
+class Counter:
+    """A simulation that counts: the runs simulated so far are in `total`."""
+
+    def __init__(self, simulate: Simulate) -> None:
+        self._simulate = simulate
+        self.total = 0
+
+    def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
+        """Residuals of `requests`."""
+        self.total += len(requests)
+        return self._simulate(requests)
+
+
+def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
+    """One task of many, advanced in lock-step with one request a round; their results."""
+    results: dict[int, T] = {}
+    asked: dict[int, list[Request]] = {}
+    for i, task in enumerate(tasks):
+        _advance(i, task, None, asked, results)
+    while asked:
+        order = list(asked)
+        answers = list((yield [r for i in order for r in asked[i]]))
+        for i in order:
+            count = len(asked.pop(i))
+            mine, answers = answers[:count], answers[count:]
+            _advance(i, tasks[i], mine, asked, results)
+    return [results[i] for i in range(len(tasks))]
+
+
+def run_one(simulate: Simulate, task: Task[T]) -> T:
+    """Result of one task."""
+    answer: Sequence[Residuals] | None = None
+    while True:
+        try:
+            asked = next(task) if answer is None else task.send(answer)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        answer = simulate(asked)
+
+
+def run_all(simulate: Simulate, tasks: Sequence[Task[T]]) -> list[T]:
+    """Results of all tasks, with one simulation call a round."""
+    return run_one(simulate, side_by_side(tasks))
+
+
+def _advance(
+    i: int,
+    task: Task[T],
+    answer: Sequence[Residuals] | None,
+    asked: dict[int, list[Request]],
+    results: dict[int, T],
+) -> None:
+    try:
+        asked[i] = next(task) if answer is None else task.send(answer)
+    except StopIteration as stop:
+        results[i] = stop.value

@@ -1,0 +1,1 @@
+"""The verdict for people: page, figures, sentence, overlay."""

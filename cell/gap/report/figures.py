@@ -1,0 +1,185 @@
+"""Figures of the report, as SVG text."""
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from cell.gap.diagnosis.localise import Bin
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.subject.scene import Replayed
+from cell.gap.subject.subject import Quantity
+from cell.gap.verdict.schema import Compared
+from drivers.types import Array
+
+INK, FAINT, BEFORE, AFTER = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+CHARACTER = 0.075  # inches of a tick's label
+
+
+def svg(figure: Figure) -> str:
+    """The figure as SVG, text as text."""
+    text = io.StringIO()
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "gap"}):
+        figure.savefig(text, format="svg", metadata={"Date": None}, bbox_inches="tight")
+    content = text.getvalue()
+    return content[content.index("<svg") :]
+
+
+def blank(
+    width: float, height: float, rows: int = 1, columns: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """A figure with quiet axes [inches]."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    for axis in axes:
+        axis.tick_params(colors=INK, labelsize=8)
+        for side in ("top", "right"):
+            axis.spines[side].set_visible(False)
+    return figure, axes
+
+
+def heat_map(places: Sequence[Bin]) -> str:
+    """Strength of every bin: rows channel, zone and phase, columns conditions."""
+    rows = sorted({(p.channel, p.zone, p.phase) for p in places})
+    columns = list(dict.fromkeys(sorted(p.condition for p in places)))
+    grid = np.full((len(rows), len(columns)), np.nan)
+    sure = np.zeros_like(grid, dtype=bool)
+    for p in places:
+        at = rows.index((p.channel, p.zone, p.phase)), columns.index(p.condition)
+        grid[at], sure[at] = abs(p.z), p.p < 0.05
+    figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), max(2.0, 0.9 + 0.3 * len(rows)))
+    axis = axes[0]
+    level = np.log10(1.0 + grid)
+    highest = max(1.0, float(np.nanmax(level)))
+    image = axis.imshow(level, cmap="YlOrRd", aspect="auto", vmin=0.0, vmax=highest)
+    axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
+    axis.set_xticks(range(len(columns)), columns, **_slanted(columns, 0.34))
+    for i, j in zip(*np.nonzero(sure), strict=True):
+        axis.plot(j, i, "o", ms=2.5, color=INK)
+    bar = figure.colorbar(image, ax=axis, pad=0.01)
+    steps = (0, 1, 3, 10, 30) if highest < 2.0 else (0, 10, 100, 1000, 10000)
+    ticks = [z for z in steps if np.log10(1 + z) <= highest]
+    bar.set_ticks([float(np.log10(1 + z)) for z in ticks], labels=[str(z) for z in ticks])
+    bar.set_label("sigma beyond noise", fontsize=8)
+    bar.ax.tick_params(labelsize=8)
+    axis.set_xlabel("condition", fontsize=8)
+    return svg(figure)
+
+
+def _slanted(labels: Sequence[str], width: float) -> dict[str, Any]:
+    """How labels stand below columns of `width` [inches] without running into each other."""
+    if CHARACTER * max(map(len, labels), default=0) <= width:
+        return {}
+    return {"rotation": 40, "ha": "right", "rotation_mode": "anchor"}
+
+
+def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
+    """Nats that each candidate gains on runs left out, with standard errors over runs."""
+    shown = list(rows)[:14][::-1]
+    figure, axes = blank(7.0, 0.6 + 0.27 * len(shown))
+    axis = axes[0]
+    least = -0.25 * max([1.0, *(row.elpd_gain for row in shown)])
+    gains = [max(row.elpd_gain, least) for row in shown]
+    colours = [AFTER if row.name == accepted else FAINT for row in shown]
+    axis.barh(range(len(shown)), gains, color=colours, height=0.7)
+    scatter = [row.se if row.elpd_gain > least else 0.0 for row in shown]
+    axis.errorbar(gains, range(len(shown)), xerr=scatter, fmt="none", ecolor=INK, elinewidth=0.8)
+    for i, row in enumerate(shown):
+        if row.elpd_gain < least:
+            axis.text(least, i, f"{row.elpd_gain:.0f} ", ha="right", va="center", fontsize=7)
+    ends = [gain + min(row.se, abs(gain)) for gain, row in zip(gains, shown, strict=True)]
+    highest = max(1.0, *ends)
+    axis.set_xlim(1.6 * least if min(gains) < 0.0 else -0.02 * highest, 1.05 * highest)
+    axis.axvline(0.0, color=INK, lw=0.8)
+    axis.set_yticks(range(len(shown)), [row.name for row in shown])
+    axis.set_xlabel("gain over the refitted base on runs left out [nats]", fontsize=8)
+    return svg(figure)
+
+
+def residual_traces(
+    before: Estimate, after: Estimate, run: int, quantities: dict[str, Quantity]
+) -> str:
+    """Measured minus simulated over time in one held-out run, before and after."""
+    s = before.evidence.runs[run].samples
+    rows = [np.flatnonzero(s.series == number) for number in np.unique(s.series)]
+    rows = [mine[np.argsort(s.t[mine])] for mine in rows if len(mine) > 1]
+    if not rows:
+        return ""
+    figure, axes = blank(7.5, 0.8 + 1.35 * len(rows), rows=len(rows))
+    times = s.t[np.concatenate(rows)]
+    for axis, mine in zip(axes, rows, strict=True):
+        axis.set_xlim(float(times.min()), float(times.max()))
+        quantity = quantities[str(s.quantity[mine][0])]
+        band = 2.0 * quantity.factor * s.reading[mine]
+        axis.fill_between(s.t[mine], -band, band, color="#e8ebef", lw=0)
+        pair = ((before, BEFORE, "before"), (after, AFTER, "after"))
+        for estimate, colour, word in pair[: 1 if after is before else 2]:
+            axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
+                      lw=1.2, label=word)  # fmt: skip
+        zones = set(s.zone[mine])
+        place = f" {zones.pop()}" if len(zones) == 1 else ""
+        axis.set_ylabel(f"{s.channel[mine][0]}{place}\n[{quantity.unit}]", fontsize=8)
+        axis.axhline(0.0, color=INK, lw=0.5)
+    axes[-1].set_xlabel("time [s]", fontsize=8)
+    _legend_above(figure, axes[0])
+    return svg(figure)
+
+
+def midlines(run: Replayed) -> str:
+    """The lifted part of a run's curve at four moments: measured, before and after."""
+    measured = run.measured.curve
+    if measured is None or not len(measured.t):
+        return ""
+    end = min((t for t, _ in run.measured.events), default=float(measured.t[-1]))
+    last = max(0, int(np.searchsorted(measured.t, end)) - 1)
+    chosen = np.unique(np.linspace(0, last, 5).round().astype(int)[1:])
+    figure, axes = blank(8.0, 6.2, rows=(len(chosen) + 1) // 2, columns=2)
+    for axis, k in zip(axes, chosen, strict=False):
+        _midline(axis, run, int(k))
+        axis.set_title(f"{measured.t[k]:.2f} s", fontsize=8)
+    for axis in axes[len(chosen) :]:
+        axis.set_visible(False)
+    _legend_above(figure, axes[0])
+    return svg(figure)
+
+
+def _midline(axis: Axes, run: Replayed, k: int) -> None:
+    """Image number `k`, as far as its midline was seen."""
+    points = 1e3 * run.measured.curve.points[k] if run.measured.curve else np.zeros((1, 2))
+    axis.plot(*points.T, "o", ms=3.5, color=INK, alpha=0.35, mew=0, label="measured")
+    for scene, colour, word in ((run.before, BEFORE, "before"), (run.after, AFTER, "after")):
+        if scene is not None and scene.curve is not None:
+            axis.plot(*(1e3 * scene.curve.points[k]).T, color=colour, lw=1.2, label=word)
+    (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
+    half = 0.55 * max(right - left, high - low) + 5.0
+    axis.set_xlim(0.5 * (left + right) - 1.5 * half, 0.5 * (left + right) + 1.5 * half)
+    axis.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
+    axis.set_aspect("equal")
+    axis.set_xlabel("x [mm]", fontsize=8)
+    axis.set_ylabel("z [mm]", fontsize=8)
+
+
+def _legend_above(figure: Figure, axis: Axes) -> None:
+    """The legend of `axis` above all axes, where it covers nothing."""
+    handles, labels = axis.get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper right")
+
+
+def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
+    """Excess gap of each held-out run, before and after [units of noise]."""
+    figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
+    axis, at = axes[0], np.arange(len(names))
+    if after is before:
+        axis.bar(at, before, 0.38, color=BEFORE)
+    else:
+        axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
+        axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
+        _legend_above(figure, axis)
+    axis.set_xticks(at, names, **_slanted(names, 0.7))
+    axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))
+    axis.set_ylabel("excess gap [noise]", fontsize=8)
+    return svg(figure)

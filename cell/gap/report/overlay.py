@@ -1,0 +1,167 @@
+"""`overlay.rrd`: measured runs with what the model made of them before and after, in Rerun.
+
+Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before` (the
+refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from cell.gap.report.figures import AFTER, BEFORE
+from cell.gap.subject.scene import Curve, Replayed, Scene, replayed
+from cell.gap.verdict.findings import Findings
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+COLOURS = {"measured": 0xFFAA32FF, "before": int(BEFORE[1:] + "ff", 16),
+           "after": int(AFTER[1:] + "ff", 16)}  # fmt: skip
+HAND, DESK = 0xC9CED6FF, 0x8A9099FF
+RADIUS = 0.0012  # m
+
+
+def write_overlay(found: Findings, path: Path) -> None:
+    """The recording at `path`, held-out runs first; ConfigurationError if it cannot be written."""
+    write_recording(found.subject.name, list(replayed(found)), path)
+
+
+def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
+    """The recording of `runs` of the subject `name`."""
+    recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
+    try:
+        recording.set_sinks(rr.FileSink(path))
+        recording.send_blueprint(blueprint(runs))
+        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for run in runs:
+            _write(recording, run)
+        recording.flush()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error}") from None
+    finally:
+        recording.disconnect()
+
+
+def blueprint(runs: Sequence[Replayed]) -> Any:
+    """A tab a run, the first one open: the curve with its events on the left, plots on the right.
+
+    A subject without curves has its plots only.
+    """
+    tabs = [_tab(run) for run in runs]
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.TimePanel(timeline="t", state="collapsed"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _tab(run: Replayed) -> Any:
+    name = f"{run.name} (held out)" if run.held_out else run.name
+    root = _root(run.name)
+    titles = dict.fromkeys(s.title for _, scene in _scenes(run) for s in scene.signals)
+    plots = [
+        rrb.TimeSeriesView(
+            origin=f"{root}/signals/{rr.escape_entity_path_part(title)}",
+            name=title,
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+        )
+        for title in titles
+    ]
+    if run.measured.curve is None:
+        return rrb.Grid(*plots, grid_columns=2, name=name)
+    side = rrb.Spatial3DView(
+        origin=root,
+        contents=["$origin/curve/**", "$origin/tracks/**", "$origin/path", "$origin/desk"],
+        name="measured (amber), before (red), after (blue)",
+        eye_controls=_eye(run.measured.curve),
+    )
+    log = rrb.TextLogView(origin=f"{root}/events", name="events")
+    left = rrb.Vertical(side, log, row_shares=[4, 1])
+    return rrb.Horizontal(left, rrb.Vertical(*plots), name=name)
+
+
+def _eye(curve: Curve) -> Any:
+    """From the front, near enough that the whole motion fills the view."""
+    points = np.concatenate([np.zeros((1, 2)), *curve.points])
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, z = 0.5 * (low + high)
+    away = 0.8 * max(high - low) + 0.05
+    return rrb.EyeControls3D(position=(x, -away, z + 0.1 * away), look_target=(x, 0.0, z))
+
+
+def _write(recording: rr.RecordingStream, run: Replayed) -> None:
+    root = _root(run.name)
+    if run.measured.curve is not None:
+        _furnish(recording, root, run.measured)
+    for word, scene in _scenes(run):
+        _signals(recording, root, word, scene)
+        _curve(recording, root, word, scene)
+        for name, track in scene.tracks.items():
+            colour = HAND if name == "gripper" else COLOURS[word]
+            size = 4 * RADIUS if word == "measured" else 3 * RADIUS
+            columns = rr.Points3D.columns(positions=_flat(track.places))
+            _send(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
+                  rr.Points3D.from_fields(colors=colour, radii=size))  # fmt: skip
+        for t, words in scene.events:
+            recording.set_time("t", duration=t)
+            recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))
+            recording.reset_time()
+
+
+def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
+    """The desk, and the gripper's way."""
+    grip = measured.tracks["gripper"].places
+    desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
+    lines = (("desk", desk, DESK), ("path", _flat(grip), HAND))
+    for name, points, colour in lines:
+        line = rr.LineStrips3D([points], colors=colour, radii=0.4 * RADIUS)
+        recording.log(f"{root}/{name}", line, static=True)
+
+
+def _signals(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+    for signal in scene.signals:
+        entity = f"{root}/signals/{rr.escape_entity_path_part(signal.title)}/{word}"
+        look = rr.SeriesLines(colors=COLOURS[word], names=word, widths=1.5)
+        _send(recording, entity, signal.t, rr.Scalars.columns(scalars=signal.values), look)
+
+
+def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) -> None:
+    """Measured points as points, since they are not joined; simulated ones as a line."""
+    if scene.curve is None or not len(scene.curve.t):
+        return
+    entity, curves = f"{root}/curve/{word}", [_flat(points) for points in scene.curve.points]
+    if word == "measured":
+        columns = rr.Points3D.columns(positions=np.concatenate(curves))
+        columns = columns.partition([len(points) for points in curves])
+        look: Any = rr.Points3D.from_fields(colors=COLOURS[word], radii=1.4 * RADIUS)
+    else:
+        columns = rr.LineStrips3D.columns(strips=curves)
+        look = rr.LineStrips3D.from_fields(colors=COLOURS[word], radii=0.7 * RADIUS)
+    _send(recording, entity, scene.curve.t, columns, look)
+
+
+def _send(recording: rr.RecordingStream, entity: str, t: Array, columns: Any, look: Any) -> None:
+    if len(t):
+        recording.log(entity, look, static=True)
+        recording.send_columns(entity, [rr.TimeColumn("t", duration=t)], columns)
+
+
+def _scenes(run: Replayed) -> Iterator[tuple[str, Scene]]:
+    for word, scene in (("measured", run.measured), ("before", run.before), ("after", run.after)):
+        if scene is not None:
+            yield word, scene
+
+
+def _root(name: str) -> str:
+    return f"/{rr.escape_entity_path_part(name)}"
+
+
+def _flat(points: Array) -> Array:
+    """Points (k, 3) in the plane of the strip of points (k, 2)."""
+    return np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)

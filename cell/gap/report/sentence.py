@@ -1,0 +1,152 @@
+"""The verdict in plain words."""
+
+from cell.gap.report.units import number, quantity
+from cell.gap.selection.likelihood import margin
+from cell.gap.subject.subject import Quantity
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Measured, Verdict
+
+
+def sentence(found: Findings, verdict: Verdict) -> str:
+    """One sentence for a technician: what is missing, how sure, what it changed."""
+    words = {
+        "named": _named,
+        "ambiguous": _ambiguous,
+        "no_gap": _no_gap,
+        "unexplained": _unexplained,
+    }
+    return words[verdict.verdict](found, verdict)
+
+
+def _named(found: Findings, verdict: Verdict) -> str:
+    sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
+    effects = ", and ".join(
+        f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
+    )
+    text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
+    if found.judged.astray is not None:
+        text += f" Run {found.judged.astray} goes another way and bears none of this out."
+    if ends := at_their_ends(found):
+        text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
+    if verdict.ambiguous:
+        either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
+        text += f" Beside it something is missing that these runs cannot tell apart: {either}"
+        text += f" (the numbers are with {' and '.join(sorted(_taken(found)))})."
+    return capital(text)
+
+
+def _taken(found: Findings) -> frozenset[str]:
+    """The effects that stand in the accepted model for a class of their like."""
+    return found.judged.found.accepted.model.names - {e.name for e in found.judged.sure}
+
+
+def _ambiguous(found: Findings, verdict: Verdict) -> str:
+    sentences = {c.name: f"{c.sentence} ({c.name})" for c in found.subject.scope.candidates}
+    groups = [[sentences.get(name, name) for name in group] for group in verdict.ambiguous]
+    either = "; ".join(", or ".join(group) for group in groups)
+    split = "No planned experiment would split them"
+    if verdict.advice:
+        split = f"The experiment that would split them: {verdict.advice[0].experiment}"
+    return (
+        f"Something is missing that these runs cannot tell apart: {either}; "
+        f"{change(found, verdict)}. {split}."
+    )
+
+
+def _no_gap(found: Findings, verdict: Verdict) -> str:
+    many = len(verdict.detectable)
+    sizes = f" {many} effects would have shown, from the sizes listed below on." if many else ""
+    silent = undetectable(found)
+    never = f" Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
+    return (
+        f"The model explains these runs down to their noise ({_now(found, verdict)}).{sizes}{never}"
+    )
+
+
+def _unexplained(found: Findings, verdict: Verdict) -> str:
+    rest = verdict.unexplained
+    description = rest.description if rest is not None else ""
+    accepted = found.judged.found.accepted.model
+    tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
+    return capital(f"{description}: no effect of the library accounts for it{tried}.")
+
+
+def change(found: Findings, verdict: Verdict) -> str:
+    """Gap before, after and noise floor on held-out runs, by quantity."""
+    parts = []
+    changed = bool(found.judged.found.accepted.model.effects)
+    for q in found.subject.scope.quantities.values():
+        if q.key not in verdict.gap.before:
+            continue
+        name = label(q)
+        before, after = verdict.gap.before[q.key], verdict.gap.after[q.key]
+        floor = verdict.gap.floor[q.key]
+        now = (
+            f"was {number(before)} {q.unit} off and is now {number(after)}"
+            if changed
+            else f"is {number(before)}"
+        )
+        off = "" if changed else " off"
+        parts.append(f"{name} {now} {q.unit}{off} (noise {number(floor)})")
+    return "on held-out runs " + ", ".join(parts)
+
+
+def sigmas(found: Findings) -> float:
+    """What the sure effects add to the accepted model, as the sigma of an equal likelihood ratio;
+    over the base where the model without them was not tried.
+    """
+    result = found.judged.found
+    before = [m for m in result.tried if m.model.names in (_taken(found), frozenset())]
+    without = max(before, key=lambda m: len(m.model.effects))
+    gain = margin(result.accepted, without, result.by).gain
+    return float(max(0.0, 2.0 * gain) ** 0.5)
+
+
+def at_their_ends(found: Findings) -> list[str]:
+    """Parameters of the sure effects that a bound stopped."""
+    fit = found.judged.found.accepted.estimate
+    _, values = fit.model.split(fit.shared)
+    return [
+        f"{e.name} {p.name.replace('_', ' ')}"
+        for e in found.judged.sure
+        for p, value in zip(e.parameters, values[e.name], strict=True)
+        if value in (p.low, p.high) and value != p.start
+    ]
+
+
+def _values(parameters: dict[str, Measured]) -> str:
+    return ", ".join(
+        f"{name.replace('_', ' ')} {quantity(v.value, v.unit)}" for name, v in parameters.items()
+    )
+
+
+def undetectable(found: Findings) -> list[str]:
+    """Effects that would have shown in these runs at no size that is physically possible."""
+    return sorted(name for name, size in found.screened.detectable.items() if size is None)
+
+
+def smallest(found: Findings, name: str, value: float) -> str:
+    """The size from which an effect would have shown; down to which, where less is more."""
+    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
+    first = candidate.parameters[0]
+    return f"{'at most ' if first.inverse else ''}{quantity(value, first.unit)}"
+
+
+def label(of: Quantity) -> str:
+    """A quantity in words."""
+    words = of.key.rsplit("_", 1)[0].replace("_", " ")
+    return f"{words} time" if of.unit == "ms" else words
+
+
+def _now(found: Findings, verdict: Verdict) -> str:
+    parts = [
+        f"{label(q)} {number(verdict.gap.before[q.key])} {q.unit}"
+        for q in found.subject.scope.quantities.values()
+        if q.key in verdict.gap.before
+    ]
+    return ", ".join(parts)
+
+
+def capital(text: str) -> str:
+    """`text` as a sentence begins."""
+    return text[:1].upper() + text[1:]

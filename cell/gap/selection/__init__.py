@@ -1,0 +1,1 @@
+"""Which effects a model needs: screening, search, comparison on held-out runs."""

@@ -1,0 +1,113 @@
+"""Which runs only judge: one condition in EVERY, of those that no effect hangs on."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cell.gap.fitting.crossvalidation import folds
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Model, Point, request, response
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import nominal
+from cell.gap.fitting.tasks import Simulate
+from cell.gap.subject.subject import Subject
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+EVERY = 4  # conditions, of which one is held out
+HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
+SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
+
+
+def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
+    """Names of the runs that only judge: those asked for, or one condition in EVERY.
+
+    A condition that tells most of what the runs can tell of some effect is fitted: held out, it
+    would hide that effect. How well the model fits has no say in this, only what was done.
+    """
+    names = [run.name for run in subject.runs]
+    check(names, wanted)
+    if wanted:
+        return list(dict.fromkeys(wanted))
+    groups = folds(subject.runs, most=len(names))
+    told, held = Informativeness(subject, simulate), list[int]()
+    for first in range(1, len(groups), EVERY):
+        for group in (*groups[first:], *groups[:first]):
+            if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
+                held += group
+                break
+    second = (i for group in groups[1:2] for i in group)
+    return [names[i] for i in held or second]
+
+
+def check(names: Sequence[str], wanted: Sequence[str]) -> None:
+    """Refuse runs to hold out that are not there, or are all."""
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise ConfigurationError(
+            f"--hold-out {unknown[0]}: no such run; allowed: {', '.join(names)}"
+        )
+    if len(set(wanted)) == len(names):
+        raise ConfigurationError("--hold-out: all runs are held out; leave some to fit")
+
+
+class Informativeness:
+    """What runs tell of the effects of the library, at the stated values of the base.
+
+    Nats by which a fit would gain from an effect of a size that laboratories report, once the
+    base has moved to absorb what it can.
+    """
+
+    def __init__(self, subject: Subject, simulate: Simulate) -> None:
+        self._stated = nominal(subject, simulate)
+        self._responses = _responses(subject, simulate, self._stated)
+        self._all = self._told(range(len(subject.runs)))
+
+    def lost(self, without: Sequence[int]) -> float:
+        """Largest share that is lost, of any effect, without the runs of these numbers."""
+        kept = [i for i in range(len(self._responses)) if i not in without]
+        shown = self._all > SHOWN
+        if not kept or not shown.any():
+            return float(not kept)
+        return float((1.0 - self._told(kept)[shown] / self._all[shown]).max())
+
+    def _told(self, kept: Sequence[int]) -> Array:
+        """Nats (candidates,) that the runs of these numbers tell."""
+        about = projection(_of(self._stated, kept), robustly=False)
+        moved = np.concatenate([self._responses[i] for i in kept])
+        return np.asarray(0.5 * (moved * about.left(moved)).sum(axis=0))
+
+
+def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
+    """Whitened response (n, candidates) of each run to each candidate's middle probe."""
+    runs, candidates = base.evidence.runs, subject.scope.candidates
+    asked = []
+    for c in candidates:
+        (vector, *_) = c.probes[len(c.probes) // 2]
+        model = Model(base.model.base, (c,))
+        shared = np.concatenate([base.shared, np.array(vector)])
+        asked += [
+            request(model, run, shared, own)
+            for run, own in zip(runs, base.point.local, strict=True)
+        ]
+    answers = simulate(asked)
+    return [
+        np.array([
+            response(answers[k * len(runs) + i], base.raw[i], base.evidence.scales[i])
+            for k in range(len(candidates))
+        ]).T
+        for i in range(len(runs))
+    ]  # fmt: skip
+
+
+def _of(base: Estimate, kept: Sequence[int]) -> Estimate:
+    """The same model on some of its runs."""
+    return replace(
+        base,
+        evidence=base.evidence.of([base.evidence.runs[i].name for i in kept]),
+        point=Point(base.shared, tuple(base.point.local[i] for i in kept)),
+        residuals=tuple(base.residuals[i] for i in kept),
+        raw=tuple(base.raw[i] for i in kept),
+        jacobians=tuple(base.jacobians[i] for i in kept),
+    )

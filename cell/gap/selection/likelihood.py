@@ -1,0 +1,148 @@
+"""Which model predicts better, and how sure that is: margins in nats, probabilities."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from cell.gap.fitting import robust
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.model import Evidence
+from drivers.types import Array
+
+MARGIN = 4.0  # nats
+LEVEL = 0.01
+SYSTEMATIC = 0.35  # of the floor, that may lie wholly in the direction of one effect
+ALIKE = 0.02  # of what a model gained, that a rival must lie behind: responses are true to 15 %
+
+
+@dataclass(frozen=True, slots=True)
+class LikelihoodScale:
+    """What a nat is worth here: the dispersion and the inefficiency of the best model.
+
+    Where even the best model leaves more than noise, or leaves it correlated, log-likelihoods
+    shrink by as much (quasi-likelihood: McCullagh and Nelder 1989, chapter 9). `level` is the
+    mean square that it leaves, at most 1: a generous floor leaves less, and is not filled up.
+    `least` [nats] is the margin that counts: the floor is an error of the model, which unlike
+    noise does not average out, so that what a part of it could feign is asked for on top.
+    """
+
+    scale: float
+    inefficiency: float
+    level: float = 1.0
+    least: float = MARGIN
+
+    def ahead(self, gained: float) -> float:
+        """Nats by which a model that gained `gained` over the base must lead, to refute another.
+
+        A law that is nearly that of the measured thing is wrong by a share of what it explains:
+        of relative error e in its response, e^2.
+        """
+        return self.least + ALIKE * max(0.0, gained)
+
+
+def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
+    """The yardstick of the model that fits best."""
+    best = min(models, key=lambda m: (m.estimate.scale, m.estimate.objective))
+    known, scale = best.estimate.evidence, best.estimate.scale
+    worth = robust.inefficiency(known.runs, best.estimate.residuals)
+    level = min(1.0, mean_square(best.left_out))
+    return LikelihoodScale(scale, worth, level, MARGIN + _feigned(known) / scale**2)
+
+
+def _feigned(evidence: Evidence) -> float:
+    """Nats that an effect gains whose response is SYSTEMATIC times the floor in every sample."""
+    shares = [
+        np.sum((SYSTEMATIC * run.samples.floor / scale) ** 2)
+        for run, scale in zip(evidence.runs, evidence.scales, strict=True)
+    ]
+    return 0.5 * float(np.sum(shares))
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """How much better one model predicts than another.
+
+    `each` (R,) [nats] in every run when left out, `gain` their sum, `se` its standard error over
+    runs, `p` the probability of such a margin if the other model were true, `distance` [sigma]
+    between their fitted predictions, `removed` the share of the other's excess gap that it removes.
+    """
+
+    each: Array
+    gain: float
+    se: float
+    p: float
+    distance: float
+    removed: float
+
+
+def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
+    """Margin of `model` over `other`, nested or not."""
+    each = (other.losses(by.scale) - model.losses(by.scale)) / by.inefficiency
+    gain = float(each.sum())
+    se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
+    distance = _distance(model, other, by)
+    if _within(other, model):
+        p = _nested(model, other, by)
+    else:
+        p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
+    return Margin(each, gain, se, p, distance, removed(model, other, by))
+
+
+def removed(
+    model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
+) -> float:
+    """Share of the other's excess gap that the model removes, of all runs but one."""
+    kept = [i for i, run in enumerate(model.estimate.evidence.runs) if run.name != without]
+    before, after = (
+        excess(bounded([m.left_out[i] for i in kept], by.scale), by.level) for m in (other, model)
+    )
+    return 1.0 - after / before if before > 0.0 else 0.0
+
+
+def _within(other: Validated, model: Validated) -> bool:
+    """Whether `other` is `model` with some of its parameters at their start."""
+    fewer = len(other.model.parameters) < len(model.model.parameters)
+    return fewer and other.model.names <= model.model.names
+
+
+def _nested(model: Validated, other: Validated, by: LikelihoodScale) -> float:
+    """Likelihood ratio of fitted models (Wilks 1938); conservative where a sign is fixed."""
+    mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
+    its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
+    freedom = len(model.model.parameters) - len(other.model.parameters)
+    return float(stats.chi2.sf(max(0.0, 2.0 * (its - mine) / by.inefficiency), freedom))
+
+
+def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
+    """Distance of fitted predictions [sigma]; Cox 1961 judges separate families by it."""
+    a = np.concatenate(model.estimate.residuals)
+    b = np.concatenate(other.estimate.residuals)
+    return float(np.linalg.norm(a - b) / by.scale / np.sqrt(by.inefficiency))
+
+
+def excess(residuals: Sequence[Array], level: float) -> float:
+    """sqrt(max(mean r^2 / level - 1, 0)), every run with equal weight."""
+    return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
+
+
+def bounded(residuals: Sequence[Array], scale: float) -> list[Array]:
+    """Residuals up to what is wild: no sample that went another way may decide."""
+    return [np.clip(r, -robust.WILD * scale, robust.WILD * scale) for r in residuals]
+
+
+def mean_square(residuals: Sequence[Array]) -> float:
+    """Mean r^2, every run with equal weight."""
+    return float(np.mean([np.mean(np.square(r)) for r in residuals]))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Family-wise probabilities (Holm 1979), in the order given."""
+    order = np.argsort(p)
+    adjusted = np.empty(len(p))
+    running = 0.0
+    for rank, i in enumerate(order):
+        running = max(running, (len(p) - rank) * p[i])
+        adjusted[i] = min(1.0, running)
+    return [float(v) for v in adjusted]

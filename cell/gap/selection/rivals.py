@@ -1,0 +1,55 @@
+"""Models that these runs cannot tell from the accepted one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
+
+NEAR = 3.0  # sigma between fitted predictions
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """A model that explains the runs about as well: nats behind, sigma away."""
+
+    model: Validated
+    behind: float
+    distance: float
+
+
+def rivals(
+    accepted: Validated, pool: Sequence[Validated], by: LikelihoodScale
+) -> list[Alternative]:
+    """Models of equal size that lie within three sigma of the accepted one, or are not refuted."""
+    base = next(m for m in pool if not m.model.effects)
+    found = []
+    needed = by.ahead(margin(accepted, base, by).gain)
+    for other in pool:
+        same = len(other.model.effects) == len(accepted.model.effects)
+        if not same or other.model.names == accepted.model.names:
+            continue
+        ahead = margin(accepted, other, by)
+        refuted = ahead.gain > needed and ahead.p < LEVEL
+        worth = margin(other, base, by).gain > MARGIN
+        if worth and (ahead.distance < NEAR or not refuted):
+            found.append(Alternative(other, ahead.gain, ahead.distance))
+    return sorted(found, key=lambda r: r.behind)
+
+
+def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:
+    """What cannot be told apart: effects that stand in for one another, by name.
+
+    Rivals that differ in one effect give the class of the two effects; those that share none
+    give one class of all.
+    """
+    mine = accepted.model.names
+    merged: list[set[str]] = []
+    for rival in found:
+        group = set(mine ^ rival.model.model.names)
+        touching = [g for g in merged if g & group]
+        for g in touching:
+            group |= g
+            merged.remove(g)
+        merged.append(group)
+    return sorted(sorted(g) for g in merged)

@@ -1,0 +1,240 @@
+"""Screening: how much each candidate could explain, judged by probes from the refitted base."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.fitting import normal_equations
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Model, request, response
+from cell.gap.fitting.projection import Projection
+from cell.gap.fitting.tasks import Task
+from cell.gap.subject.subject import Candidate
+from drivers.types import Array
+
+Columns = NDArray[np.int64]
+FARTHEST = 3.0  # times a probe to which its response is extrapolated
+WORTH = 0.3  # of the best mix's gain, from which a probe as it is is a start
+DEAD = 1e-6  # whitened response below which an effect changes nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """Responses of a candidate's groups of probes: one array (N, members) each, whitened.
+
+    The first group are the secants at the null, one parameter at a time, the others the
+    candidate's own probes.
+    """
+
+    candidate: Candidate
+    groups: tuple[tuple[Array, ...], ...]
+    responses: tuple[Array, ...]
+
+    @property
+    def dead(self) -> bool:
+        """Whether it changes nothing in these runs."""
+        return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Effects screened together: nats gained at `start`, their values by name.
+
+    `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
+    the values of the probes that gain most as they are: an effect with a threshold does nothing
+    below it, so that a share of a probe is no start. `after` is a fit whose values and effects
+    are kept to begin with.
+    """
+
+    names: tuple[str, ...]
+    gain: float
+    start: dict[str, Array]
+    linear: bool = True
+    tried: dict[str, Array] | None = None
+    after: Estimate | None = None
+
+    @property
+    def starts(self) -> list[dict[str, Array]]:
+        """Where fits begin, by effect: what is not known yet at null always."""
+        found: list[dict[str, Array]] = [{}]
+        if not self.linear:
+            found.append(self.start)
+        if self.tried is not None:
+            found.append(self.tried)
+        return [{**self._known, **values} for values in found]
+
+    def beside(self, fit: Estimate) -> "Score":
+        """The same beside the effects of a fit."""
+        names = tuple(sorted({*fit.model.names, *self.names}))
+        return replace(self, names=names, after=fit)
+
+    @property
+    def _known(self) -> dict[str, Array]:
+        if self.after is None:
+            return {}
+        _, effects = self.after.model.split(self.after.shared)
+        return {name: values for name, values in effects.items() if name in self.names}
+
+
+def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
+    """Responses of a candidate's probes at the refitted base; yields simulations."""
+    model = Model(base.model.base, (*base.model.effects, candidate))
+    groups = (_secants(candidate), *(tuple(map(np.array, g)) for g in candidate.probes))
+    vectors = [v for group in groups for v in group]
+    runs, local = base.evidence.runs, base.point.local
+    asked = [
+        request(model, run, np.concatenate([base.shared, v]), own)
+        for v in vectors
+        for run, own in zip(runs, local, strict=True)
+    ]
+    answers = yield asked
+    columns = []
+    for k in range(len(vectors)):
+        mine = answers[k * len(runs) : (k + 1) * len(runs)]
+        parts = [
+            response(a, b, s) for a, b, s in zip(mine, base.raw, base.evidence.scales, strict=True)
+        ]
+        columns.append(np.concatenate(parts))
+    responses, at = [], 0
+    for group in groups:
+        responses.append(np.array(columns[at : at + len(group)]).T)
+        at += len(group)
+    return Probed(candidate, groups, tuple(responses))
+
+
+def _secants(candidate: Candidate) -> tuple[Array, ...]:
+    """The null with one parameter moved by its step, each."""
+    moved = []
+    for i, p in enumerate(candidate.parameters):
+        vector = candidate.null
+        vector[i] += p.step if p.start + p.step <= p.high else -p.step
+        moved.append(vector)
+    return tuple(moved)
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """All probes of all candidates against the refitted objective, computed once.
+
+    `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
+    """
+
+    probed: tuple[Probed, ...]
+    form: normal_equations.Normal
+    columns: dict[tuple[str, int], Columns]
+
+
+def table(about: Projection, probed: Sequence[Probed]) -> Table:
+    """The table of every candidate that changes something."""
+    alive = tuple(p for p in probed if not p.dead)
+    columns: dict[tuple[str, int], Columns] = {}
+    at = 0
+    for p in alive:
+        for group, moved in enumerate(p.responses):
+            columns[p.candidate.name, group] = np.arange(at, at + moved.shape[1])
+            at += moved.shape[1]
+    parts = [about.weighed(response) for p in alive for response in p.responses]
+    whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
+    return Table(alive, about.form(whole), columns)
+
+
+def ranked(known: Table) -> list[Score]:
+    """All candidates that change something, the most promising first."""
+    scores = [_score(known, (p,)) for p in known.probed]
+    return sorted(scores, key=lambda s: (-s.gain, s.names))
+
+
+def ranked_pairs(known: Table, among: int) -> list[Score]:
+    """Pairs of candidates, the most promising first.
+
+    Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
+    are screened over all candidates, not over the best single ones.
+    """
+    scores = [_score(known, pair) for pair in combinations(known.probed, 2)]
+    return sorted(scores, key=lambda s: (-s.gain, s.names))[:among]
+
+
+def _score(known: Table, members: Sequence[Probed]) -> Score:
+    """Best mix of the probes of one or more candidates, over their groups.
+
+    The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
+    physics fixes the sign.
+    """
+    best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    most, tried = 0.0, None
+    for choice in product(*(range(len(p.groups)) for p in members)):
+        found, whole, values = _mixed(known, members, choice)
+        if found.gain > best.gain:
+            best = found
+        if whole > most and all(choice):
+            most, tried = whole, values
+    return replace(best, tried=tried if most > WORTH * best.gain else None)
+
+
+def _mixed(
+    known: Table, members: Sequence[Probed], choice: tuple[int, ...]
+) -> tuple[Score, float, dict[str, Array]]:
+    """The best mix of some groups; the gain of their probes as they are, and their values."""
+    names = tuple(p.candidate.name for p in members)
+    chosen = list(zip(members, choice, strict=True))
+    at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
+    reach = [
+        _reach(p.candidate, vector) if group == 0 else FARTHEST
+        for p, group in chosen
+        for vector in p.groups[group]
+    ]
+    both = [_mirrored(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    high, zero = np.array(reach), np.zeros(len(at))
+    form = normal_equations.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
+    limits = normal_equations.Bounds(np.where(both, -high, 0.0), high, zero, zero)
+    amounts = normal_equations.bounded_step(form, zero, limits)
+    gain = normal_equations.decrease(form, amounts)
+    whole = np.where(amounts < 0.0, -1.0, 1.0)
+    return (
+        Score(names, gain, _values(chosen, amounts), not any(choice)),
+        normal_equations.decrease(form, whole),
+        _values(chosen, whole),
+    )
+
+
+def _reach(candidate: Candidate, vector: Array) -> float:
+    """Times a secant to the bound: it stands for the response at null."""
+    moved = vector - candidate.null
+    ends = [
+        abs((p.high if d > 0 else p.low) - p.start) / abs(d)
+        for p, d in zip(candidate.parameters, moved, strict=True)
+        if d != 0.0
+    ]
+    return min(ends, default=FARTHEST)
+
+
+def _mirrored(candidate: Candidate, vector: Array) -> bool:
+    """Whether the mirrored probe is within bounds, so that both signs are possible."""
+    mirrored = np.where(_shapes(candidate), vector, 2.0 * candidate.null - vector)
+    low, high = _ends(candidate)
+    return bool(((mirrored >= low) & (mirrored <= high)).all())
+
+
+def _shapes(candidate: Candidate) -> NDArray[np.bool_]:
+    """Which parameters are no amounts (k,)."""
+    return np.array([p.shape for p in candidate.parameters])
+
+
+def _ends(candidate: Candidate) -> tuple[Array, Array]:
+    parameters = candidate.parameters
+    return np.array([p.low for p in parameters]), np.array([p.high for p in parameters])
+
+
+def _values(chosen: Sequence[tuple[Probed, int]], amounts: Array) -> dict[str, Array]:
+    values, at = {}, 0
+    for p, group in chosen:
+        value, shapes = p.candidate.null, _shapes(p.candidate)
+        for vector in p.groups[group]:
+            scaled = value + amounts[at] * (vector - p.candidate.null)
+            value = np.where(shapes, vector, scaled)
+            at += 1
+        values[p.candidate.name] = np.clip(value, *_ends(p.candidate))
+    return values

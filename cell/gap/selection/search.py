@@ -1,0 +1,208 @@
+"""Which models are fitted, and from where: single effects, pairs jointly, three at most."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
+from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.starts import best, judged
+from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
+from cell.gap.selection.choice import by_loss, choose, exhausted
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, likelihood_scale, margin
+from cell.gap.selection.screening import Score, probe, ranked, table
+from cell.gap.subject.subject import Candidate
+from drivers.types import Array
+
+SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
+BEAM = 3  # models beside which others are looked for
+SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
+WORTH = 0.5  # of the best model's gain, from which rivals are bent and extended too
+GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
+BEGUN = 4  # steps of a fit after which the best of several goes on alone
+
+
+def fit_scores(
+    simulate: Simulate, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate]
+) -> list[Validated]:
+    """Screened models refitted with the base, from null and from what the screen found."""
+    tasks = []
+    for s in scores:
+        model, points = _starts(base, s, candidates)
+        tasks.append(_fitted(model, base.evidence, points))
+    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+
+
+def shortlist(
+    simulate: Simulate,
+    base: Estimate,
+    scores: Sequence[Score],
+    candidates: Sequence[Candidate],
+    most: int,
+) -> list[Score]:
+    """The `most` scores whose models come farthest in a few steps, to go on from there.
+
+    Responses are far from linear where one effect of a pair moves what the other one does.
+    """
+    tasks = []
+    for s in scores:
+        model, points = _starts(base, s, candidates)
+        tasks.append(_begun(model, base.evidence, points[1:] or points))
+    done = run_all(simulate, tasks)
+    scale = min((e.scale for e in done), default=1.0)
+    order = sorted(range(len(done)), key=lambda i: judged(done[i], scale))
+    return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
+
+
+def _begun(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
+    """The best of the first few steps from each start."""
+    fits = [refit(model, evidence, p, enough=ROUGHLY, steps=SIFTING) for p in starts]
+    return best((yield from side_by_side(fits)))
+
+
+def _starts(
+    base: Estimate, score: Score, candidates: Sequence[Candidate]
+) -> tuple[Model, list[Point]]:
+    """The model of a score, and the points where its fits begin."""
+    model = with_effects(base.model, score.names, candidates)
+    origin = score.after or base
+    shared, _ = origin.model.split(origin.shared)
+    return model, [Point(model.joined(shared, v), origin.point.local) for v in score.starts]
+
+
+def _fitted(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
+    """A few steps from each start, and from where they came farthest to the end."""
+    begun = [refit(model, evidence, p, enough=ROUGHLY, steps=BEGUN) for p in starts]
+    first = best((yield from side_by_side(begun)))
+    done = yield from refit(model, evidence, first.point, first.jacobians, ROUGHLY)
+    return best([first, done])
+
+
+def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
+    """The base model with the named effects, in the order of the library."""
+    return Model(model.base, tuple(c for c in candidates if c.name in names))
+
+
+def shape_parameters(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
+    """The best models of the size of the best one with their finer parameters free, where that
+    is earned: a specimen seldom obeys a law of the library to the letter.
+    """
+    by = likelihood_scale(pool)
+    size = len(by_loss(pool, by)[0].model.effects)
+    worth = [m for m in _worth(pool, size) if _bends(m.model)]
+    tasks = []
+    for m in worth:
+        fit, model = m.estimate, _bent(m.model)
+        shared, effects = fit.model.split(fit.shared)
+        points = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
+        tasks.append(_fitted(model, fit.evidence, points))
+    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+    return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
+
+
+def _worth(pool: Sequence[Validated], size: int) -> list[Validated]:
+    """The models of `size` effects that gain a good part of what the best of them does."""
+    by = likelihood_scale(pool)
+    base = next(m for m in pool if not m.model.effects)
+    rivals = by_loss([m for m in pool if size and len(m.model.effects) == size], by)
+    gains = [margin(m, base, by).gain for m in rivals]
+    return [m for m, gain in zip(rivals, gains, strict=True) if gain > WORTH * gains[0]]
+
+
+def _bends(model: Model) -> bool:
+    return any(e.finer for e in model.effects)
+
+
+def _bent(model: Model) -> Model:
+    return replace(model, effects=tuple(e.bent() if e.finer else e for e in model.effects))
+
+
+def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
+    """The values with the finer parameters at their start, and off it by GUESS of what is
+    believed of them: at the start itself some do nothing yet.
+    """
+    whole = {e.name: e.completed(effects[e.name]) for e in model.effects}
+    moved = {}
+    for e in model.effects:
+        added = np.array([GUESS * p.spread for p in e.parameters])
+        added[: len(effects[e.name])] = 0.0
+        moved[e.name] = whole[e.name] + added
+    return [whole, moved]
+
+
+def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
+    ahead = margin(new, plain, by)
+    return ahead.gain > by.least and ahead.p < LEVEL
+
+
+def with_shape_parameters(
+    candidates: Sequence[Candidate], pool: Sequence[Validated]
+) -> list[Candidate]:
+    """The candidates, bent where a single one was worth it."""
+    known = {e.name: e for m in pool if len(m.model.effects) == 1 for e in m.model.effects}
+    return [known.get(c.name, c) for c in candidates]
+
+
+def extended(
+    simulate: Simulate, pool: Sequence[Validated], size: int, candidates: Sequence[Candidate]
+) -> list[Score]:
+    """The best models of `size` effects with the most promising others beside each, sifted; only
+    the best one where a larger model leaves nothing: its rivals are beside that.
+
+    Screened from where those models were fitted: responses to a further effect at the base mean
+    little where another one is strong.
+    """
+    beam = 1 if exhausted(pool) else BEAM
+    base = next(m for m in pool if not m.model.effects).estimate
+    found: dict[tuple[str, ...], Score] = {}
+    for fit in [m.estimate for m in _worth(pool, size)[:beam]]:
+        others = [c for c in candidates if c.name not in fit.model.names]
+        probed = run_all(simulate, [probe(fit, c) for c in others])
+        for s in ranked(table(projection(fit), probed))[:FURTHER]:
+            beside = s.beside(fit)
+            found.setdefault(beside.names, beside)
+    scores = list(found.values())
+    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, FURTHER)
+
+
+def without_each(pool: Sequence[Validated]) -> list[Score]:
+    """The accepted model and the best one without each of their effects, to begin from where they
+    were fitted: beside another effect a fit may have left a local minimum.
+    """
+    found = choose(pool)
+    best = by_loss(pool, found.by)[0]
+    scores = []
+    for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
+        names, fit = sorted(model.model.names), model.estimate
+        if len(names) > 1:
+            less = [tuple(n for n in names if n != gone) for gone in names]
+            scores += [Score(kept, 0.0, {}, after=fit) for kept in less]
+    return scores
+
+
+def better_base(simulate: Simulate, pool: Sequence[Validated]) -> Estimate | None:
+    """The base refitted from the values that the accepted model gave it, where that is better.
+
+    A base that had stopped in a local minimum leaves a gap that is none.
+    """
+    accepted = choose(pool).accepted.estimate
+    base = next(m for m in pool if not m.model.effects).estimate
+    if not accepted.model.effects:
+        return None
+    values, _ = accepted.model.split(accepted.shared)
+    again = run_one(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
+    scale = min(base.scale, again.scale)
+    return again if judged(again, scale) < judged(base, scale) - MARGIN else None
+
+
+def merged(pool: Sequence[Validated], more: Sequence[Validated]) -> list[Validated]:
+    """Every model once: of two fits of the same effects the better one."""
+    found = {m.model.names: m for m in pool}
+    for m in more:
+        known = found.get(m.model.names)
+        if known is None or best([known.estimate, m.estimate]) is m.estimate:
+            found[m.model.names] = m
+    return list(found.values())

@@ -1,0 +1,63 @@
+"""Pendulum files: a chain of hinged links as its maker states it."""
+
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings, load
+from drivers.strip.file import Provenance
+
+Positive = Annotated[float, Field(gt=0)]
+
+
+class Link(Settings):
+    """One link: mass [kg], length to the next joint [m], com from its joint [m], inertia about
+    the centre of mass [kg m^2], viscous damping of its joint [N m s].
+    """
+
+    mass: Positive
+    length: Positive | None
+    com: Positive
+    inertia: Positive
+    damping: Annotated[float, Field(ge=0)]
+
+
+class PendulumFile(Settings):
+    """A planar pendulum of one link or more; see the pendulum contract."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    kind: Literal["pendulum"]
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
+    gravity: float = Field(ge=1.0, le=30.0)
+    links: tuple[Link, ...] = Field(min_length=1, max_length=6)
+    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+    provenance: tuple[Provenance, ...] = ()
+
+    @model_validator(mode="after")
+    def _lengths(self) -> Self:
+        *inner, last = self.links
+        if any(link.length is None for link in inner):
+            raise ValueError("only the last link may have no length")
+        if last.length is not None and last.com > 10.0 * last.length:
+            raise ValueError("the last link's com lies far beyond its end")
+        return self
+
+    @property
+    def weights(self) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        """Gravity's torque on each link held level, with all that hangs from it (n,) [N m]."""
+        masses = np.array([link.mass for link in self.links])
+        below = masses.sum() - np.cumsum(masses)
+        lengths = np.array([link.length or 0.0 for link in self.links])
+        com = np.array([link.com for link in self.links])
+        return np.asarray(self.gravity * (masses * com + below * lengths))
+
+
+def load_pendulum(path: Path) -> PendulumFile:
+    """The pendulum file at `path`, its effects checked against the library."""
+    from cell.gap.subject.pendulum.scope import check_effects
+
+    pendulum = load(path, PendulumFile)
+    check_effects(pendulum, str(path))
+    return pendulum

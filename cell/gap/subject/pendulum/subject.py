@@ -1,0 +1,183 @@
+"""The pendulum as a subject of the gap workflow."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from cell.gap.subject.pendulum.chain import fastest, swings
+from cell.gap.subject.pendulum.dynamics import swing
+from cell.gap.subject.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.subject.pendulum.runs import Swing, read_run
+from cell.gap.subject.pendulum.scope import scope
+from cell.gap.subject.run_folders import HEAD, check_indices, find_runs, run_names
+from cell.gap.subject.scene import Scene, Signal
+from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from drivers.settings import read_yaml
+from drivers.types import Array
+
+BATCH = 768  # swings integrated at once: their arrays stay in the cache
+STEP = 0.08  # rad of the fastest small swing in one step
+
+
+class Pendulum:
+    """Measured swings of one pendulum, simulated by its chain of links."""
+
+    def __init__(self, pendulum: PendulumFile, runs: Sequence[Run], jobs: int = 1) -> None:
+        self._jobs = jobs
+        self.file = pendulum
+        self._runs = tuple(runs)
+        self._scope = scope(pendulum)
+        self._step = STEP / fastest(pendulum)
+
+    @property
+    def name(self) -> str:
+        """The pendulum's name."""
+        return self.file.name
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured swings."""
+        return self._runs
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Nothing: a swing that stops early is a shorter swing."""
+        return ()
+
+    @property
+    def scope(self) -> Scope:
+        """What it may lack."""
+        return self._scope
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        """Measured minus simulated angles; what starts or ends wild is lost, not an error."""
+        groups: dict[bool, list[int]] = defaultdict(list)
+        for i, request in enumerate(requests):
+            groups["pivot_compliance" in self._effects(request)].append(i)
+        batches: list[list[int]] = []
+        for members in groups.values():
+            members.sort(key=lambda i: _content(requests[i].run).t[-1])
+            batches += [members[at : at + BATCH] for at in range(0, len(members), BATCH)]
+        found: dict[int, Residuals] = {}
+        with ThreadPoolExecutor(self._jobs) as pool:
+            asked = [[requests[i] for i in batch] for batch in batches]
+            for batch, answers in zip(batches, pool.map(self._together, asked), strict=True):
+                found.update(zip(batch, answers, strict=True))
+        return [found[i] for i in range(len(requests))]
+
+    def _effects(self, request: Request) -> dict[str, Array]:
+        """Effects of a request, those that its file already has among the base included."""
+        accepted: dict[str, list[float]] = defaultdict(list)
+        for p, value in zip(self._scope.base, request.base, strict=True):
+            if "." in p.name:
+                accepted[p.name.split(".")[0]].append(float(value))
+        return {**{k: np.array(v) for k, v in accepted.items()}, **request.effects}
+
+    def _together(self, requests: Sequence[Request]) -> list[Residuals]:
+        states, biases = self._swung(requests)
+        return [
+            _compared(_content(r.run), states[..., i], self._step, biases[i])
+            for i, r in enumerate(requests)
+        ]
+
+    def _swung(self, requests: Sequence[Request]) -> tuple[Array, Array]:
+        """States (steps + 1, 2, n, B) on a grid of the step, and biases (B, n) of the encoders."""
+        n = len(self.file.links)
+        effects = [self._effects(r) for r in requests]
+        bases = np.array([r.base[: 4 * n - 1] for r in requests])
+        chain = swings(self.file, bases, effects)
+        initial = np.array([r.local for r in requests])
+        span = max(_content(r.run).t[-1] for r in requests)
+        steps = int(np.ceil(span / self._step)) + 1
+        with np.errstate(over="ignore", invalid="ignore"):
+            states = swing(chain, initial[:, :n].T, initial[:, n:].T, self._step, steps)
+        biases = np.zeros((len(requests), n))
+        for bias, e in zip(biases, effects, strict=True):
+            bias[1:] = e.get("encoder_bias", 0.0)
+        return states, biases
+
+    def measured(self, run: Run) -> Scene:
+        """The angles as they were measured."""
+        swing = _content(run)
+        return Scene(tuple(
+            Signal(f"angle {i} [rad]", swing.t, row) for i, row in enumerate(swing.angles, start=1)
+        ))  # fmt: skip
+
+    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+        """The angles as simulated, and by how much those that were measured are larger."""
+        return [self._scene(request) for request in requests]
+
+    def _scene(self, request: Request) -> Scene | None:
+        states, biases = self._swung([request])
+        swing = _content(request.run)
+        angles = _at(states[..., 0], swing.t, self._step) + biases[0][:, None]
+        if not np.isfinite(angles).all():
+            return None
+        found = []
+        for i, (now, seen) in enumerate(zip(angles, swing.angles, strict=True), start=1):
+            found.append(Signal(f"angle {i} [rad]", swing.t, now))
+            found.append(
+                Signal(f"angle {i}, measured - simulated [mrad]", swing.t, 1e3 * (seen - now))
+            )
+        return Scene(tuple(found))
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs as they are: a swing is integrated to far below its noise."""
+        return [request.run for request in requests]
+
+    def experiments(self) -> Sequence[Experiment]:
+        """Swings worth measuring next."""
+        from cell.gap.subject.pendulum.experiments import experiments
+
+        return experiments(self.file, self._runs)
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """The pendulum file with refitted base and named effects; a pendulum has no cell."""
+        from cell.gap.subject.pendulum.patch import patched
+
+        return patched(self.file, base, effects, source), None
+
+
+def open_pendulum(path: Path, folders: Sequence[Path], jobs: int = 1) -> Pendulum:
+    """The pendulum of a file with its measured runs, checked."""
+    pendulum = load_pendulum(path)
+    found = find_runs(folders)
+    names = run_names(found)
+    runs = [read_run(f, name, pendulum) for f, name in zip(found, names, strict=True)]
+    check_indices(found, [read_yaml(f / HEAD).get("index") for f in found])
+    runs.sort(key=lambda run: run.index)
+    return Pendulum(pendulum, runs, jobs)
+
+
+def _content(run: Run) -> Swing:
+    return cast(Swing, run.content)
+
+
+def _compared(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
+    """Residuals of one run against states (steps + 1, 2, n) on a grid of `step` [s]."""
+    wild = np.abs(states).max(initial=0.0) > 1e3 or not np.isfinite(states).all()
+    difference = measured.angles - _at(states, measured.t, step) - bias[:, None]
+    counts = np.diff(measured.edges)
+    first = measured.edges[:-1]
+    mean = np.add.reduceat(difference, first, axis=1) / counts
+    square = np.add.reduceat(difference**2, first, axis=1) / counts
+    if wild:
+        mean, square = np.full_like(mean, np.nan), np.full_like(square, np.nan)
+    return Residuals(mean.ravel(), square.ravel())
+
+
+def _at(states: Array, t: Array, step: float) -> Array:
+    """Angles (n, m) at times between grid points, by cubic Hermite interpolation."""
+    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
+    u = (t / step - k)[:, None]
+    a, b = states[k, 0], states[k + 1, 0]
+    va, vb = step * states[k, 1], step * states[k + 1, 1]
+    rise = b - a
+    value = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
+    return np.asarray(value.T)

@@ -1,0 +1,101 @@
+"""Measured minus simulated, sample by sample, by way of how the model says the rig measures."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.gap.subject.strip.layout import Layout, Part
+from cell.gap.subject.strip.runs import Measured
+from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
+from cell.gap.subject.subject import Residuals
+from drivers.strip.curve import group_means, signed_distances
+from drivers.strip.model import StripModel
+from drivers.strip.observation import seen_contact, seen_time, seen_touch, shown_time, true_points
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+ELSEWHERE = 1.0  # bending lengths between contacts beyond which the strip lies down elsewhere
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A run with its samples, a strip of `length` [m] and the stated `bending_length` [m]."""
+
+    run: Measured
+    layout: Layout
+    length: float
+    bending_length: float
+
+    def __call__(self, model: StripModel, shown: SimulatedMotion | None) -> Residuals:
+        """Residuals of `shown`, which `model` measures; all NaN where nothing is shown."""
+        if shown is None:
+            lost = np.full(len(self.layout.samples), np.nan)
+            return Residuals(lost, lost.copy())
+        channels = [
+            averaged(self._profile(model, shown), self.layout.profile),
+            self._here(*averaged(self._contact(model, shown), self.layout.contact)),
+            averaged(self._force(shown), self.layout.force),
+            self._touch(model, shown),
+        ]
+        mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
+        return Residuals(mean, square)
+
+    def _profile(self, model: StripModel, shown: SimulatedMotion) -> Array:
+        """Signed distances of the points (n,) that are compared, in the order of the samples."""
+        images, order = self.run.images, self.layout.profile.order
+        found = np.empty(len(order))
+        if len(order):
+            time = np.asarray(shown_time(model.observation, images.stamps))
+            points = true_points(model, images.points[order])
+            signed_distances(
+                np.ascontiguousarray(points),
+                images.image[order],
+                images.s[order],
+                (time - shown.begin) / SHAPES,
+                shown.shapes,
+                shown.arc * self.length,
+                found,
+            )
+        return found
+
+    def _contact(self, model: StripModel, shown: SimulatedMotion) -> Array:
+        order = self.layout.contact.order
+        time = shown_time(model.observation, self.run.contact_t[order])
+        simulated = np.interp(time, shown.t, shown.contact_x)
+        return np.asarray(self.run.contact_x[order] - seen_contact(model.observation, simulated))
+
+    def _here(self, mean: Array, square: Array) -> tuple[Array, Array]:
+        """Samples whose contacts are the same place in measurement and model; others are lost."""
+        here = np.abs(mean) < ELSEWHERE * self.bending_length
+        return np.where(here, mean, np.nan), np.where(here, square, np.nan)
+
+    def _force(self, shown: SimulatedMotion) -> Array:
+        order = self.layout.force.order
+        simulated = np.interp(self.run.force_t[order], shown.t, shown.holding)
+        return np.asarray(self.run.force_x[order] - simulated)
+
+    def _touch(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
+        """Time, mean distance to both edges, displacement (3,), if the run has a touch."""
+        if self.run.touch is None:
+            return np.empty(0), np.empty(0)
+        if shown.touch is None:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        grip = np.array([np.interp(shown.touch.time, shown.t, c) for c in shown.poses.T])
+        stamp = seen_time(model.observation, shown.touch.time)
+        reported = np.array([np.interp(stamp, self.run.t, c) for c in self.run.poses.T])
+        seen = seen_touch(model, shown.touch, grip, reported)
+        mean = _event(self.run.touch) - _event(seen)
+        return mean, mean**2
+
+
+def _event(touch: Touch) -> Array:
+    middle = 0.5 * (touch.to_grasped + touch.to_fixed)
+    return np.array([touch.time, middle, touch.displacement])
+
+
+def averaged(values: Array, part: Part) -> tuple[Array, Array]:
+    """Mean and mean square (k,) of each sample's readings, wild ones clipped."""
+    mean, square = np.empty(len(part)), np.empty(len(part))
+    if len(part):
+        group_means(np.ascontiguousarray(values), part.edges, part.sigma, mean, square)
+    return mean, square

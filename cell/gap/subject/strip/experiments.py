@@ -1,0 +1,83 @@
+"""Folds that could be measured next: the standard motions, as the stated strip would make them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cell.gap.subject.strip.curves import Images
+from cell.gap.subject.strip.runs import Measured, MeasuredRun
+from cell.gap.subject.strip.synthetic import Fold, rod_folds
+from cell.gap.subject.strip.ways import way_of
+from cell.record.header import Sigma
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.shape import desk_contact
+from drivers.types import Array, frozen
+from policies.registry import MOTION
+from policies.standard import STANDARD
+
+SET_UP = 1.5  # minutes to lay the strip flat again
+IMAGES = 0.06  # s between images
+SPACING = 0.015  # m between points of an image
+SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
+
+
+def planned(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
+    """What each standard motion would measure, without noise, as run number `index`."""
+    ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
+    folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
+    return [
+        MeasuredRun(name, MOTION + name, _measured(fold, sigma, index), ())
+        for name, fold in zip(STANDARD, folds, strict=True)
+    ]
+
+
+def minutes(run: MeasuredRun) -> float:
+    """What a run costs."""
+    return SET_UP + run.measured.end / 60.0
+
+
+def _measured(fold: Fold, sigma: Sigma, index: int) -> Measured:
+    way, touch = fold.way, fold.motion.touch
+    end = float(way.t[-1]) if touch is None else touch.time
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way.poses[:, :2], axis=0).T))])
+    height = fold.model.observation.contact_height
+    chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGES))
+    chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
+    shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
+    none = frozen([])
+    return Measured(
+        t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
+        contact_height=height, sigma=sigma, contact_t=stamps,
+        contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
+        images=_images(stamps, shapes, fold.arc, height),
+        force_t=none, force_x=none, touch=touch, end=end,
+    )  # fmt: skip
+
+
+def _images(stamps: Array, shapes: Array, arc: Array, height: float) -> Images:
+    s = np.arange(0.0, arc[-1], SPACING)
+    points, image, places = [], [], []
+    for k, shape in enumerate(shapes):
+        curve = np.stack([np.interp(s, arc, shape[:, c]) for c in range(2)], axis=1)
+        lifted = s >= s[np.argmax(curve[:, 1] > height)]
+        points.append(curve[lifted])
+        places.append(s[lifted])
+        image.append(np.full(int(lifted.sum()), k))
+    return Images(
+        stamps,
+        frozen(np.concatenate(points)),
+        np.concatenate(image),
+        frozen(np.concatenate(places)),
+    )
+
+
+def instruction(run: MeasuredRun) -> str:
+    """What to do."""
+    standard = STANDARD[run.name]
+    return f"fold once more with --policy {run.condition}; it shows {standard.reveals}"
+
+
+def next_index(runs: Sequence[MeasuredRun]) -> int:
+    """Index of the next run."""
+    return 1 + max(run.measured.index for run in runs)

@@ -1,0 +1,57 @@
+"""What a gripper was doing when: the words for the stages of a fold."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.subject.strip.runs import Measured
+from cell.gap.subject.subject import Words
+from drivers.types import Array
+
+TAKEOVER = 0.10  # m of height up to which a fold is lift
+FALL = 1.0  # s before the touch in which the fold comes down
+SPAN = 0.6  # s over which the gripper's own motion is averaged: shakes are no motion
+SLOW = 0.25  # of the run's usual speed, below which the gripper holds
+BACK = 0.3  # of the run's usual speed at which it moves towards the lift's side
+ZONES = ("fixed", "middle", "grasped")
+
+
+def phases(run: Measured, t: Array) -> Words:
+    """Phase (n,) at each of the times `t` (n,) [s]; the touch itself is no stretch of time."""
+    speed, back = _motion(run, t)
+    usual = max(float(np.median(_speed(run))), 1e-3)
+    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER)] if _rises(run) else run.end
+    words = np.full(len(t), "carry", dtype="U8")
+    words[back > BACK * usual] = "return"
+    words[speed < SLOW * usual] = "hold"
+    if run.touch is not None:
+        words[t > run.end - FALL] = "fall"
+    words[t < lifted] = "lift"
+    return words
+
+
+def zones(s: Array, length: float) -> Words:
+    """Third of the strip (n,) in which the places `s` (n,) [m] lie."""
+    third = np.clip((3.0 * s / length).astype(np.int64), 0, 2)
+    return np.array(ZONES)[third]
+
+
+def _rises(run: Measured) -> bool:
+    return bool((run.poses[:, 1] >= TAKEOVER).any()) and not run.hanging
+
+
+def _motion(run: Measured, t: Array) -> tuple[Array, Array]:
+    """Speed of the averaged motion, and its part that leads back (n,) [m/s]."""
+    ends = [np.clip(t + side * SPAN / 2, run.t[0], run.t[-1]) for side in (-1, 1)]
+    there, here = (
+        np.stack([np.interp(e, run.t, run.poses[:, c]) for c in range(2)], axis=1)
+        for e in reversed(ends)
+    )
+    rate = (there - here) / np.maximum(ends[1] - ends[0], 1e-9)[:, None]
+    return np.hypot(*rate.T), rate[:, 0]
+
+
+def _speed(run: Measured) -> Array:
+    """Speed of the averaged motion at even times while it moves (k,) [m/s]."""
+    every = _motion(run, np.arange(run.t[0], run.end, 0.1))[0]
+    moving: NDArray[np.bool_] = every > 0.01
+    return every[moving] if moving.any() else np.array([0.1])

@@ -1,0 +1,155 @@
+"""Measured folds made ready for the engine: their samples, and what a finer rod shows otherwise."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.gap.subject.strip.compare import Comparison
+from cell.gap.subject.strip.layout import Floors, layout
+from cell.gap.subject.strip.runs import Measured, MeasuredRun
+from cell.gap.subject.strip.simulation import FINE, Job, SimulatedMotion, Simulation
+from cell.gap.subject.subject import Parameter, Residuals, Run
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.rod.motions import GripperPath
+from drivers.types import Array, frozen
+
+TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
+MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
+LIFTED = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
+LIFTED = 0.03  # m of travel in which a strip leaves the desk
+STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
+LATER = 0.6  # s after the measured touch in which the model may still touch
+SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run
+FARTHEST = 0.002  # m of slack that any run may have
+LENGTH, ERROR = "length_error", "error"
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A measured fold: the reported path that drives the model, how it is compared, `index`.
+
+    Pushed along the desk, the strip buckles; where is chaotic, because friction and grip
+    compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
+    along `lifted_path`, which has no push. The standard runs lift first and never buckle.
+
+    Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
+    the residuals change by per metre of slack.
+    """
+
+    way: GripperPath
+    lifted_path: GripperPath
+    comparison: Comparison
+    index: int
+    finer: Array
+    slope: Array
+
+    def drive(self, model: StripModel) -> Job:
+        """What is simulated of this fold with `model`."""
+        height = self.comparison.run.contact_height
+        observation = replace(model.observation, contact_height=height)
+        rubs = model.mechanics.law.yield_curvature > 0.0
+        return Job.of(
+            replace(model, observation=observation), self.lifted_path if rubs else self.way
+        )
+
+    def corrected(self, found: Residuals, slack: float) -> Residuals:
+        """Residuals as a fine rod would have them, of a strip longer by `slack` [m]."""
+        mean = found.mean - self.finer + slack * self.slope
+        return Residuals(mean, found.square + mean**2 - found.mean**2)
+
+
+def prepared(
+    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, coarse: Simulation, jobs: int
+) -> list[Run]:
+    """The runs as the engine takes them; those without a sample are left out."""
+    folds = [_fold(run.measured, strip, floors) for run in runs]
+    stated = [f.drive(describe(strip, index=f.index)) for f in folds]
+    longer = [f.drive(describe(strip, _lengthened(strip), f.index)) for f in folds]
+    fine = Simulation(FINE, jobs)
+    shown = zip(coarse(stated), fine(stated), coarse(longer), strict=True)
+    found = []
+    for run, fold, drive, seen in zip(runs, folds, stated, shown, strict=True):
+        if len(fold.comparison.layout.samples):
+            found.append(_run(run, fold, drive.model, *seen))
+    return found
+
+
+def _run(
+    run: MeasuredRun,
+    fold: Fold,
+    model: StripModel,
+    rough: SimulatedMotion | None,
+    exact: SimulatedMotion | None,
+    slack: SimulatedMotion | None,
+) -> Run:
+    samples = fold.comparison.layout.samples
+    means = [fold.comparison(model, shown).mean for shown in (rough, exact, slack)]
+    limit = MOST * samples.floor
+    finer, change = (_within(means[0] - means[1], limit), _within(means[2] - means[0], limit))
+    samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
+    content = replace(fold, finer=frozen(finer), slope=frozen(change / SLACK))
+    local = (Parameter("slack", "m", 0.0, -FARTHEST, FARTHEST, SLACK, SLACK),)
+    return Run(run.name, run.condition, samples, index=fold.index, local=local, content=content)
+
+
+def corrected(
+    run: Run,
+    fold: Fold,
+    model: StripModel,
+    rough: SimulatedMotion | None,
+    exact: SimulatedMotion | None,
+) -> Run:
+    """The run with what a finer rod shows otherwise of this model, and a floor that allows for it:
+    a strip that is less damped than stated swings on, where grains differ.
+    """
+    bare = fold.comparison.layout.samples.floor
+    means = [fold.comparison(model, shown).mean for shown in (rough, exact)]
+    finer = _within(means[0] - means[1], MOST * bare)
+    floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * finer))
+    content = replace(fold, finer=frozen(finer))
+    return replace(run, samples=replace(run.samples, floor=floor), content=content)
+
+
+def _within(change: Array, limit: Array) -> Array:
+    """`change` (n,), 0 where it is lost or beyond `limit`."""
+    known = np.nan_to_num(change)
+    return np.where(np.abs(known) < limit, known, 0.0)
+
+
+def _lengthened(strip: StripFile) -> Mapping[str, Mapping[str, float]]:
+    stated = strip.effects.get(LENGTH, {}).get(ERROR, 0.0)
+    return {LENGTH: {ERROR: stated + SLACK}}
+
+
+def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
+    chosen = layout(run, strip.length, floors)
+    kept = run.t <= run.end + LATER
+    way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
+    comparison = Comparison(run, chosen, strip.length, strip.bending_length)
+    nothing = np.zeros(len(chosen.samples))
+    return Fold(way, _lifted_path(way, run), comparison, run.index, nothing, nothing)
+
+
+def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
+    """The way, but first up and then in, so that the strip is never pushed while it lies.
+
+    Lifted by z it draws the grip in by about z^2: so does this way, until it joins the measured.
+    """
+    travel = run.travel[: len(way.t)]
+    share = travel / LIFTED
+    early = share < 1.0
+    if way.hanging or early.all() or not _pushes(way, travel):
+        return way
+    poses, begin = way.poses.copy(), way.poses[0, 0]
+    drawn = share**2 + (1.0 - share) * share**8  # with the measured direction in the end
+    poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
+    return GripperPath(way.t, poses)
+
+
+def _pushes(way: GripperPath, travel: Array) -> bool:
+    """Whether the grip is drawn in before the strip has left the desk."""
+    moved = [np.interp(LIFTED, travel, column) - column[0] for column in way.poses.T[:2]]
+    return bool(-moved[0] > STEEP * moved[1])

@@ -1,0 +1,271 @@
+"""Measured folds: read, checked, and reduced to what the model is compared with."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.subject.run_folders import check_indices, find_runs, run_names
+from cell.gap.subject.strip.curves import Images, images_of
+from cell.gap.subject.strip.gripper import smoothed
+from cell.record.files import RUN, is_under_way
+from cell.record.header import Header, Result, Sigma
+from cell.record.run import Run as Recorded
+from cell.record.run import read_run
+from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
+from drivers.strip.file import StripFile
+from drivers.strip.shape import Touch
+from drivers.types import Array, frozen
+
+LEAST = 30  # rows of a usable run
+SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
+NEAR = 0.03  # m from where a run must start
+REACH = 5.0  # m, further from the fixed edge nothing of a cell can be
+NOISY = 0.05  # m, no instrument of a cell is worse
+LATE = 1.0  # s, no image is so long before the first or after the last row
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a fold measured, in SI units.
+
+    `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
+    `contact_x` (k,). `end` [s] is where comparison ends: the touch, or the last row.
+    """
+
+    t: Array
+    poses: Array
+    travel: Array
+    hanging: bool
+    index: int
+    contact_height: float
+    sigma: Sigma
+    contact_t: Array
+    contact_x: Array
+    images: Images
+    force_t: Array
+    force_x: Array
+    touch: Touch | None
+    end: float
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredRun:
+    """A fold with its `name`, `condition`, and what to tell the operator of it."""
+
+    name: str
+    condition: str
+    measured: Measured
+    notes: tuple[str, ...]
+
+    @property
+    def usable(self) -> bool:
+        """Whether it went on long enough to be compared."""
+        return len(self.measured.t) > 0
+
+
+def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
+    """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
+
+    Raises ConfigurationError, in one line, for whatever cannot be trusted.
+    """
+    found = find_runs(folders)
+    heads, read = [], []
+    for folder, name in zip(found, run_names(found), strict=True):
+        header, run = _read(folder, name, strip)
+        heads.append(header.index if run.usable else None)
+        read.append(run)
+    check_indices(found, heads)
+    usable = sum(run.usable for run in read)
+    if usable < 2:
+        raise ConfigurationError(
+            f"{found[0].parent}: {usable} of {len(read)} runs can be used; at least two are "
+            "needed, better ten"
+        )
+    return sorted(read, key=lambda run: (run.measured.index, run.name))
+
+
+def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
+    _check_kind(folder)
+    try:
+        recorded = read_run(folder)
+    except ConfigurationError as error:
+        raise ConfigurationError(str(error).splitlines()[0]) from None
+    if recorded.result is None and is_under_way(folder):
+        raise ConfigurationError(f"{folder}: is still under way; let it finish")
+    _check_header(folder, recorded.header, strip)
+    _check_ticks(folder, recorded)
+    _check_profile(folder, recorded)
+    touch = _touch(folder, recorded, strip)
+    usable = len(recorded.ticks.t) >= LEAST
+    if usable:
+        _check_start(folder, recorded, strip)
+    measured = _measured(recorded, touch, strip) if usable else _nothing(recorded)
+    notes = _notes(name, recorded, usable=usable)
+    condition = recorded.header.condition or name
+    return recorded.header, MeasuredRun(name, condition, measured, notes)
+
+
+def _check_kind(folder: Path) -> None:
+    head = read_yaml(folder / RUN)
+    if "strip" not in head and "pendulum" in head:
+        raise ConfigurationError(
+            f"{folder / RUN}: strip: is missing, this is a run of the pendulum "
+            f"{head['pendulum']}; give its pendulum file, or runs of the strip"
+        )
+
+
+def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
+    ticks, header = run.ticks, run.header
+    poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
+    t, smooth = smoothed(ticks.t, poses, header.sigma.gripper)
+    steps = np.hypot(*np.diff(smooth[:, :2], axis=0).T)
+    seen = np.isfinite(ticks.contact_x)
+    stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
+    felt = np.isfinite(ticks.f_x)
+    grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
+    return Measured(
+        t=t,
+        poses=smooth,
+        travel=frozen(np.concatenate([[0.0], np.cumsum(steps)])),
+        hanging=header.start == "hanging",
+        index=header.index or 0,
+        contact_height=header.contact_height,
+        sigma=header.sigma,
+        contact_t=frozen(stamp[seen]),
+        contact_x=frozen(ticks.contact_x[seen]),
+        images=images_of(run.profile, grip, strip.length, header.sigma.profile),
+        force_t=frozen(ticks.t[felt]),
+        force_x=frozen(ticks.f_x[felt]),
+        touch=touch,
+        end=float(ticks.t[-1]) if touch is None else touch.time,
+    )
+
+
+def _nothing(run: Recorded) -> Measured:
+    none = frozen([])
+    images = images_of(run.profile, np.empty((0, 2)), 1.0, 1.0, empty=True)
+    return Measured(
+        none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
+        run.header.sigma, none, none, images, none, none, None, 0.0,
+    )  # fmt: skip
+
+
+def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
+    if not usable:
+        return (f"{name}: has {len(run.ticks.t)} rows only and is left out",)
+    if run.result is None:
+        return (f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes",)
+    if run.result.outcome not in ("layer_touch", "path_done"):
+        return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
+    return ()
+
+
+def _check_header(folder: Path, header: Header, strip: StripFile) -> None:
+    origin = folder / "run.yaml"
+    if header.strip != strip.name:
+        raise ConfigurationError(
+            f"{origin}: strip: is {header.strip!r}, the strip file describes {strip.name!r}; "
+            "give runs of one strip and its file"
+        )
+    for key in ("contact_x", "profile", "gripper", "displacement"):
+        if getattr(header.sigma, key) > NOISY:
+            raise ConfigurationError(
+                f"{origin}: sigma.{key}: is {getattr(header.sigma, key):g} m, at most {NOISY:g} m "
+                "is believable; give it in m"
+            )
+    if (header.sigma.touch_time or 0.0) > LATE:
+        raise ConfigurationError(
+            f"{origin}: sigma.touch_time: is {header.sigma.touch_time:g} s, at most {LATE:g} s is "
+            "believable; give it in s"
+        )
+
+
+def _check_ticks(folder: Path, run: Recorded) -> None:
+    t = run.ticks.t
+    origin = folder / "ticks.parquet"
+    if len(t) < LEAST:
+        if run.result is None:
+            return
+        raise ConfigurationError(f"{origin}: t: has {len(t)} rows; at least {LEAST} are needed")
+    step = float(np.median(np.diff(t)))
+    if step > SLOWEST:
+        raise ConfigurationError(
+            f"{origin}: t: rows are {step:g} s apart, at most 0.01 s is needed (100 Hz); "
+            "give times in s"
+        )
+    seen = run.ticks.contact_t[np.isfinite(run.ticks.contact_t)]
+    _check_within(seen, t, f"{origin}: contact_t")
+
+
+def _check_within(stamps: Array, t: Array, origin: str) -> None:
+    """Refuse stamps (k,) of another time than the rows' `t` (m,)."""
+    off = np.flatnonzero((stamps < t[0] - LATE) | (stamps > t[-1] + LATE))
+    if len(off):
+        raise ConfigurationError(
+            f"{origin}: is {stamps[off[0]]:g} s, the rows of ticks.parquet span {t[0]:g} to "
+            f"{t[-1]:g} s; give it in s since the run's start"
+        )
+
+
+def _check_profile(folder: Path, run: Recorded) -> None:
+    origin = folder / "profile.parquet"
+    if len(run.ticks.t) >= LEAST:
+        _check_within(run.profile.t, run.ticks.t, f"{origin}: t")
+    for name in ("x", "z"):
+        values = np.abs(getattr(run.profile, name))
+        if len(values) and float(np.median(values)) > REACH:
+            raise ConfigurationError(
+                f"{origin}: {name}: is {np.median(values):.3g} in the middle, must stay within "
+                f"{REACH:g} m; give it in m"
+            )
+
+
+def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
+    """Refuse a run that does not begin where its `start` says."""
+    origin = folder / "ticks.parquet"
+    x, z, pitch = (float(c[0]) for c in (run.ticks.x, run.ticks.z, run.ticks.pitch))
+    if run.header.start == "hanging":
+        if np.hypot(x, z) > strip.length + NEAR or abs(pitch - np.pi / 2) > 0.3:
+            raise ConfigurationError(
+                f"{origin}: x: a hanging start at x {x:.3f}, z {z:.3f} m, pitch {pitch:.2f} rad is "
+                f"out of reach of a strip of {strip.length:g} m or does not hang"
+            )
+    elif np.hypot(x - strip.length, z) > NEAR:
+        raise ConfigurationError(
+            f"{origin}: x: a flat start at x {x:.3f}, z {z:.3f} m, must be at x = length = "
+            f"{strip.length:g} m, z = 0"
+        )
+
+
+def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
+    """The layer_touch that was seen, checked against itself and the strip."""
+    result = run.result
+    if result is None or result.outcome != "layer_touch":
+        return None
+    origin, length = folder / "result.yaml", strip.length
+    time, d, l1, l2 = _numbers(result)
+    for key, value in (("l1", l1), ("l2", l2)):
+        if not 0.0 < value < 1.2 * length:
+            raise ConfigurationError(
+                f"{origin}: {key}: is {value:g}, must lie within the strip's {length:g} m; "
+                "give it in m"
+            )
+    if abs(d - (l1 - l2)) > 1e-3 + 5 * run.header.sigma.displacement:
+        raise ConfigurationError(
+            f"{origin}: displacement: is {d:g}, but l1 - l2 is {l1 - l2:g}; one of them is wrong"
+        )
+    if len(run.ticks.t) and not run.ticks.t[0] < time <= run.ticks.t[-1] + 1.0:
+        raise ConfigurationError(
+            f"{origin}: t_layer_touch: is {time:g} s, the rows span {run.ticks.t[0]:g} to "
+            f"{run.ticks.t[-1]:g} s; give it in s since the run's start"
+        )
+    return Touch(time, x=l2, to_grasped=l1, to_fixed=l2)
+
+
+def _numbers(result: Result) -> NDArray[np.float64]:
+    values = (result.t_layer_touch, result.displacement, result.l1, result.l2)
+    return np.array([float(v or 0.0) for v in values])

@@ -1,0 +1,185 @@
+"""What a strip's model is fitted by, and what it may lack: the effects as candidates."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from cell.gap.subject.strip.layout import Floors
+from cell.gap.subject.strip.probes import places, sizes
+from cell.gap.subject.strip.terms import TERMS
+from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
+from drivers.errors import Unsupported
+from drivers.strip.describe import describe
+from drivers.strip.effects import PLACE, registry
+from drivers.strip.effects.effect import Effect, Stage
+from drivers.strip.effects.effect import Parameter as Number
+from drivers.strip.file import StripFile
+from drivers.strip.rod.lumping import check
+
+TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
+FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
+WIDE = 0.5  # of its default: the spread of a number that shapes an effect
+UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
+UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
+EXACT = 0.02  # of where something is: lengths, offsets, delays
+SECANT = 0.1  # of the smallest probe: the step of secants
+
+
+def scope(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Scope:
+    """Base parameters, candidates and quantities of `strip`; its own effects are base.
+
+    The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
+    """
+    fresh = [e for e in registry().values() if e.name not in strip.effects]
+    return Scope(
+        base=(*_base(strip), *_accepted(strip)),
+        candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
+        terms=tuple(term.candidate() for term in TERMS),
+        quantities={
+            "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
+            "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),
+            "displacement": Quantity("displacement_mm", 1e3, "mm", 2 * floors.displacement),
+            "touch_x": Quantity("", 1e3, "mm", floors.displacement),
+            "touch_time": Quantity("touch_ms", 1e3, "ms", 2 * floors.touch_time),
+            "force": Quantity("", 1e3, "mN", 2 * floors.force),
+        },
+    )
+
+
+def simulated(effect: Effect, strip: StripFile) -> bool:
+    """Whether the rod can represent the effect."""
+    vector = _probes(effect, strip, 0.0)[0][0]
+    try:
+        check([describe(strip, {effect.name: file_values(effect, vector) or {}})])
+    except Unsupported:
+        return False
+    return True
+
+
+def _base(strip: StripFile) -> list[Parameter]:
+    """Bending length and retardation time: laboratories know them within a factor."""
+    c, b = strip.bending_length, max(strip.retardation_time, 0.005)
+    return [
+        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c),
+        Parameter("retardation_time", "s", b, 0.02 * b, min(10.0, 30 * b), 0.02 * b, 2 * b),
+    ]
+
+
+def _accepted(strip: StripFile) -> list[Parameter]:
+    """Parameters of the effects that the strip file has: known, and refitted with the base."""
+    found = []
+    for name, values in strip.effects.items():
+        effect = registry()[name]
+        given = [p for p in effect.parameters if p.name in values]
+        for number, p in zip(given, _parameters(effect, strip, given), strict=True):
+            start = _inside(number, values[number.name]) if p.inverse else values[number.name]
+            spread = 0.5 * abs(start) + p.step
+            label = f"{name}.{p.name}"
+            found.append(replace(p, name=label, start=start, spread=spread))
+    return found
+
+
+def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
+    """The effect as the engine tries it."""
+    return Candidate(
+        name=effect.name,
+        sentence=effect.sentence,
+        of=effect.of,
+        parameters=tuple(_parameters(effect, strip, coarse(effect))),
+        probes=_probes(effect, strip, lifted),
+        revealed_by=effect.revealed_by,
+        model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
+        finer=tuple(_shape(p, strip) for p in effect.parameters if p.finer is not None),
+    )
+
+
+def coarse(effect: Effect) -> list[Number]:
+    """The effect's numbers without the finer ones."""
+    return [p for p in effect.parameters if p.finer is None]
+
+
+def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
+    tried = [_inside(effect.parameters[0], v) for v in sizes(effect, strip)]
+    null = _null(effect.parameters[0])
+    least, most = (pick(abs(v - null) for v in tried) for pick in (min, max))
+    return [
+        _amount(p, SECANT * least, FARTHEST * most) if is_amount(effect, p) else _shape(p, strip)
+        for p in numbers
+    ]
+
+
+def _amount(p: Number, step: float, spread: float) -> Parameter:
+    """How much of an effect there is; absence, at infinity, is zero of the reciprocal."""
+    if p.null is None:
+        return Parameter(p.name, p.unit, 0.0, 0.0, 1.0 / p.low, step, spread, inverse=True)
+    low, high = min(p.low, p.null), max(p.high, p.null)
+    return Parameter(p.name, p.unit, p.null, low, high, step, spread)
+
+
+def _shape(p: Number, strip: StripFile) -> Parameter:
+    """A number that says where or how an effect is, not how much."""
+    if p.name == PLACE:
+        low, high = max(p.low, 0.0), min(p.high, strip.length)
+        middle = 0.5 * (low + high)
+        return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
+    if p.finer is not None:
+        start, step, spread = p.default or 0.0, SECANT * p.finer, FARTHEST * p.finer
+        return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
+    start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
+    step, spread = 0.02 * start, (WIDE if p.default is not None else UNKNOWN) * start
+    return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
+
+
+def _probes(
+    effect: Effect, strip: StripFile, lifted: float
+) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    """Groups of vectors, one a size and a shape; a group has one vector for each amount."""
+    switch, numbers = effect.parameters[0], coarse(effect)
+    start = [p.start for p in _parameters(effect, strip, numbers)]
+    amounts = [i for i, p in enumerate(numbers) if is_amount(effect, p)]
+    spots = places(strip, lifted)
+    tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
+    shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
+    groups = []
+    for size, shape in product(sizes(effect, strip), product(*shapes)):
+        inside = _inside(switch, size)
+        group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
+        groups.append(tuple(tuple(map(float, vector)) for vector in group))
+    return tuple(groups)
+
+
+def _tried(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
+    """Values of a number at which an effect is screened."""
+    if p.name == PLACE:
+        return spots
+    return TIMES if p.unit == "s" and p.null is None and p.default is None else (start,)
+
+
+def is_amount(effect: Effect, p: Number) -> bool:
+    """Whether the number is an amount of the effect: its switch, or another that has a null."""
+    return p is effect.parameters[0] or p.null is not None
+
+
+def _inside(switch: Number, value: float) -> float:
+    """A file's value as the engine has it."""
+    return value if switch.null is not None else 1.0 / value
+
+
+def _null(p: Number) -> float:
+    return 0.0 if p.null is None else p.null
+
+
+def file_values(effect: Effect, values: Sequence[float]) -> dict[str, float] | None:
+    """The effect's parameters as files state them; None where absence switches it off.
+
+    Finer ones may be missing: they come last.
+    """
+    found = dict(zip((p.name for p in effect.parameters), map(float, values), strict=False))
+    switch = effect.parameters[0]
+    if switch.null is None:
+        if found[switch.name] <= 1.0 / switch.high:
+            return None
+        found[switch.name] = 1.0 / found[switch.name]
+    return found

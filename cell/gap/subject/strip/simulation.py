@@ -1,0 +1,153 @@
+"""Simulated motions for many runs and models at once, each simulated once and remembered."""
+
+import hashlib
+import pickle
+from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import Fault
+from drivers.strip.engine import StripMotion
+from drivers.strip.model import Observation, StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import lattice
+from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.strip.shape import Touch
+from drivers.types import Array
+
+SHAPES = 0.01  # s between the shapes that are kept
+AT_ONCE = 32  # motions in one call: all their shapes are in memory
+REMEMBERED = 256 * 2**20  # bytes of motions that are kept
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """How finely the rod is cut: `segments`, and its step `dt` [s]."""
+
+    segments: int
+    dt: float
+
+
+COARSE, FINE = Resolution(100, 0.005), Resolution(200, 0.0025)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A description along a reported gripper path; equal `key`, equal true motion."""
+
+    model: StripModel
+    way: GripperPath
+    key: bytes
+
+    @classmethod
+    def of(cls, model: StripModel, way: GripperPath) -> Self:
+        """With a hash of all that the true motion depends on: not of how it is looked at."""
+        height = model.observation.contact_height
+        blind = replace(model, observation=Observation(contact_height=height))
+        h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
+        for array in (way.t, way.poses):
+            h.update(np.ascontiguousarray(array).tobytes())
+        h.update(bytes([way.hanging]))
+        return cls(model, way, h.digest())
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedMotion:
+    """What truly happens along a drive: at times `t` (k,) [s] `contact_x`, `holding` (k,) and
+    `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on every SHAPES
+    seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    """
+
+    t: Array
+    poses: Array
+    contact_x: Array
+    holding: Array
+    begin: float
+    shapes: NDArray[np.float32]
+    arc: Array
+    touch: Touch | None
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return int(self.shapes.nbytes + 6 * self.t.nbytes)
+
+
+class Simulation:
+    """The rod of one grain, on `jobs` threads, with a memory of what it has simulated.
+
+    A motion does not depend on what is simulated beside it, nor on how many threads there are.
+    """
+
+    def __init__(self, grain: Resolution = COARSE, jobs: int = 1) -> None:
+        self.grain = grain
+        self._jobs = max(1, jobs)
+        self._known: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
+        self._size = 0
+
+    def __call__(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+        """What each of `drives` shows; None where the rod found no shape."""
+        wanted = {d.key: d for d in drives if d.key not in self._known}
+        found = {d.key: self._known[d.key] for d in drives if d.key in self._known}
+        found |= self._simulated(wanted)
+        for key in dict.fromkeys(d.key for d in drives):
+            self._remember(key, found[key])
+        return [found[d.key] for d in drives]
+
+    def _simulated(self, wanted: dict[bytes, Job]) -> dict[bytes, SimulatedMotion | None]:
+        """Long motions together, so that lanes end together, and like models, as they are asked.
+
+        A lane that finds its shapes with effort makes the others of its vector wait.
+        """
+        order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
+        batches = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
+        asked = [[wanted[k] for k in batch] for batch in batches]
+        found: dict[bytes, SimulatedMotion | None] = {}
+        with ThreadPoolExecutor(self._jobs) as pool:
+            for batch, shown in zip(batches, pool.map(self._batch, asked), strict=True):
+                found.update(zip(batch, shown, strict=True))
+        return found
+
+    def _batch(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+        try:
+            return self._together(drives)
+        except (Fault, ValueError):  # a strip that cannot hang where its run begins
+            if len(drives) == 1:
+                return [None]
+            return [shown for drive in drives for shown in self._batch([drive])]
+
+    def _together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
+        rod = Rod(self.grain.segments, strict=False)
+        models, ways = [d.model for d in drives], [d.way for d in drives]
+        every = max(1, round(SHAPES / self.grain.dt))
+        motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
+        return [
+            None if failed else self._shown(motion)
+            for motion, failed in zip(motions, rod.failed, strict=True)
+        ]
+
+    def _shown(self, motion: StripMotion) -> SimulatedMotion:
+        arc = lattice(1.0, self.grain.segments)
+        shapes = motion.shapes.astype(np.float32)
+        if not len(shapes):
+            flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
+            shapes = flat[None].astype(np.float32)
+        begin = float(motion.t[0]) - self.grain.dt + SHAPES
+        force = motion.holding_force
+        return SimulatedMotion(
+            motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
+        )
+
+    def _remember(self, key: bytes, shown: SimulatedMotion | None) -> None:
+        if key not in self._known:
+            self._size += shown.size if shown else 0
+        self._known[key] = shown
+        self._known.move_to_end(key)
+        while self._size > REMEMBERED:
+            _, gone = self._known.popitem(last=False)
+            self._size -= gone.size if gone else 0

@@ -1,0 +1,174 @@
+"""The strip as a subject of the gap workflow."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from cell.gap.subject.scene import Scene
+from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
+from cell.gap.subject.strip.layout import Floors
+from cell.gap.subject.strip.patch import patched
+from cell.gap.subject.strip.prepare import Fold, corrected, prepared
+from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
+from cell.gap.subject.strip.scope import file_values, scope
+from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
+from cell.gap.subject.strip.terms import with_terms
+from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+from drivers.strip.model import Observation, StripModel
+
+QUANTILE = 0.02
+DESCRIBED = 256  # descriptions that are kept
+PORTION = 128  # motions that are held at once
+Values = tuple[float, ...]
+Look = tuple[str, bytes, Observation]  # run, key of the motion, how it is looked at
+
+
+class Strip:
+    """Measured folds of one strip, simulated by the rod along the measured gripper paths.
+
+    `notes` tell the operator of runs that are not whole.
+    """
+
+    def __init__(
+        self,
+        strip: StripFile,
+        runs: Sequence[MeasuredRun],
+        jobs: int = 1,
+        floors: Floors | None = None,
+    ) -> None:
+        self.file = strip
+        self.notes = tuple(note for run in runs for note in run.notes)
+        self._measured = tuple(run for run in runs if run.usable)
+        self._floors = floors or Floors()
+        self._scope = scope(strip, self._floors, _lifted(self._measured))
+        self._jobs = jobs
+        self._simulation = Simulation(COARSE, jobs)
+        self._described = lru_cache(DESCRIBED)(self._describe)
+        self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs)
+
+    @property
+    def name(self) -> str:
+        """The strip's name."""
+        return self.file.name
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured folds, in the order in which they were taken."""
+        return self._runs
+
+    @property
+    def scope(self) -> Scope:
+        """What it is fitted by and what it may lack."""
+        return self._scope
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        """Measured minus simulated; each motion is simulated once, however often it is asked."""
+        folds, drives = self._driven(requests)
+        looks = [
+            (request.run.name, drive.key, drive.model.observation)
+            for request, drive in zip(requests, drives, strict=True)
+        ]
+        seen = self._compared(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
+        return [
+            fold.corrected(seen[look], float(request.local[0]))
+            for request, fold, look in zip(requests, folds, looks, strict=True)
+        ]
+
+    def _compared(self, asked: Mapping[Look, tuple[Fold, Job]]) -> dict[Look, Residuals]:
+        """Each motion against its run, a portion at a time: motions are large, residuals small.
+
+        Motions of one length together, in the order in which they are asked, as they are simulated.
+        """
+        first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
+        order = sorted(asked, key=lambda look: (asked[look][1].way.duration, first[look[1]]))
+        seen = {}
+        for portion in (order[i : i + PORTION] for i in range(0, len(order), PORTION)):
+            pairs = [asked[look] for look in portion]
+            shown = self._simulation([drive for _, drive in pairs])
+            for look, (fold, drive), motion in zip(portion, pairs, shown, strict=True):
+                seen[look] = fold.comparison(drive.model, motion)
+        return seen
+
+    def measured(self, run: Run) -> Scene:
+        """The fold as it was measured."""
+        return measured_scene(cast(Fold, run.content).comparison.run)
+
+    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+        """The folds as simulated, beside their images."""
+        folds, drives = self._driven(requests)
+        length = self.file.length
+        return [
+            None if motion is None else simulated_scene(fold, drive.model, motion, length)
+            for fold, drive, motion in zip(folds, drives, self._simulation(drives), strict=True)
+        ]
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs, with what a finer rod shows otherwise at these values."""
+        folds, drives = self._driven(requests)
+        fine = Simulation(FINE, self._jobs)
+        shown = zip(self._simulation(drives), fine(drives), strict=True)
+        return [
+            corrected(request.run, fold, drive.model, *pair)
+            for request, fold, drive, pair in zip(requests, folds, drives, shown, strict=True)
+        ]
+
+    def experiments(self) -> Sequence[Experiment]:
+        """The standard folds, as they would come out for the strip as stated."""
+        runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
+        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs)
+        asked = {run.name: run for run in runs}
+        return [
+            Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
+        ]
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """The strip file with refitted base and named effects, and the cell's named effects."""
+        return patched(self.file, base, effects, source)
+
+    def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
+        folds = [cast(Fold, request.run.content) for request in requests]
+        drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
+        return folds, drives
+
+    def _model(self, request: Request, fold: Fold) -> StripModel:
+        effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
+        return self._described(tuple(map(float, request.base)), effects, fold.index)
+
+    def _describe(
+        self, base: Values, effects: tuple[tuple[str, Values], ...], index: int
+    ) -> StripModel:
+        """The strip with these values of the library's base and these effects."""
+        numbers: dict[str, float] = {}
+        kept = {name: dict(values) for name, values in self.file.effects.items()}
+        for p, value in zip(self._scope.base, base, strict=True):
+            if "." in p.name:
+                effect, key = p.name.split(".")
+                kept[effect][key] = p.shown(value)
+            else:
+                numbers[p.name] = value
+        strip = self.file.model_copy(update={**numbers, "effects": kept})
+        known = [(registry()[name], values) for name, values in effects if name in registry()]
+        added = {e.name: file_values(e, values) for e, values in known}
+        model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
+        return with_terms(model, {name: values[0] for name, values in effects})
+
+
+def _lifted(runs: Sequence[MeasuredRun]) -> float:
+    """From where on the strip leaves the desk [m], wild readings aside; 0 where nobody saw it."""
+    seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
+    return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
+
+
+def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
+    """The strip of a file with its measured runs, checked."""
+    strip = load_strip(path)
+    return Strip(strip, read_runs(folders, strip), jobs)

@@ -1,0 +1,180 @@
+"""Measured folds made from simulated ones: run folders with noise, wild points, lost images."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from scipy.interpolate import CubicSpline
+
+from cell.record.documents import write_document
+from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from cell.record.tables import place_contacts, write_parquet
+from drivers.settings import SCHEMA
+from drivers.strip.engine import StripMotion
+from drivers.strip.model import StripModel
+from drivers.strip.observation import seen_contact, seen_points, seen_touch, shown_time
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import lattice
+from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.strip.shape import Touch, desk_contact
+from drivers.types import Array
+
+AFTER = 0.3  # s that a run goes on after its touch
+CLEARANCE = 0.004  # m of the strip before the grip that the fingers hide
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """How a cell measures: one-sigma noise [m, s], images at `rate` [Hz] with points `spacing`
+    [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images `lost`.
+    """
+
+    contact_x: float = 0.0015
+    profile: float = 0.001
+    gripper: float = 0.00002
+    displacement: float = 0.003
+    touch_time: float = 0.03
+    rate: float = 30.0
+    spacing: float = 0.006
+    wild: float = 0.005
+    astray: float = 0.05
+    lost: float = 0.02
+
+    def sigma(self) -> dict[str, float]:
+        """As run.yaml states it."""
+        keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
+        return {key: getattr(self, key) for key in keys}
+
+
+@dataclass(frozen=True, slots=True)
+class Fold:
+    """A fold that was simulated: its reported `way`, the `model` of plant and rig, what happened.
+
+    `shape_t` (m,) [s] are the times of the motion's shapes, `arc` (nodes,) [m] their places.
+    """
+
+    way: GripperPath
+    model: StripModel
+    motion: StripMotion
+    shape_t: Array
+    arc: Array
+    index: int = 0
+    condition: str = ""
+
+
+def rod_folds(
+    models: Sequence[StripModel],
+    ways: Sequence[GripperPath],
+    segments: int = 200,
+    dt: float = 0.0025,
+) -> list[Fold]:
+    """Folds in the rod, each of `models` along its own reported way."""
+    every = max(1, round(0.005 / dt))
+    motions = simulate_all(Rod(segments), models, ways, dt=dt, every=every)
+    return [
+        Fold(way, model, motion, motion.t[every - 1 :: every][: len(motion.shapes)],
+             lattice(model.mechanics.length, segments))
+        for way, model, motion in zip(ways, models, motions, strict=True)
+    ]  # fmt: skip
+
+
+def write_fold(
+    folder: Path, strip: str, fold: Fold, by: Instruments, rng: np.random.Generator
+) -> None:
+    """The four files of a measured run of `strip` in the new `folder`."""
+    folder.mkdir(parents=True)
+    touch = _touch(fold, by, rng)
+    end = fold.way.t[-1] if touch is None else min(touch.time + AFTER, fold.way.t[-1])
+    stamps = _stamps(end, by, rng)
+    points = [_curve(fold, stamp, by, rng) for stamp in stamps]
+    write_document(folder / RUN, _header(strip, fold, by))
+    write_parquet(folder / TICKS, _ticks(fold, end, stamps, by, rng))
+    write_parquet(folder / PROFILE, _profile(stamps, points))
+    write_document(folder / RESULT, _result(touch))
+
+
+def _header(strip: str, fold: Fold, by: Instruments) -> dict[str, Any]:
+    header: dict[str, Any] = {"schema": SCHEMA, "strip": strip, "sigma": by.sigma()}
+    header |= {"start": "hanging" if fold.way.hanging else "flat", "index": fold.index}
+    header |= {"condition": fold.condition} if fold.condition else {}
+    return header | {"camera_hz": by.rate}
+
+
+def _result(touch: Touch | None) -> dict[str, Any]:
+    if touch is None:
+        return {"schema": SCHEMA, "outcome": "path_done"}
+    event = {"t_layer_touch": touch.time, "displacement": touch.displacement}
+    lengths = {"l1": touch.to_grasped, "l2": touch.to_fixed}
+    return {"schema": SCHEMA, "outcome": "layer_touch"} | event | lengths
+
+
+def _stamps(end: float, by: Instruments, rng: np.random.Generator) -> Array:
+    stamps = np.arange(rng.uniform(0.0, 1.0 / by.rate), end, 1.0 / by.rate)
+    return stamps[rng.uniform(size=len(stamps)) >= by.lost]
+
+
+def _touch(fold: Fold, by: Instruments, rng: np.random.Generator) -> Touch | None:
+    touch = fold.motion.touch
+    if touch is None:
+        return None
+    grip = np.array([np.interp(touch.time, fold.motion.t, c) for c in fold.motion.poses.T])
+    stamp = seen_touch(fold.model, touch, grip, grip).time
+    reported = np.array([np.interp(stamp, fold.way.t, c) for c in fold.way.poses.T])
+    seen = seen_touch(fold.model, touch, grip, reported)
+    l1, l2 = rng.normal([seen.to_grasped, seen.to_fixed], by.displacement / np.sqrt(2))
+    return Touch(seen.time + rng.normal(0.0, by.touch_time), float(l2), float(l1), float(l2))
+
+
+def _shape(fold: Fold, stamp: float) -> Array:
+    """True midline (nodes, 2) that an image with `stamp` shows."""
+    time, times = float(shown_time(fold.model.observation, stamp)), fold.shape_t
+    j = int(np.clip(np.searchsorted(times, time), 1, len(times) - 1))
+    w = float(np.clip((time - times[j - 1]) / (times[j] - times[j - 1]), 0.0, 1.0))
+    shapes = fold.motion.shapes
+    return np.asarray((1 - w) * shapes[j - 1] + w * shapes[j])
+
+
+def _curve(fold: Fold, stamp: float, by: Instruments, rng: np.random.Generator) -> Array:
+    """Measured points (n, 2) of the visible midline, from the desk contact to the fingers."""
+    shape = _shape(fold, stamp)
+    lifted = np.flatnonzero(shape[:, 1] > fold.model.observation.contact_height)
+    begin = fold.arc[lifted[0]] if len(lifted) else fold.arc[-1]
+    s = np.arange(begin, fold.arc[-1] - CLEARANCE, by.spacing)
+    curve = CubicSpline(fold.arc, shape)
+    tangent = curve(s, 1)
+    tangent /= np.maximum(np.hypot(*tangent.T), 1e-9)[:, None]
+    noise = rng.normal(0.0, by.profile, len(s))
+    points = seen_points(fold.model, curve(s))
+    points = points + noise[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    wild = rng.uniform(size=len(s)) < by.wild
+    return np.asarray(points + wild[:, None] * rng.uniform(-by.astray, by.astray, (len(s), 2)))
+
+
+def _ticks(
+    fold: Fold, end: float, stamps: Array, by: Instruments, rng: np.random.Generator
+) -> pa.Table:
+    t = fold.way.t[fold.way.t <= end]
+    places = fold.way.poses[: len(t)]
+    seen = np.array([_contact(fold, stamp) for stamp in stamps])
+    seen = np.asarray(seen_contact(fold.model.observation, seen))
+    seen = seen + rng.normal(0.0, by.contact_x, len(stamps))
+    contact_x, contact_t = place_contacts(t, stamps, seen)
+    noisy = places[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
+    columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": places[:, 2]}
+    columns |= {"x_cmd": places[:, 0], "z_cmd": places[:, 1]}
+    return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
+
+
+def _contact(fold: Fold, stamp: float) -> float:
+    return desk_contact(_shape(fold, stamp), fold.model.observation.contact_height)
+
+
+def _profile(stamps: Array, curves: Sequence[Array]) -> pa.Table:
+    counts = [len(curve) for curve in curves]
+    points = np.concatenate(curves) if curves else np.empty((0, 2))
+    i = [k for count in counts for k in range(count)]
+    columns = {"t": np.repeat(stamps, counts), "i": np.array(i, dtype=np.int64)}
+    return pa.table(columns | {"x": points[:, 0], "z": points[:, 1]})

@@ -1,0 +1,30 @@
+"""How an arm really makes a planned motion: corners rounded, the pitch of a flat start."""
+
+import numpy as np
+
+from drivers.strip.rod.motions import GripperPath
+from drivers.types import Array, frozen
+from policies.motion import Motion
+from policies.path import lift_pitch
+
+STEP = 0.001  # s
+EVERY = 10  # steps between the rows that an arm reports
+ROUNDED = 0.04  # s before and after a corner in which the arm turns its velocity
+STILL = 0.6  # s at the end of a motion in which the arm stays
+
+
+def way_of(motion: Motion) -> GripperPath:
+    """Reported times (m,) [s] from 0 and poses (m, 3) of `motion`, from rest to rest."""
+    t = np.arange(0.0, motion.duration + 2 * ROUNDED + STILL, STEP)
+    half = round(ROUNDED / STEP)
+    window = np.hanning(2 * half + 3)[1:-1]
+    points = motion.at(np.clip(t - ROUNDED, 0.0, motion.duration))
+    places = np.stack([_smooth(points[:, c], window / window.sum()) for c in range(2)], axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    poses = np.column_stack([places, lift_pitch(travel)])
+    return GripperPath(frozen(t[::EVERY]), frozen(poses[::EVERY]))
+
+
+def _smooth(values: Array, window: Array) -> Array:
+    half = len(window) // 2
+    return np.convolve(np.pad(values, half, mode="edge"), window, mode="valid")

@@ -1,0 +1,218 @@
+"""What the engine needs to know of the thing that is measured, and nothing more."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array
+
+Words = NDArray[np.str_]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of a model: where to start, its bounds, the step of its secants.
+
+    `start` is the stated value, for an effect its null. `spread` is the standard deviation of
+    what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
+    so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
+    not how much of it there is: a probe keeps its own whatever its amount.
+    """
+
+    name: str
+    unit: str
+    start: float
+    low: float
+    high: float
+    step: float
+    spread: float = float("inf")
+    inverse: bool = False
+    shape: bool = False
+
+    def shown(self, value: float) -> float:
+        """`value` as files state it."""
+        if not self.inverse:
+            return value
+        return 1.0 / value if value else float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An effect that the model may lack, as the engine tries it.
+
+    `probes` are groups of whole parameter vectors at which it is screened, small to large; the
+    members of a group may be mixed (one parameter each), groups may not (another place). Bounds
+    that start at the null say that physics fixes the sign. `sentence` is for a technician.
+    `model_error` is the fraction of the variance explained by this effect that may be its own
+    modelling error: e^2 for a relative error e of its response. Shape parameters fit its law to a
+    specimen: they stay at their start until it leaves more than noise.
+    """
+
+    name: str
+    sentence: str
+    of: Literal["strip", "cell"]
+    parameters: tuple[Parameter, ...]
+    probes: tuple[tuple[tuple[float, ...], ...], ...]
+    revealed_by: str = ""
+    model_error: float = 0.02
+    finer: tuple[Parameter, ...] = ()
+
+    def bent(self) -> "Candidate":
+        """The same with its finer parameters free."""
+        return replace(self, parameters=self.parameters + self.finer, finer=())
+
+    def completed(self, values: Array) -> Array:
+        """`values` of its first parameters, with the starts of the others."""
+        return np.concatenate([values, self.null[len(values) :]])
+
+    @property
+    def null(self) -> Array:
+        """Values at which it vanishes."""
+        return np.array([p.start for p in self.parameters])
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Layout of the n samples of a run, sorted by time within a series.
+
+    Words (n,): `channel`, `phase`, `zone`, and `quantity`, by which gaps are shown. Numbers
+    (n,): time `t` [s], one-sigma `noise` of the sample, `reading` of a single reading in it, and
+    `floor`, what no model of this subject gets right, all in SI. `series` (n,) numbers the time
+    series that a sample belongs to.
+    """
+
+    channel: Words
+    phase: Words
+    zone: Words
+    quantity: Words
+    t: Array
+    noise: Array
+    reading: Array
+    floor: Array
+    series: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One measured (or planned) run; `local` are its own unknowns, such as its initial state.
+
+    `condition` is shared by repeats, `index` counts in the order in which runs were taken;
+    `content` belongs to the subject.
+    """
+
+    name: str
+    condition: str
+    samples: Samples
+    local: tuple[Parameter, ...] = ()
+    content: object = None
+    index: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One simulation: a run, base parameters, parameters by effect, and the run's own unknowns."""
+
+    run: Run
+    base: Array
+    effects: Mapping[str, Array]
+    local: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Residuals:
+    """Measured minus simulated per sample (n,), NaN where the model has nothing to compare.
+
+    `square` (n,) is the mean square within the sample where it averages several readings.
+    """
+
+    mean: Array
+    square: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """How a measured quantity's gap is shown: key in the verdict, factor from SI, its unit.
+
+    Without a key it is fitted like any other, and its gap is part of the excess only.
+
+    `tolerance` [SI] is the rms that may remain after an effect was named: what a model of this
+    subject is not trusted below.
+    """
+
+    key: str
+    factor: float
+    unit: str
+    tolerance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """A run that could be made next: what to do, its cost, and the run as it would be."""
+
+    name: str
+    instruction: str
+    minutes: float
+    run: Run
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """What a subject offers: base parameters, candidate effects, quantities by name.
+
+    `terms` are never causes: they describe what stays unexplained.
+    """
+
+    base: tuple[Parameter, ...]
+    candidates: tuple[Candidate, ...]
+    quantities: Mapping[str, Quantity]
+    terms: tuple[Candidate, ...] = ()
+
+
+class Subject(Protocol):
+    """The measured thing: its runs, its library, its simulation, its files."""
+
+    @property
+    def name(self) -> str:
+        """Name of the strip or pendulum."""
+        ...
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured runs, in the order in which they were taken."""
+        ...
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the operator must know of the runs: which died, what of them was used."""
+        ...
+
+    @property
+    def scope(self) -> Scope:
+        """Base parameters, candidates, quantities and terms."""
+        ...
+
+    def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
+        """Residuals of many simulations, each independent of the others in the call."""
+        ...
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs of `requests`, corrected for how coarse their simulation is at these values, and
+        with floors that allow for it.
+        """
+        ...
+
+    def experiments(self) -> Sequence[Experiment]:
+        """Runs worth making next, each to be judged by what it would separate."""
+        ...
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """The file after acceptance, and the cell's effects where some belong to the cell."""
+        ...

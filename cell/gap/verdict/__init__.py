@@ -1,0 +1,1 @@
+"""The verdict: what the stages found, what follows from it, and its acceptance."""

@@ -1,0 +1,190 @@
+"""The verdict as it is written: from findings to the document of `verdict`."""
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting import normal_equations
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.selection.likelihood import holm, margin
+from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.verdict.decide import confidence, kind, unexplained
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import (
+    Compared,
+    Gap,
+    Interval,
+    Measured,
+    NamedEffect,
+    Recommended,
+    Verdict,
+    WhereBin,
+)
+
+SEEN = 0.05  # family-wise probability below which a place is listed
+PLACES = 24
+TELLING = 1.0  # sigma below which an experiment is not worth its minutes
+
+
+def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
+    """The verdict of an investigation."""
+    which = kind(found)
+    return Verdict(
+        verdict=which,
+        effects=_named(found) if which == "named" else [],
+        ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
+        unexplained=unexplained(found, which),
+        base=_base(found),
+        where=_where(found),
+        gap=_gap(found),
+        candidates=_candidates(found),
+        advice=_advice(found),
+        detectable={k: v for k, v in found.screened.detectable.items() if v is not None},
+        held_out=list(found.held_out),
+        runtime=runtime,
+        simulations=simulations,
+    )
+
+
+def intervals(estimate: Estimate, inefficiency: float) -> dict[str, list[Measured]]:
+    """95 % intervals of the base's parameters (`base`) and of each effect's, in their order."""
+    spread = np.sqrt(np.diag(normal_equations.covariance(estimate.normal())) * inefficiency)
+    model = estimate.model
+    owners = ["base"] * len(model.base)
+    owners += [e.name for e in model.effects for _ in e.parameters]
+    found: dict[str, list[Measured]] = {name: [] for name in owners}
+    rows = zip(owners, model.parameters, estimate.shared, spread, strict=False)
+    for owner, parameter, value, sigma in rows:
+        found[owner].append(_interval(parameter, float(value), float(sigma)))
+    return found
+
+
+def _interval(p: Parameter, value: float, sigma: float) -> Measured:
+    ends = [max(p.low, value - 1.96 * sigma), min(p.high, value + 1.96 * sigma)]
+    shown = sorted(p.shown(v) for v in ends)
+    low, high = (v if np.isfinite(v) else None for v in shown)
+    middle = p.shown(value)
+    return Measured(value=middle if np.isfinite(middle) else 1e12, low=low, high=high, unit=p.unit)
+
+
+def _measured(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
+    return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
+
+
+def _named(found: Findings) -> list[NamedEffect]:
+    accepted, by = found.judged.found.accepted, found.judged.found.by
+    values = intervals(accepted.estimate, by.inefficiency)
+    sure = confidence(found)
+    return [
+        NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
+        for e in found.judged.sure
+    ]
+
+
+def _base(found: Findings) -> dict[str, Interval]:
+    best, by = found.judged.found.accepted.estimate, found.judged.found.by
+    values = intervals(best, by.inefficiency)["base"]
+    return {
+        p.name: Interval(value=v.value, low=v.low, high=v.high)
+        for p, v in zip(best.model.base, values, strict=True)
+    }
+
+
+def _where(found: Findings) -> list[WhereBin]:
+    seen = [place for place in found.fitted.places if place.p < SEEN][:PLACES]
+    return [
+        WhereBin(channel=w.channel, phase=w.phase, zone=w.zone, condition=w.condition, z=w.z, p=w.p)
+        for w in seen
+    ]
+
+
+def _gap(found: Findings) -> Gap:
+    shown, quantities = found.shown, found.subject.scope.quantities
+    return Gap(
+        before=held_out_gap.sizes(shown.before, quantities),
+        after=held_out_gap.sizes(shown.after, quantities),
+        floor={**held_out_gap.floor(shown.before.evidence, quantities), "excess": 0.0},
+        shrink=shown.shrink.value,
+        shrink_low=shown.shrink.low,
+        shrink_high=shown.shrink.high,
+    )
+
+
+def _candidates(found: Findings) -> list[Compared]:
+    """Models that were refitted, then candidates that only the screen has seen, best first."""
+    result = found.judged.found
+    base = next(m for m in result.tried if not m.model.effects)
+    others = [m for m in result.tried if m.model.effects]
+    singles = [m for m in others if len(m.model.effects) == 1]
+    family = _family(found, base, singles)
+    rows = [_compared(found, base, m, family) for m in others]
+    done = {m.model.name for m in singles}
+    gains = {p.candidate.name: 0.0 for p in found.screened.probed}
+    gains |= {score.names[0]: score.gain for score in found.screened.singles}
+    rows += [_screened(found, name, gain) for name, gain in gains.items() if name not in done]
+    return sorted(rows, key=lambda row: -row.elpd_gain)
+
+
+def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
+    """Probabilities of single candidates, family-wise over the whole library."""
+    by = found.judged.found.by
+    raw = {m.model.name: margin(m, base, by).p for m in singles}
+    names = [c.name for c in found.subject.scope.candidates]
+    adjusted = holm([raw.get(name, 1.0) for name in names])
+    return dict(zip(names, adjusted, strict=True))
+
+
+def _compared(
+    found: Findings, base: Validated, model: Validated, family: dict[str, float]
+) -> Compared:
+    by = found.judged.found.by
+    ahead = margin(model, base, by)
+    values = intervals(model.estimate, by.inefficiency)
+    several = len(model.model.effects) > 1
+    parameters = {}
+    for e in model.model.effects:
+        for name, value in _measured(e, values[e.name]).items():
+            parameters[f"{e.name}.{name}" if several else name] = value
+    tests = found.judged.invariances.get(model.model.name)
+    return Compared(
+        name=model.model.name,
+        elpd_gain=ahead.gain,
+        se=ahead.se,
+        p=family.get(model.model.name, ahead.p),
+        invariance_p=None if tests is None else min(t.p for t in tests.values()),
+        parameters=parameters,
+    )
+
+
+def _screened(found: Findings, name: str, gain: float) -> Compared:
+    """A candidate that was not worth a refit: its gain is that of the linear screen."""
+    by = found.judged.found.by
+    score = next((s for s in found.screened.singles if s.names == (name,)), None)
+    candidate = next(c for c in found.subject.scope.candidates if c.name == name)
+    values = score.start.get(name, candidate.null) if score is not None else candidate.null
+    shown = {}
+    for p, v in zip(candidate.parameters, values, strict=True):
+        value = p.shown(float(v))
+        if np.isfinite(value):
+            shown[p.name] = Measured(value=value, low=None, high=None, unit=p.unit)
+    return Compared(
+        name=name,
+        elpd_gain=gain / by.inefficiency,
+        se=0.0,
+        p=found.screened.p.get(name, 1.0),
+        invariance_p=None,
+        parameters=shown,
+    )
+
+
+def _advice(found: Findings) -> list[Recommended]:
+    return [
+        Recommended(
+            experiment=f"{a.experiment.name}: {a.experiment.instruction}",
+            separates=a.separates,
+            expected_sigma=a.sigma,
+            minutes=a.experiment.minutes,
+        )
+        for a in found.advice
+        if a.sigma >= TELLING
+    ]

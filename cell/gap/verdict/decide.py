@@ -1,0 +1,126 @@
+"""What findings bear: a name, a class, no gap, or that the cause is left open."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.fitting import robust
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.selection.likelihood import LEVEL, MARGIN, bounded, margin, removed
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Kind, Unexplained
+
+MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
+CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
+SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
+LARGE = 700.0  # nats whose exponential is still a number
+
+
+def kind(found: Findings) -> Kind:
+    """Which of the four verdicts the findings bear."""
+    judged = found.judged
+    if not judged.found.accepted.model.effects:
+        return "unexplained" if found.fitted.gap else "no_gap"
+    changes = judged.drifts or judged.unsteady or drifting(found)
+    if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
+        return "unexplained"
+    return "named" if judged.sure else "ambiguous"
+
+
+def _mostly(found: Findings) -> bool:
+    """Whether the whole model leaves only noise, or has removed most of the excess gap; where a
+    run went another way, the others alone must bear the model out.
+    """
+    judged, by = found.judged, found.judged.found.by
+    if not judged.remains:
+        return True
+    base = next(m for m in judged.found.tried if not m.model.effects)
+    each = margin(judged.found.accepted, base, by).each
+    others = [run.name != judged.astray for run in base.estimate.evidence.runs]
+    gain = float(each[others].sum())
+    return gain > by.least and removed(judged.found.accepted, base, by, judged.astray) > MOST
+
+
+def unseen_remains(found: Findings) -> bool:
+    """Whether runs that took no part show a clear gap, and the model does not even halve it; no
+    sample counts beyond what is wild among those that the model leaves.
+    """
+    shown = found.shown
+    scale = robust.scale(np.concatenate(shown.after.residuals))
+    before, after = (_bounded_gap(estimate, scale) for estimate in (shown.before, shown.after))
+    return before > CLEAR and after > HALF * before
+
+
+def _bounded_gap(estimate: Estimate, scale: float) -> float:
+    residuals = tuple(bounded(estimate.residuals, scale))
+    return float(
+        held_out_gap.excess(held_out_gap.run_squares(replace(estimate, residuals=residuals)))
+    )
+
+
+def drifting(found: Findings) -> list[str]:
+    """Effects whose amplitude does not serve all conditions: proxies, not causes."""
+    tests = found.judged.invariances.get(found.judged.found.accepted.model.name, {})
+    return [name for name, test in tests.items() if not test.holds]
+
+
+def confidence(found: Findings) -> float:
+    """Weight of the model of all that was earned, and of its rivals, among the models of its size
+    and the base; of what it is ahead of the others a part may be feigned.
+    """
+    judged, by = found.judged, found.judged.found.by
+    whole = judged.found.accepted
+    size = len(whole.model.effects)
+    own = {whole.model.names, *(r.model.model.names for r in judged.rivals)}
+    among = [m for m in judged.found.tried if len(m.model.effects) in (0, size)]
+    others = [m for m in among if m.model.names not in own]
+    base = next(m for m in judged.found.tried if not m.model.effects)
+    feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
+    ahead = [margin(whole, m, by).gain - feigned for m in others]
+    return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
+
+
+def unexplained(found: Findings, which: Kind) -> Unexplained | None:
+    """What remains: always for `unexplained`, and for `named` where more than noise is left."""
+    judged = found.judged
+    if which == "no_gap" or (which != "unexplained" and not judged.remains):
+        return None
+    law = judged.law
+    return Unexplained(
+        description=unexplained_part(found),
+        law=law.words if law else "no sparse law found",
+        stable=bool(law and law.stable),
+    )
+
+
+def unexplained_part(found: Findings) -> str:
+    """One sentence on what the best model leaves, and why it is not believed."""
+    quantities, shown = found.subject.scope.quantities, found.shown
+    after = held_out_gap.sizes(shown.after, quantities)
+    least = held_out_gap.floor(shown.before.evidence, quantities)
+    sizes = ", ".join(
+        f"{after[q.key]:.3g} {q.unit} of {q.key.rsplit('_', 1)[0]} (noise {least[q.key]:.2g})"
+        for q in quantities.values()
+        if q.key in after
+    )
+    best = found.judged.found.accepted.model.name
+    of = "the refitted model" if best == "base" else f"the model with {best}"
+    return "; ".join([f"{of} leaves {sizes} on held-out runs", *_reasons(found)])
+
+
+def _reasons(found: Findings) -> Iterator[str]:
+    """Why the best model is left open, or not all of the cause."""
+    judged, drift = found.judged, drifting(found)
+    if drift:
+        yield f"the amplitude of {', '.join(drift)} drifts between conditions"
+    if judged.drifts and judged.drift is not None:
+        yield f"the specimen changes from run to run: {judged.drift.words}"
+    if judged.astray is not None:
+        yield f"run {judged.astray} goes another way"
+    if judged.unsteady:
+        factor = max(judged.inflation.values())
+        yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
+    if judged.found.accepted.model.effects and unseen_remains(found):
+        yield "the gap there is not even halved"

@@ -1,0 +1,125 @@
+"""What an investigation finds, stage by stage."""
+
+from dataclasses import dataclass
+
+from cell.gap.diagnosis import held_out_gap
+from cell.gap.diagnosis.drift import Drift
+from cell.gap.diagnosis.invariance import Invariance
+from cell.gap.diagnosis.lack_of_fit import Misfit
+from cell.gap.diagnosis.localise import Bin
+from cell.gap.diagnosis.next_experiment import Advice
+from cell.gap.diagnosis.sparse_law import Law
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.starts import Undetermined
+from cell.gap.selection.choice import Found
+from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.rivals import Alternative
+from cell.gap.selection.screening import Probed, Score
+from cell.gap.subject.subject import Candidate, Subject
+
+UNSTEADY = 3.0  # times the stated noise by which repeats may differ
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The refitted base and what it leaves; `drift` where repeats can tell of one."""
+
+    base: Validated
+    inflation: dict[str, float]
+    drift: Drift | None
+    misfit: Misfit
+    places: tuple[Bin, ...]
+    weak: tuple[Undetermined, ...]
+
+    @property
+    def gap(self) -> bool:
+        """Whether the base leaves more than noise, anywhere, overall or from run to run."""
+        seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
+        return seen or self.drifts or self.unsteady
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether repeats differ so much that the stated noise means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run."""
+        return self.drift is not None and self.drift.real
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What screening said of every candidate."""
+
+    probed: tuple[Probed, ...]
+    singles: tuple[Score, ...]
+    pairs: tuple[Score, ...]
+    p: dict[str, float]
+    detectable: dict[str, float | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The accepted model and every doubt about it.
+
+    `misfit` is the accepted model's lack of fit against noise alone, `leftover` against noise and
+    tolerance, without the run that went `astray` where it fits all others; `drift` and `inflation`
+    are what repeats tell of changes that it leaves. `classes` are effects that stand in for one
+    another.
+    """
+
+    found: Found
+    invariances: dict[str, dict[str, Invariance]]
+    misfit: Misfit
+    leftover: Misfit
+    astray: str | None
+    drift: Drift | None
+    inflation: dict[str, float]
+    rivals: tuple[Alternative, ...]
+    classes: tuple[tuple[str, ...], ...]
+    law: Law | None
+
+    @property
+    def sure(self) -> tuple[Candidate, ...]:
+        """The accepted effects that no other stands in for."""
+        doubtful = {name for group in self.classes for name in group}
+        return tuple(e for e in self.found.accepted.model.effects if e.name not in doubtful)
+
+    @property
+    def remains(self) -> bool:
+        """Whether the accepted model leaves more than noise."""
+        return self.misfit.p < LEVEL
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the specimen changes from run to run in another way than the model says."""
+        return self.drift is not None and self.drift.real
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether repeats differ so much, for no reason, that a fit to them means little."""
+        return max(self.inflation.values(), default=1.0) > UNSTEADY
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The base and the accepted model on held-out runs."""
+
+    before: Estimate
+    after: Estimate
+    shrink: held_out_gap.Shrink
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """Everything that an investigation found."""
+
+    subject: Subject
+    held_out: tuple[str, ...]
+    fitted: Fitted
+    screened: Screened
+    judged: Judged
+    shown: Shown
+    advice: tuple[Advice, ...]

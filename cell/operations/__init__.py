@@ -1,0 +1,1 @@
+"""What each command does: fold, calibrate, replay, make the standard runs, predict."""

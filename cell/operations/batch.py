@@ -1,0 +1,244 @@
+"""Several folds: one after the other, or side by side in processes of their own."""
+
+import signal
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+
+from calibration.calibration import Calibration
+from cell.config.places import find_configs
+from cell.devices.open import check_drivers
+from cell.operations.fold import Request, fold
+from cell.operations.interrupt import Interrupted
+from cell.operations.result import FoldResult
+from drivers.errors import CellError, Fault, Unexpected
+from drivers.strip.describe import load_plant
+from policies.registry import make_policy
+
+PATIENCE = 60.0  # s that a fold may take to end its record once it was told to stop
+STOP = "stop"
+
+Task = tuple[int, Request, Calibration | None]
+
+
+class Worker:
+    """Folds in a process of its own, deaf to the keyboard: it is told through its pipe to stop.
+
+    The first `stop` asks for a controlled stop of the fold under way, as does the death of the
+    process that it works for; a second one stops it at once.
+    """
+
+    def __init__(self) -> None:
+        """Start the process; nothing is folded yet."""
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.task: int | None = None
+        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
+        hearing = signal.signal(signal.SIGINT, signal.SIG_IGN)  # which a new process inherits
+        try:
+            self._process.start()
+        finally:
+            signal.signal(signal.SIGINT, hearing)
+        theirs.close()
+
+    def begin(self, number: int, request: Request, calibration: Calibration | None) -> None:
+        """Let it fold `request`, as task `number`."""
+        self.task = number
+        with suppress(OSError):  # it has ended by itself, and `result` will say so
+            self.pipe.send((number, request, calibration))
+
+    def result(self) -> FoldResult | CellError:
+        """What came of its task; waits for it. A process that died is a Fault."""
+        try:
+            made: FoldResult | CellError = self.pipe.recv()
+        except (EOFError, OSError):
+            self._process.join()
+            code = self._process.exitcode
+            made = Fault("process_died", f"the process of a fold ended by itself, code {code}")
+        self.task = None
+        return made
+
+    def stop(self) -> None:
+        """Ask it to stop what it does."""
+        if self.task is not None:
+            with suppress(OSError):
+                self.pipe.send(STOP)
+
+    def release(self) -> None:
+        """Ask for nothing more; the fold that is under way stops under control."""
+        self.pipe.close()
+
+    def join(self) -> None:
+        """Wait for the end of a released process."""
+        self._process.join(PATIENCE)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join()
+
+
+class StopSignal:
+    """Whether a fold is asked to stop: by word through `pipe`, or because nobody listens."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._words = 0
+
+    def __call__(self) -> bool:
+        """True after the first word; from the second on KeyboardInterrupt."""
+        while self._pipe.poll():
+            try:
+                self._pipe.recv()
+            except EOFError:
+                return True
+            self._words += 1
+            if self._words > 1:
+                raise KeyboardInterrupt
+        return self._words > 0
+
+
+def _work(pipe: Connection) -> None:
+    with suppress(OSError):  # nobody waits for the result any more
+        while (task := _next(pipe)) is not None:
+            pipe.send(_folded(task, StopSignal(pipe)))
+
+
+def _next(pipe: Connection) -> Task | None:
+    """The next task; None when there is none any more. A word that came too late is passed over."""
+    while True:
+        try:
+            word: Task | str = pipe.recv()
+        except EOFError:
+            return None
+        if not isinstance(word, str):
+            return word
+
+
+def _folded(task: Task, told: StopSignal) -> FoldResult | CellError:
+    _, request, calibration = task
+    try:
+        return fold(request, interrupted=told, calibration=calibration)
+    except CellError as error:
+        return error
+    except KeyboardInterrupt:
+        return Interrupted("stopped at once from the keyboard")
+    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one is told
+        return Unexpected(error)
+
+
+GLANCE = 0.1  # s between looks at the keyboard
+
+
+def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Request, ...]:
+    """Fold number i, plants outermost, then repeats, uses seed S + i."""
+    lying: Sequence[Path | None] = plants or [None]
+    folds = [(plant, index) for plant in lying for index in range(repeat)]
+    return tuple(
+        replace(
+            base,
+            choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i),
+        )
+        for i, (plant, index) in enumerate(folds)
+    )
+
+
+def checked(wanted: Sequence[Request]) -> Sequence[Request]:
+    """`wanted`, which differ in plant and seed, after a look at every file that they name.
+
+    Raises ConfigurationError before anything has moved, not in the middle of the folds.
+    """
+    first = wanted[0]
+    configs = find_configs(first.configs)
+    check_drivers(configs.cell(), first.choice)
+    configs.strip(first.strip)
+    make_policy(first.policy, first.checkpoint)
+    for request in wanted:
+        if request.choice.plant is not None:
+            load_plant(request.choice.plant)
+    return wanted
+
+
+def side_by_side(
+    wanted: Sequence[Request],
+    jobs: int,
+    interrupted: Callable[[], bool] = lambda: False,
+    calibration: Calibration | None = None,
+) -> Iterator[FoldResult]:
+    """The results in the order of the requests, `jobs` folds at a time.
+
+    Once `interrupted`, the folds under way stop under control and no other begins; after a
+    KeyboardInterrupt they stop at once. A fold that raised CellError raises it in its turn.
+    """
+    team = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
+    try:
+        for number in range(len(wanted)):
+            result = team.result(number, interrupted)
+            if result is None:
+                return
+            if isinstance(result, CellError):
+                raise result
+            yield result
+    finally:
+        team.close()
+
+
+class WorkerPool:
+    """Workers who share the folds that are wanted."""
+
+    def __init__(
+        self, workers: list[Worker], wanted: Sequence[Request], calibration: Calibration | None
+    ) -> None:
+        self._workers = workers
+        self._calibration = calibration
+        self._waiting = deque(enumerate(wanted))
+        self._done: dict[int, FoldResult | CellError] = {}
+        self._told = 0
+
+    def result(self, number: int, interrupted: Callable[[], bool]) -> FoldResult | CellError | None:
+        """What came of fold `number`; None when it was not begun and will not be."""
+        while number not in self._done:
+            try:
+                if interrupted() and not self._told:
+                    self._stop()
+                self._begin()
+                if not self._busy:
+                    return None
+                self._collect()
+            except KeyboardInterrupt:
+                if self._told > 1:
+                    raise
+                self._stop()
+        return self._done.pop(number)
+
+    def close(self) -> None:
+        """Let everybody go."""
+        for worker in self._workers:
+            worker.release()
+        for worker in self._workers:
+            worker.join()
+
+    @property
+    def _busy(self) -> list[Worker]:
+        return [worker for worker in self._workers if worker.task is not None]
+
+    def _begin(self) -> None:
+        for worker in self._workers:
+            if worker.task is None and self._waiting:
+                worker.begin(*self._waiting.popleft(), self._calibration)
+
+    def _collect(self) -> None:
+        """Take what is finished, waiting a moment for it."""
+        ready = wait([worker.pipe for worker in self._busy], GLANCE)
+        for worker in self._busy:
+            if worker.pipe in ready and worker.task is not None:
+                number = worker.task
+                self._done[number] = worker.result()
+
+    def _stop(self) -> None:
+        self._told += 1
+        self._waiting.clear()
+        for worker in self._workers:
+            worker.stop()

@@ -1,0 +1,141 @@
+"""Calibration of a cell's camera, by the orchestrator, under its monitors."""
+
+import fcntl
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from calibration.board_views import BoardViews
+from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.lens import Lens
+from calibration.touched_points import TouchVerdict
+from cell.config.cell import CellFile
+from cell.config.places import cache_folder
+from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
+from cell.devices.open import open_cell
+from cell.operations.interrupt import Interrupted
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.run import Run
+from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.strip.file import StripFile
+
+NO_STRIP = StripFile(
+    schema=1,
+    name="none",
+    length=0.6,
+    width=0.05,
+    areal_density=0.2,
+    bending_length=0.02,
+    retardation_time=0.03,
+)  # the desk is bare while the camera is calibrated
+
+
+def calibration_of(
+    settings: CellFile,
+    tell: Callable[[str], None] = lambda _: None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Calibration:
+    """The calibration that this cell uses.
+
+    That of the cell file if it names one; else, on the twin, one made with boards and touched
+    points and kept for the next run. Where it cannot be kept `tell` is told so. Raises
+    Interrupted when `interrupted` while it is made.
+    """
+    if settings.calibration is not None:
+        return load_calibration(Path(settings.calibration))
+    path = kept_calibration(settings)
+    with _alone(path):
+        try:
+            return load_calibration(path)
+        except ConfigurationError:
+            made = calibrate_now(settings, interrupted)
+        try:
+            save_calibration(made, path)
+        except ConfigurationError as error:
+            tell(f"{error}; this calibration serves once, the next run calibrates again")
+    return made
+
+
+def calibrate_anew(
+    settings: CellFile, interrupted: Callable[[], bool] = lambda: False
+) -> tuple[Calibration, Path]:
+    """Calibrate on the twin and keep the result for the runs to come, where it is told."""
+    path = kept_calibration(settings)
+    made = calibrate_now(settings, interrupted)
+    save_calibration(made, path)
+    return made, path
+
+
+def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
+    """A calibration of the twin, which is not kept."""
+    devices = open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
+    return calibrate(settings, devices, interrupted)
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While another process makes what is to lie at `path`, wait for it, where locks are had."""
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = held.enter_context(path.with_suffix(".lock").open("wb"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def kept_calibration(settings: CellFile) -> Path:
+    """Where the calibration of this very cell and camera is kept."""
+    facts = settings.model_dump_json(include={"twin", "touches", "boards"})
+    identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
+    return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
+
+
+def calibrate(
+    settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
+) -> Calibration:
+    """Lens and map to the plane, made now.
+
+    Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
+    Interrupted when the operator did.
+    """
+    if devices.aids is None:
+        raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
+    lens = lens_from_boards(settings, devices.aids)
+    context = CalibrationContext(settings.controller, lens)
+    try:
+        devices.connect()
+        devices.aids.hold_pointer(True)
+        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+    finally:
+        devices.close()
+    if outcome.exit_code == Interrupted.exit_code:
+        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
+    if outcome.exit_code != 0 or context.touches is None:
+        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
+    return _assembled(lens, context.touches, devices.camera_identity)
+
+
+def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
+    """The lens, from as many views of the board as it takes."""
+    views = BoardViews(settings.boards)
+    while (pose := views.ask()) is not None:
+        views.tell(aids.show_board(pose))
+    verdict = views.verdict()
+    if verdict.fit is None or not verdict.passed:
+        raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
+    return verdict.fit.lens
+
+
+def _assembled(lens: Lens, touches: TouchVerdict, camera: str) -> Calibration:
+    if touches.homography is None or not touches.passed:
+        raise CellError("homography failed: " + "; ".join(touches.reasons))
+    return calibrated(
+        lens,
+        touches.homography,
+        residual_mm=touches.residual_mm,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        camera=camera,
+    )

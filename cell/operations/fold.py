@@ -1,0 +1,245 @@
+"""Folds one strip: devices, calibration, run, record, score."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from calibration.calibration import Calibration, save_calibration
+from cell.config.cell import CellFile
+from cell.config.fold import FoldSettings
+from cell.config.places import find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import DeviceFactory, open_cell
+from cell.devices.rig_correction import corrected_calibration
+from cell.operations.calibrate import calibration_of
+from cell.operations.result import FoldResult
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
+from cell.orchestrator.recorder import Recorder
+from cell.orchestrator.run import Observer, Run
+from cell.orchestrator.safe_stop import suppressed
+from cell.record.documents import replace_file
+from cell.record.files import CALIBRATION, CHECKPOINT
+from cell.record.frames import Keep
+from cell.record.truth import write_truth
+from cell.record.writer import RunWriter
+from cell.report.page import write_report
+from cell.viz.watch import Mode, watching
+from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.settings import parse
+from drivers.strip.describe import load_plant
+from drivers.strip.file import StripFile
+from policies.registry import make_policy
+
+PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "torch", "ruckig")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One fold as it was asked for; plain values, so that another process can do it."""
+
+    strip: str
+    policy: str
+    checkpoint: Path | None
+    choice: DeviceSelection
+    runs: Path
+    configs: Path | None
+    frames: Keep | None
+    truth: bool
+    viz: Mode | Literal["off"]
+    speed: float | None = None  # m/s on the path, instead of the cell's own
+
+
+def fold(
+    request: Request,
+    observers: Callable[[Path, StripFile], tuple[Observer, ...]] = lambda _folder, _strip: (),
+    interrupted: Callable[[], bool] = lambda: False,
+    calibration: Calibration | None = None,
+    *,
+    opened: DeviceFactory | None = None,
+    page: bool = True,
+) -> FoldResult:
+    """Fold once, with `calibration` or the one that the cell uses.
+
+    `opened` opens another cell than the configured one; without `page` no report is written.
+    Raises CellError for what is wrong before the run; a run itself only ends.
+    """
+    configs = find_configs(request.configs)
+    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    policy = make_policy(request.policy, request.checkpoint)
+    policy.reset(strip, settings.fold.speed, 1)
+    devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
+    calibration = calibration or calibration_of(settings)
+    _check_camera(calibration, devices)
+    calibration = corrected_calibration(calibration, settings, strip)
+    begun = time.perf_counter()
+    header = run_header(request, settings, strip, calibration, devices.camera.rate)
+    keep = request.frames or settings.record.frames
+    writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
+    save_calibration(calibration, writer.folder / CALIBRATION)
+    if request.checkpoint is not None:
+        replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
+    recorder = Recorder(writer)
+    context = FoldContext(settings.controller, strip, policy, calibration)
+    with watching(request.viz) as watch:
+        watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
+        blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
+        run = Run(blind, context, recorder, watchers, interrupted)
+        outcome = conduct(run, devices, recorder)
+    truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
+    outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
+    return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+
+
+def at_speed(settings: CellFile, speed: float | None) -> CellFile:
+    """The cell's settings with another speed on the path [m/s], within its limits."""
+    if speed is None:
+        return settings
+    content = settings.fold.model_dump() | {"speed": speed}
+    return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
+
+
+def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
+    """Execute `run`; whatever happens, the arm is let go and the record says how it ended."""
+    try:
+        devices.connect()
+        outcome = run.execute()
+    except KeyboardInterrupt:
+        outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
+    except CellError as error:
+        outcome = Outcome.of(StopReason.by(error), devices.clock.now())
+    finally:
+        suppressed(devices.close)
+    content = result_content(outcome)
+    try:
+        recorder.finish(content)
+    except KeyboardInterrupt:
+        recorder.finish(content)
+        raise
+    except Fault as fault:
+        outcome = outcome.but(StopReason.by(fault))
+    finally:
+        suppressed(recorder.close)
+    return outcome
+
+
+def result_content(outcome: Outcome) -> dict[str, Any]:
+    """result.yaml of an outcome."""
+    content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
+    content |= {"duration": outcome.duration}
+    touch = outcome.touch
+    if touch is not None:
+        content |= {"t_layer_touch": touch.time, "displacement": touch.displacement}
+        content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
+    if outcome.edge_offset is not None:
+        content["edge_offset"] = outcome.edge_offset
+    return content
+
+
+def run_header(
+    request: Request,
+    settings: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    camera_rate: float,
+) -> dict[str, Any]:
+    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash.
+
+    `camera_rate` is that of the camera that is open [Hz].
+    """
+    choice = request.choice
+    return {
+        "strip": strip.name,
+        "sigma": settings.sigma.model_dump(),
+        "start": "flat",
+        "index": choice.index,
+        "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
+        "speed": settings.fold.speed,
+        "camera_hz": camera_rate,
+        "contact_height": settings.perception.contact_height,
+        "policy": request.policy,
+        **_weights(request.checkpoint),
+        "seed": choice.seed,
+        "drivers": {
+            "arm": choice.arm or settings.drivers.arm,
+            "camera": choice.camera or settings.drivers.camera,
+        },
+        "calibration": {"id": calibration.id, "error": calibration.residual_mm / 1e3},
+        "versions": {package: version(package) for package in PACKAGES},
+        "strip_file": strip.model_dump(mode="json", by_alias=True),
+        "config": settings.model_dump(mode="json", by_alias=True),
+        "plant_sha256": _plant_hash(choice, strip),
+    }
+
+
+def _check_camera(calibration: Calibration, devices: Devices) -> None:
+    """A calibration serves the camera that it was made with and no other."""
+    if calibration.camera != devices.camera_identity:
+        raise ConfigurationError(
+            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
+            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
+        )
+
+
+def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
+    """The truth beside the record, on the twin, and the page; what fails is told in the outcome."""
+    try:
+        if truth:
+            write_truth(folder, truth)
+        if page:
+            write_report(folder)
+    except OSError as error:
+        return outcome.but(
+            StopReason("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
+        )
+    except CellError as error:
+        return outcome.but(StopReason("record", str(error), Fault.exit_code))
+    return outcome
+
+
+def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
+    plant = strip if choice.plant is None else load_plant(choice.plant)
+    content = plant.model_dump(mode="json", by_alias=True)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _weights(checkpoint: Path | None) -> dict[str, Any]:
+    """Which weights replaced the committed ones, if any; a copy of them lies in the run."""
+    if checkpoint is None:
+        return {}
+    digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+    return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
+
+
+def _result(
+    request: Request,
+    strip: StripFile,
+    calibration: Calibration,
+    outcome: Outcome,
+    folder: Path,
+    truth: Mapping[str, Any],
+    begun: float,
+) -> FoldResult:
+    touch = outcome.touch
+    return FoldResult(
+        run=str(folder),
+        strip=strip.name,
+        policy=request.policy,
+        seed=request.choice.seed,
+        outcome=outcome.name,
+        reason=outcome.reason,
+        displacement=None if touch is None else touch.displacement,
+        displacement_true=truth.get("displacement"),
+        layer_touch=None if touch is None else touch.time,
+        edge_offset=outcome.edge_offset,
+        edge_offset_true=truth.get("edge_offset"),
+        duration=outcome.duration,
+        wall=time.perf_counter() - begun,
+        calibration=calibration.id,
+        exit_code=outcome.exit_code,
+    )

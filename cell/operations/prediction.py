@@ -1,0 +1,116 @@
+"""A fold foretold: the policy in the model, its path held against the limits; nothing moves."""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.operations.fold import Request
+from drivers.errors import ConfigurationError
+from drivers.limits import Workspace
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.registry import make_policy
+from policies.rollout import Folds, Rollout, roll_out
+from policies.sensing import Sensing
+
+UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no spread is stated
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What the model expects. Lengths [m]; `low` and `high` over the strip's spread, None where
+    no layers touch.
+    """
+
+    strip: str
+    policy: str
+    displacement: float | None
+    low: float | None
+    high: float | None
+    reach: tuple[float, float, float, float]
+
+    def line(self) -> dict[str, Any]:
+        """The object that `cell fold --dry-run --json` prints."""
+        x_min, x_max, z_min, z_max = self.reach
+        return {
+            "strip": self.strip,
+            "policy": self.policy,
+            "displacement": self.displacement,
+            "displacement_low": self.low,
+            "displacement_high": self.high,
+            "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+        }
+
+    def text(self) -> str:
+        """For the operator."""
+        x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+        return (
+            f"{self.strip} by {self.policy}: {_displacement(self.displacement)} expected, "
+            f"{_displacement(self.low)} to {_displacement(self.high)} over what is not known of "
+            "the strip\n"
+            f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
+            f"{z_max:.0f} mm: inside its limits; nothing was moved"
+        )
+
+
+def predict(request: Request) -> Prediction:
+    """Fold in the rod as `request` asks; ConfigurationError when the path leaves the limits."""
+    configs = find_configs(request.configs)
+    settings, strip = configs.cell(), configs.strip(request.strip)
+    policy = make_policy(request.policy, request.checkpoint)
+    variants = [strip, *_variants(strip)]
+    folds = roll_out(
+        policy,
+        Rod(),
+        strip,
+        [describe(variant) for variant in variants],
+        settings=Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03))),
+        rng=np.random.default_rng(request.choice.seed),
+    )
+    reach = _reach(folds)
+    _check(reach, settings.installation.workspace)
+    nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
+    return Prediction(
+        strip=strip.name,
+        policy=request.policy,
+        displacement=float(nominal) if np.isfinite(nominal) else None,
+        low=float(spread.min()) if spread.size else None,
+        high=float(spread.max()) if spread.size else None,
+        reach=reach,
+    )
+
+
+def _displacement(value: float | None) -> str:
+    return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
+
+
+def _variants(strip: StripFile) -> list[StripFile]:
+    """The corners of what is not known of the strip."""
+    spans = [
+        strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
+        for key, u in UNKNOWN.items()
+    ]
+    corners = product(*spans)
+    return [strip.model_copy(update=dict(zip(UNKNOWN, c, strict=True))) for c in corners]
+
+
+def _reach(folds: Folds) -> tuple[float, float, float, float]:
+    places: Array = folds.trace.reshape(-1, 2)
+    low, high = places.min(axis=0), places.max(axis=0)
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _check(reach: tuple[float, float, float, float], workspace: Workspace) -> None:
+    x_min, x_max, z_min, z_max = reach
+    (x_low, x_high), (z_low, z_high) = workspace.x, workspace.z
+    if not (x_low <= x_min <= x_max <= x_high and z_low <= z_min <= z_max <= z_high):
+        raise ConfigurationError(
+            f"path: x {x_min:.3f} to {x_max:.3f}, z {z_min:.3f} to {z_max:.3f} m leaves the "
+            f"workspace, allowed x {x_low:.2f} to {x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m; "
+            "use another policy or widen installation.workspace in cell.yaml"
+        )

@@ -1,0 +1,55 @@
+"""Progress while folding: one line that tells the state, where the gripper is, what is seen."""
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.status import Status
+
+from cell.orchestrator.run import Observer
+from cell.orchestrator.snapshot import Snapshot
+from drivers.strip.file import StripFile
+
+EVERY = 10  # ticks between two looks
+
+
+class ProgressLine:
+    """Shows a run on one line of the terminal."""
+
+    def __init__(self, status: Status, strip: StripFile) -> None:
+        self._status = status
+        self._strip = strip
+        self._count = 0
+
+    def see(self, snapshot: Snapshot) -> None:
+        """One tick; most are not shown."""
+        self._count += 1
+        if self._count % EVERY:
+            return
+        pose = snapshot.arm.pose
+        text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
+        text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
+        if snapshot.view.measurement is not None and math.isfinite(
+            snapshot.view.measurement.contact_x
+        ):
+            text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
+        self._status.update(text)
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """One event; a fault stays on the screen."""
+        if kind == "fault":
+            self._status.console.print(f"{time:.2f} s  {facts['name']}: {facts['reason']}")
+
+
+@contextmanager
+def progress(*, quiet: bool) -> Iterator[Callable[[Path, StripFile], tuple[Observer, ...]]]:
+    """Makes the observers of a fold; none where nobody looks."""
+    console = Console(stderr=True)
+    if quiet or not sys.stderr.isatty():
+        yield lambda _folder, _strip: ()
+        return
+    with console.status("opening the cell") as status:
+        yield lambda _folder, strip: (ProgressLine(status, strip),)

@@ -1,0 +1,170 @@
+"""Decides again what a run decided, from its stored images, and holds both side by side."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from calibration.calibration import load_calibration
+from calibration.perception.measurement import StripMeasurement
+from calibration.perception.perception import Perception
+from calibration.perception.preflight import inspect
+from cell.config.cell import CellFile
+from cell.record.columns import Sights
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
+from cell.record.frames import INDEX
+from cell.record.run import Event, Run, read_run
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+from drivers.types import Pose
+from policies.policy import Observation
+from policies.registry import make_policy
+
+SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """How many stored images and decisions were made again, and those that came out otherwise."""
+
+    images: int
+    decisions: int
+    differences: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether everything that could be decided again was decided the same way."""
+        return not self.differences and self.decisions > 0
+
+
+def replay(folder: Path) -> Replay:
+    """Read every stored image of the run again and decide again on every sight.
+
+    Of a run that kept no images, only the decisions. Raises ConfigurationError for a run that
+    lacks what this needs: one of a laboratory, or one that ended before anything was decided.
+    """
+    run = read_run(folder)
+    settings, strip = _recorded(run, "config", CellFile), _recorded(run, "strip_file", StripFile)
+    decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
+    if not decided:
+        raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+    sights = run.sights()
+    images, seen = _look_again(run, settings, strip, sights)
+    other = [*_other_decisions(run, settings, strip, decided, sights)]
+    return Replay(images, len(decided), (*seen, *other))
+
+
+@dataclass(frozen=True, slots=True)
+class _Decided:
+    """A recorded decision: on which image, with the gripper where [m], when [s], and what."""
+
+    sequence: int
+    time: float
+    x: float
+    z: float
+    direction: float
+    done: bool
+
+    @classmethod
+    def of(cls, event: Event, run: Run) -> Self:
+        try:
+            facts = {field.name: event.facts[field.name] for field in fields(cls)}
+            numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
+            return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
+        except (KeyError, TypeError, ValueError):
+            raise ConfigurationError(
+                f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
+                "it was changed after the run"
+            ) from None
+
+
+def _look_again(
+    run: Run, settings: CellFile, strip: StripFile, sights: Sights
+) -> tuple[int, list[str]]:
+    """How many stored images were read again, and what differs from the recorded sights."""
+    frames = run.frames()
+    before = next(frames, None)
+    if before is None and run.frame_index():
+        return 0, []
+    if before is None:
+        raise ConfigurationError(f"{run.folder / INDEX}: lists no image; it belongs to the run")
+    if before.stamp >= 0:
+        raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
+    calibration = load_calibration(run.folder / CALIBRATION)
+    appearance = inspect(before, calibration, settings.perception, strip).appearance
+    if appearance is None:
+        return 0, ["the picture before the grasp shows no strip now"]
+    perception = Perception(calibration, settings.perception, strip, appearance)
+    recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    images, differences = 0, list[str]()
+    for frame in frames:
+        row = recorded.get(frame.sequence)
+        if row is not None:
+            sight = perception.look(frame, _gripper(run, float(sights.stamp[row])))
+            differences.extend(_differences(sight, sights, row))
+            images += 1
+    return images, differences
+
+
+def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
+    now = {"contact_x": sight.contact_x, "tip_x": sight.tip[0], "tip_z": sight.tip[1]}
+    now |= {"gap": sight.gap, "gap_x": sight.gap_x}
+    for name, value in now.items():
+        then = float(getattr(sights, name)[row])
+        if not np.isclose(value, then, rtol=0, atol=SAME, equal_nan=True):
+            yield f"image {sight.sequence}: {name} was {then:.6f}, is {value:.6f} m"
+
+
+def _other_decisions(
+    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decided], sights: Sights
+) -> Iterator[str]:
+    """Decisions that the policy would now take otherwise."""
+    policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
+    policy.reset(strip, settings.fold.speed, 1)
+    rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    for then in decided:
+        row = rows.get(then.sequence)
+        if row is None:
+            yield f"image {then.sequence}: was decided on, but its sight is not in the record"
+            continue
+        decision = policy.decide(
+            Observation(
+                time=np.array([then.time]),
+                x=np.array([then.x]),
+                z=np.array([then.z]),
+                stamp=sights.stamp[row : row + 1],
+                contact_x=sights.contact_x[row : row + 1],
+                tip_x=sights.tip_x[row : row + 1],
+                tip_z=sights.tip_z[row : row + 1],
+            )
+        )
+        now = float(decision.direction[0])
+        if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
+            yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+
+
+def _checkpoint(run: Run) -> Path | None:
+    """The weights that replaced the committed ones in this run; None where none did."""
+    if run.header.checkpoint is None:
+        return None
+    return run.folder / CHECKPOINT
+
+
+def _gripper(run: Run, stamp: float) -> Pose:
+    ticks = run.ticks
+    columns = (ticks.x, ticks.z, ticks.pitch)
+    return Pose(*(float(np.interp(stamp, ticks.t, column)) for column in columns))
+
+
+def _recorded(run: Run, key: str, model: type[Any]) -> Any:
+    return parse(_fact(run, key), model, f"{run.folder}/run.yaml: {key}")
+
+
+def _fact(run: Run, key: str) -> Any:
+    fact = getattr(run.header, key)
+    if fact is None:
+        raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")
+    return fact

@@ -1,0 +1,59 @@
+"""The standard runs by which simulation and measurement of a strip are compared."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cell.operations.batch import side_by_side
+from cell.operations.fold import Request, fold
+from cell.operations.result import FoldResult
+from cell.record.files import is_run
+from drivers.errors import ConfigurationError
+from policies.registry import MOTION
+from policies.standard import STANDARD, standard_order
+
+AS_PLANNED = frozenset({"layer_touch", "path_done"})
+"""Outcomes of a standard run that went well: a lift there and back ends without a touch."""
+
+
+def standard_requests(base: Request) -> tuple[Request, ...]:
+    """Standard run number i as a fold of its own: seed S + i, index i, in an order of the seed."""
+    order = standard_order(np.random.default_rng(base.choice.seed))
+    return tuple(
+        replace(
+            base,
+            policy=MOTION + name,
+            speed=STANDARD[name].speed,
+            choice=replace(base.choice, index=i, seed=base.choice.seed + i),
+        )
+        for i, name in enumerate(order)
+    )
+
+
+def folded(
+    wanted: Sequence[Request], jobs: int = 1, interrupted: Callable[[], bool] = lambda: False
+) -> Iterator[FoldResult]:
+    """The runs' results in their order, `jobs` at a time; none begins once `interrupted`."""
+    if jobs > 1:
+        yield from side_by_side(wanted, jobs)
+        return
+    for request in wanted:
+        if interrupted():
+            return
+        yield fold(request, interrupted=interrupted)
+
+
+def check_empty(folder: Path) -> None:
+    """Refuse a folder that holds runs: those of one specimen are counted from its first fold."""
+    if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
+            "stay together"
+        )
+
+
+def went_as_planned(result: FoldResult) -> bool:
+    """Whether the run can be used whole."""
+    return result.outcome in AS_PLANNED

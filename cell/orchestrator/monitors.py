@@ -1,0 +1,192 @@
+"""Monitors: a flat list, every one evaluated before every command; the first to trip stops."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.snapshot import Command, Drive, MoveTo, Snapshot
+from cell.orchestrator.states import TERMINAL, State
+from drivers.errors import Fault
+from drivers.limits import Workspace
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What monitors hold the snapshot against: their limits and the cell's workspace."""
+
+    limits: MonitorLimits
+    workspace: Workspace
+
+
+Check = Callable[[Snapshot, Rules], str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Monitor:
+    """A named check that runs in `states` and answers with a reason to stop, or None."""
+
+    name: str
+    states: frozenset[State]
+    check: Check
+
+
+def _arm_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    age = snapshot.time - snapshot.arm.stamp
+    if abs(age) <= limits.arm_age:  # a stamp of the future would hide how old all later ones are
+        return None
+    return f"the arm's state is {1e3 * age:.0f} ms old, allowed {1e3 * limits.arm_age:.0f} ms"
+
+
+def _setpoint_expired(snapshot: Snapshot, _: Rules) -> str | None:
+    if not snapshot.arm.expired:
+        return None
+    return "the arm braked by itself because no fresh velocity target reached it"
+
+
+def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
+    if np.isfinite(snapshot.arm.pose.as_array()).all():
+        return None
+    return "the arm reports a pose that is not a number"
+
+
+def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    if snapshot.view.frame is None:
+        return "the camera has delivered no image"
+    age = snapshot.time - snapshot.view.frame.stamp
+    if abs(age) <= limits.image_age:
+        return None
+    return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
+
+
+def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    if snapshot.view.identical < limits.identical_images:
+        return None
+    return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
+
+
+def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    if (
+        snapshot.view.doubtful_since is None
+        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
+    ):
+        return None
+    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
+    return (
+        f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
+        f"for more than {limits.doubt:.1f} s"
+    )
+
+
+def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    allowed = limits.speed * limits.overspeed
+    if snapshot.arm.velocity.speed <= allowed:
+        return None
+    return f"the gripper moves at {snapshot.arm.velocity.speed:.3f} m/s, allowed {allowed:.3f} m/s"
+
+
+def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    seen, asked = snapshot.arm.pose, snapshot.arm.commanded
+    error = float(np.hypot(seen.x - asked.x, seen.z - asked.z))
+    if error <= limits.tracking_error:
+        return None
+    return (
+        f"the gripper is {1e3 * error:.1f} mm from where it was commanded, "
+        f"allowed {1e3 * limits.tracking_error:.1f} mm"
+    )
+
+
+def _workspace(snapshot: Snapshot, rules: Rules) -> str | None:
+    pose, border = snapshot.arm.pose, rules.limits.border
+    (x_low, x_high), (z_low, z_high) = rules.workspace.x, rules.workspace.z
+    inside_x = x_low - border <= pose.x <= x_high + border
+    if inside_x and z_low - border <= pose.z <= z_high + border:
+        return None
+    return (
+        f"the gripper is at x {pose.x:.3f}, z {pose.z:.3f} m, allowed x {x_low:.2f} to "
+        f"{x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m"
+    )
+
+
+def _force(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    force = float(np.hypot(*snapshot.arm.force))
+    if not force > limits.force:  # NaN: not measured
+        return None
+    return f"the gripper feels {force:.1f} N, allowed {limits.force:.1f} N"
+
+
+def _grip_lost(snapshot: Snapshot, _: Rules) -> str | None:
+    return None if snapshot.hand.grasped else "the hand no longer holds the strip"
+
+
+def _state_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    spent = snapshot.time - snapshot.entered
+    if spent <= limits.state_duration:
+        return None
+    return f"{snapshot.state} lasts {spent:.0f} s, allowed {limits.state_duration:.0f} s"
+
+
+def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    if snapshot.time <= limits.duration:
+        return None
+    return f"the run lasts {snapshot.time:.0f} s, allowed {limits.duration:.0f} s"
+
+
+_ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
+_SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
+_FOLDING = frozenset({State.LIFT, State.FOLD})
+_HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
+
+MONITORS: tuple[Monitor, ...] = (
+    Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
+    Monitor("arm_state_stale", _ALIVE, _arm_stale),
+    Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
+    Monitor("overspeed", _ALIVE, _overspeed),
+    Monitor("tracking_error", _ALIVE, _tracking),
+    Monitor("workspace", _ALIVE, _workspace),
+    Monitor("force", _ALIVE, _force),
+    Monitor("grip_lost", _HOLDING, _grip_lost),
+    Monitor("image_stale", _SEEING, _image_stale),
+    Monitor("image_frozen", _SEEING, _image_frozen),
+    Monitor("low_confidence", _FOLDING, _low_confidence),
+    Monitor("state_overtime", _ALIVE, _state_overtime),
+    Monitor("overtime", _ALIVE, _overtime),
+)
+
+
+def check_all(snapshot: Snapshot, command: Command, rules: Rules) -> None:
+    """Evaluate every monitor of this state and the command; raise Fault for the first to trip."""
+    reasons = [
+        (monitor.name, reason)
+        for monitor in MONITORS
+        if snapshot.state in monitor.states
+        and (reason := monitor.check(snapshot, rules)) is not None
+    ]
+    if reasons:
+        raise Fault(*reasons[0])
+    _check_command(command, rules)
+
+
+def _check_command(command: Command, rules: Rules) -> None:
+    if isinstance(command, MoveTo):
+        rules.workspace.check(command.pose)
+    if isinstance(command, Drive):
+        rate = command.velocity
+        if not np.isfinite([rate.vx, rate.vz, rate.pitch_rate]).all():
+            raise Fault("command_refused", "a velocity that is not a number was asked for")
+        if rate.speed > rules.limits.speed:
+            raise Fault(
+                "command_refused",
+                f"a velocity of {rate.speed:.3f} m/s was asked for, "
+                f"allowed {rules.limits.speed:.3f} m/s",
+            )

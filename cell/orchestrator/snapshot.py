@@ -1,0 +1,55 @@
+"""What the cell knows at one tick, and what it may command."""
+
+from dataclasses import dataclass
+
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
+from drivers.types import STILL, ArmState, HandState, Pose, Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """What the cell knows at one tick; times in seconds of the cell's clock.
+
+    `entered` is when the state was entered, `velocity` the last one that was commanded.
+    """
+
+    time: float
+    state: State
+    entered: float
+    arm: ArmState
+    hand: HandState
+    view: View
+    velocity: Velocity = STILL
+
+
+@dataclass(frozen=True, slots=True)
+class MoveTo:
+    """Move to rest at a pose; repeated while the arm moves there."""
+
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """Follow a velocity until the next tick."""
+
+    velocity: Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stay at rest; brake if moving."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenHand:
+    """Open the fingers."""
+
+
+@dataclass(frozen=True, slots=True)
+class CloseHand:
+    """Close the fingers on the strip."""
+
+
+Command = MoveTo | Drive | Hold | OpenHand | CloseHand

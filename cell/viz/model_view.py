@@ -1,0 +1,46 @@
+"""The strip as its model has it, led by the measured gripper: what one would expect to see."""
+
+import numpy as np
+
+from drivers.errors import Fault, Unsupported
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+
+STEP = 0.005  # s
+SEGMENTS = 60
+LOST = np.empty((0, 2))
+
+
+class Shadow:
+    """The rod beside the real strip, from t = 0, where both lie flat and still."""
+
+    def __init__(self, strip: StripFile) -> None:
+        self._rod = Rod(SEGMENTS)
+        self._steps = 0
+        self._last: tuple[float, Array] | None = None
+        try:
+            self._rod.reset([describe(strip)])
+            self._lost = False
+        except Unsupported:
+            self._lost = True
+
+    def follow(self, t: float, pose: Array) -> Array:
+        """Midline (nodes, 2) [m] at `t` [s], the gripper now at `pose` (3,); times must grow.
+
+        Empty once the model can follow no longer: what is seen does not depend on it.
+        """
+        if self._lost:
+            return LOST
+        before, was = self._last or (t, pose)
+        self._last = (t, pose)
+        try:
+            while (self._steps + 1) * STEP <= t + 1e-9:
+                self._steps += 1
+                share = (self._steps * STEP - before) / max(t - before, STEP)
+                self._rod.step((was + np.clip(share, 0.0, 1.0) * (pose - was))[None], STEP)
+        except Fault:
+            self._lost = True
+            return LOST
+        return np.asarray(self._rod.shapes()[0])

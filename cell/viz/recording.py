@@ -1,0 +1,262 @@
+"""A run in Rerun: what is drawn where, into a file, for a viewer, or again from the record."""
+
+import math
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from calibration.calibration import Calibration
+from calibration.perception.measurement import StripMeasurement
+from cell.record.files import RECORDING, RUN, is_under_way
+from cell.record.run import read_run
+from cell.viz.model_view import LOST, Shadow
+from cell.viz.playback import LogLine, TickView, moments_of
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image
+
+ROWS = 20  # ticks that are sent together
+EVERY = 4  # ticks between two poses of gripper and model
+VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
+SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
+HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
+SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
+SEEN_SIGNALS |= {"above/gap": SEEN}
+STATES = {
+    "PREFLIGHT": 0xB8BEC8FF,
+    "CALIBRATE": 0xB8BEC8FF,
+    "GRASP": 0x9FAFC8FF,
+    "LIFT": 0x8FB4E3FF,
+    "FOLD": 0x4F8BD6FF,
+    "TOUCHED": 0xE0963FFF,
+    "LAY": 0x7FC09AFF,
+    "RELEASE": 0xA5D3B6FF,
+    "DONE": 0xB8BEC8FF,
+    "STOPPING": 0xDD7466FF,
+    "FAULT": 0xC93E2BFF,
+}
+
+
+def viz_from_run(folder: Path) -> Path:
+    """Write run.rrd again from the record of a run, and return its path.
+
+    Raises ConfigurationError for a folder that cannot be read as a run, or not be written, and
+    for a run under way, which writes its own.
+    """
+    run = read_run(folder)
+    if is_under_way(folder):
+        raise ConfigurationError(f"{folder}: is still under way; let it finish")
+    stated = run.header.strip_file
+    strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
+    try:
+        with open_recording(folder) as recording:
+            screen = Screen(recording, run.calibration(), strip)
+            for item in moments_of(run):
+                screen.draw(item)
+            screen.finish()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigurationError(f"{folder / RECORDING}: cannot be written: {error}") from None
+    return folder / RECORDING
+
+
+def blueprint() -> Any:
+    """Camera and side view on the left; states, signals and log on the right."""
+    eye = rrb.EyeControls3D(position=(0.3, -0.75, 0.2), look_target=(0.3, 0.0, 0.14))
+    side = rrb.Spatial3DView(
+        origin="/",
+        contents=["/strip/**", "/gripper/**", "/desk/**"],
+        name="strip: seen (orange) and simulated (blue)",
+        eye_controls=eye,
+    )
+    right = rrb.Vertical(
+        rrb.StateTimelineView(origin="/cell/state", name="state"),
+        _plot("along", "along the strip [m]", rrb.Corner2D.RightTop),
+        _plot("above", "above the desk [m]", rrb.Corner2D.LeftTop),
+        rrb.TextLogView(origin="/log", name="log"),
+        row_shares=[1, 3, 3, 2],
+    )
+    camera = rrb.Spatial2DView(origin="/camera", name="camera")
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(camera, side), right),
+        rrb.TimePanel(timeline="t", state="collapsed"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+@contextmanager
+def open_recording(
+    folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
+) -> Iterator[rr.RecordingStream]:
+    """A recording into run.rrd of `folder`, on the disk when this ends; `live` serves it too.
+
+    `viewer` opens a viewer on the address that is served. Raises OSError, RuntimeError or
+    ValueError when the file cannot be written.
+    """
+    recording = rr.RecordingStream("cell", recording_id=folder.name)
+    sinks: list[Any] = [rr.FileSink(folder / RECORDING)]
+    if live:
+        port = _free_port()
+        sinks.append(rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY))
+    recording.set_sinks(*sinks)
+    recording.send_blueprint(blueprint())
+    if live:
+        with suppress(OSError):  # without a viewer the file is still written
+            (viewer or open_viewer)(sinks[1].uri)
+    try:
+        yield recording
+    finally:
+        recording.disconnect()
+
+
+def open_viewer(address: str) -> None:
+    """Start Rerun's viewer on `address` and leave it alone, whatever becomes of it."""
+    command = [sys.executable, "-m", "rerun_cli", "--connect", address, "--memory-limit"]
+    subprocess.Popen(  # noqa: S603  nothing here comes from outside
+        [*command, VIEWER_MEMORY],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env={**os.environ, "RERUN_APP_ONLY": "true"},
+    )
+
+
+class Screen:
+    """Draws moments and words into a recording; the only place that knows its entities."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        calibration: Calibration | None,
+        strip: StripFile | None,
+    ) -> None:
+        """Without `calibration` nothing is drawn into images, without `strip` none is simulated."""
+        self._to = recording
+        self._calibration = calibration
+        self._shadow = None if strip is None else Shadow(strip)
+        self._rows: list[tuple[float, int, list[float]]] = []
+        self._seen: list[tuple[float, int, list[float]]] = []
+        self._track: list[tuple[float, float, float]] = []
+        self._state: tuple[str, bool] = ("", False)
+        self._furnish(1.0 if strip is None else strip.length)
+
+    def draw(self, item: TickView | LogLine) -> None:
+        """Add a tick or a line of the log."""
+        self._at(item)
+        if isinstance(item, LogLine):
+            level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
+            self._to.log("log", rr.TextLog(item.text, level=level))
+            return
+        started = math.isfinite(item.t)
+        if item.state and (item.state, started) != self._state:
+            self._state = (item.state, started)
+            self._to.log("cell/state", rr.StateChange(state=item.state))
+        if item.image is not None:
+            self._picture(item.image, item.sight)
+        if started and item.sight is not None:
+            self._sight(item, item.sight)
+        if started:
+            self._motion(item)
+
+    def finish(self) -> None:
+        """Send the signals that were still held back."""
+        rows, seen = self._rows, self._seen
+        self._rows, self._seen = [], []
+        self._send(rows, HAND_SIGNALS)
+        self._send(seen, SEEN_SIGNALS)
+
+    def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
+        if not rows:
+            return
+        times = rr.TimeColumn("t", duration=[row[0] for row in rows])
+        ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
+        for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
+            columns = rr.Scalars.columns(scalars=values)
+            self._to.send_columns(f"signals/{name}", [times, ticks], columns)
+
+    def _furnish(self, length: float) -> None:
+        self._to.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        desk = [[(-0.1, 0, 0), (length + 0.15, 0, 0)]]
+        self._to.log("desk", rr.LineStrips3D(desk, colors=0x8A9099FF, radii=0.001), static=True)
+        lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
+        self._to.log("cell/state", lanes, static=True)
+        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS).items():
+            label = name.partition("/")[2].replace("_", " ")
+            line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
+            self._to.log(f"signals/{name}", line, static=True)
+
+    def _at(self, item: TickView | LogLine) -> None:
+        self._to.reset_time()
+        self._to.set_time("clock", duration=item.clock)
+        if math.isfinite(item.t):
+            self._to.set_time("t", duration=item.t)
+        if isinstance(item, TickView):
+            self._to.set_time("tick", sequence=item.tick)
+
+    def _sight(self, moment: TickView, sight: StripMeasurement) -> None:
+        self._seen.append((moment.t, moment.tick, [sight.contact_x, *sight.tip, sight.gap]))
+        self._to.log("strip/measured", _curve(sight.profile, SEEN, 0.002))
+
+    def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
+        """An image, and what was seen in this very one."""
+        self._to.log("camera/image", _jpeg(image))
+        if sight is None or self._calibration is None:
+            self._to.log("camera/overlay", rr.Clear(recursive=True))
+        else:
+            self._overlay(sight, self._calibration)
+
+    def _overlay(self, sight: StripMeasurement, calibration: Calibration) -> None:
+        pixels = calibration.to_image(sight.profile)
+        self._to.log("camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN, radii=1.5))
+        marks = np.array([(sight.contact_x, 0.0), sight.tip])
+        seen = np.isfinite(marks).all(axis=1)
+        colours = np.array([CONTACT, TIP], dtype=np.uint32)[seen]
+        points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
+        self._to.log("camera/overlay/marks", points)
+
+    def _motion(self, moment: TickView) -> None:
+        x, z = float(moment.pose[0]), float(moment.pose[1])
+        self._rows.append((moment.t, moment.tick, [x, z]))
+        shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
+        if moment.tick % EVERY == 0:
+            self._track.append((x, 0.0, z))
+            self._to.log("gripper", rr.Points3D([(x, 0.0, z)], colors=HAND, radii=0.006))
+            self._to.log("strip/twin", _curve(shape, MODEL, 0.0012))
+        if len(self._rows) >= ROWS:
+            track = rr.LineStrips3D([self._track], colors=HAND, radii=0.0008)
+            self._to.log("gripper/path", track)
+            self.finish()
+
+
+def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
+    legend = rrb.PlotLegend(corner=corner)
+    return rrb.TimeSeriesView(origin=f"/signals/{group}", name=name, plot_legend=legend)
+
+
+def _curve(points: Array, colour: int, radius: float) -> Any:
+    flat = np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
+    return rr.LineStrips3D([flat] if len(flat) > 1 else [], colors=colour, radii=radius)
+
+
+def _jpeg(image: Image) -> Any:
+    import cv2
+
+    _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
+    return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,108 @@
+"""Ends of a chain that slide like dry friction: a grip that lets go, a loose fixed edge."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import mujoco
+import numpy as np
+
+from drivers.strip.model import StripModel
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.lumps import Lumps
+
+STUCK = 0.0
+GIVE = 1e-4  # m, by which an end yields before it slides
+
+
+@dataclass(slots=True)
+class Slide:
+    """A stiff spring that holds its joint until the pull exceeds `limit`; from then on that
+    force alone, until the motion turns round.
+
+    `joint` is the coordinate, `stiffness` that of the spring, all in the chain's unit of mass;
+    `rest` is where the spring pulls to and `sliding` the sign of the motion.
+    """
+
+    joint: int
+    stiffness: float
+    limit: float
+    both_ways: bool
+    rest: float = 0.0
+    sliding: float = STUCK
+
+    def judge(self, position: float, rate: float) -> None:
+        """Stick or slide, from where the joint is and moves to."""
+        pull = self.stiffness * (position - self.rest)
+        if self.sliding != STUCK:
+            if self.sliding * rate <= 0:
+                self.rest = position - self.sliding * self.limit / self.stiffness
+                self.sliding = STUCK
+        elif (abs(pull) if self.both_ways else pull) > self.limit:
+            self.sliding = float(np.sign(pull))
+
+    def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Hold the joint, or resist its motion, in the step to come."""
+        model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == STUCK else 0.0
+        model.qpos_spring[self.joint] = self.rest
+        data.qfrc_applied[self.joint] = -self.sliding * self.limit
+
+
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """The slides of a chain's ends, as far as it has them.
+
+    The grip lets go of what is pulled and not of what is pushed. The loose edge slides both ways:
+    `friction` times what the desk bears, `edge_weight` [N] of it at the edge itself, holds it,
+    for all that lies behind the desk contact slides as a whole.
+    """
+
+    grip: Slide | None
+    edge: Slide | None
+    friction: float
+    edge_weight: float
+
+    @classmethod
+    def of(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
+        """Both ends at rest."""
+        boundary, grip, edge = model.boundary, joints.grip, joints.edge
+        press = -float(boundary.gravity[1])
+        limit = boundary.grip_force * lumps.scale
+        if grip is not None and np.isinf(limit):
+            grip = None
+        cling = boundary.edge_friction * float(lumps.mass.sum()) * press
+        held, loose = min(lumps.along[-1], limit / GIVE), min(lumps.held[0], cling / GIVE)
+        return cls(
+            grip=None if grip is None else Slide(grip, held, limit, both_ways=False),
+            edge=None if edge is None else Slide(edge, loose, cling, both_ways=True),
+            friction=boundary.edge_friction,
+            edge_weight=0.5 * float(lumps.mass[0]) * press,
+        )
+
+    @property
+    def slide(self) -> bool:
+        """Whether an end can slide at all."""
+        return self.grip is not None or self.edge is not None
+
+    def renew(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Stick or slide in the step to come, from the state of `data`."""
+        if not self.slide:
+            return
+        if self.edge is not None and data.ncon > 0:
+            self.edge.limit = self.friction * (self.edge_weight + borne(model, data))
+        for slide in (self.grip, self.edge):
+            if slide is not None:
+                slide.judge(float(data.qpos[slide.joint]), float(data.qvel[slide.joint]))
+        self.apply(model, data)
+
+    def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Write the ends into the model of a step."""
+        for slide in (self.grip, self.edge):
+            if slide is not None:
+                slide.apply(model, data)
+
+
+def borne(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Force [N] that the desk exerted on the chain in the last step, in the chain's own unit."""
+    desk = model.geom("desk").id
+    touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)
+    return float(data.efc_force[data.contact.efc_address[touching]].sum())

@@ -1,0 +1,112 @@
+"""The door by which a plant is given laws that no description of a strip holds."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+
+from drivers.strip.model import StripModel
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.lumps import Lumps
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a foreign law may know of the chain that it acts on."""
+
+    model: StripModel
+    lumps: Lumps
+    joints: Joints
+
+
+ForceFunction = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
+"""A foreign law at work on one chain, called with model, data, time and h before each step.
+
+It adds to the applied forces and the damping of the step of h [s] that begins at time [s]:
+`data.qfrc_applied`, `data.xfrc_applied` and `model.dof_damping` hold what the chain has by
+itself, in the chain's own unit of mass. It may remember the past of its strip.
+"""
+
+
+class ExtraForce(Protocol):
+    """A law that acts on chains."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """The law on a chain that lies flat and still."""
+        ...
+
+
+class ExtraForces:
+    """All foreign laws of one chain."""
+
+    def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
+        self._lumps, self._hinges = parts.lumps, parts.joints.hinges
+        self._acts = [law.begin(parts) for law in laws]
+        self._damping: Array = np.zeros(0)
+
+    def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
+        """Take back what was added to the step before; without a law nothing is touched."""
+        if self._acts:
+            data.qfrc_applied[:] = 0.0
+            data.xfrc_applied[:] = 0.0
+            model.dof_damping[self._hinges] = self._lumps.damping_at(h)
+
+    def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
+        """Add all laws to the step to come."""
+        for act in self._acts:
+            act(model, data, time, h)
+        self._damping = model.dof_damping.copy() if self._acts else self._damping
+
+    def again(self, model: mujoco.MjModel) -> None:
+        """The damping of this step once more, in a chain that was built anew."""
+        if self._acts:
+            model.dof_damping[:] = self._damping
+
+
+class MomentLaw(Protocol):
+    """A moment that resists bending, as a function of the angles of all hinges and their past."""
+
+    def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
+        """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
+        ...
+
+
+def resisted(parts: Parts, law: MomentLaw) -> ForceFunction:
+    """The law at work: its moment, and what a step must be damped by to stay stable.
+
+    A step of h that takes the moment at its end has h times the slope as a damper; the share of
+    it at the present rate is given back, so that in even motion the moment alone is felt.
+    """
+    hinges = parts.joints.hinges
+
+    def act(model: mujoco.MjModel, data: mujoco.MjData, _: float, h: float) -> None:
+        angle, rate = data.qpos[hinges], data.qvel[hinges]
+        moment, slope = law(angle.copy(), rate, h)
+        ahead = h * np.maximum(slope, 0.0)
+        model.dof_damping[hinges] += ahead
+        data.qfrc_applied[hinges] += ahead * rate - moment
+
+    return act
+
+
+class FifthOrder:
+    """What the law of bending has beyond its cubic term."""
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """The moment at every hinge."""
+        lumps = parts.lumps
+
+        def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
+            bent = angle - lumps.rest
+            return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
+
+        return resisted(parts, law)
+
+
+def own_laws(model: StripModel) -> Sequence[ExtraForce]:
+    """Laws of the strip itself that are simulated like foreign ones."""
+    law = model.mechanics.law
+    return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()

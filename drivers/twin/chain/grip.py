@@ -1,0 +1,60 @@
+"""The grip of a chain: a weld to a target that is led so that the tip does not trail."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.strip.model import StripModel
+from drivers.twin.chain.contact import SHARE, TIME_CONSTANT
+from drivers.types import Array
+
+DAMPING = 2 / (SHARE * TIME_CONSTANT)  # 1/s
+STIFFNESS = 1 / (SHARE * TIME_CONSTANT**2)  # 1/s^2
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Where the gripper was last told to be, `pose` (3,) of x, z, pitch, and its `rate` (3,)."""
+
+    pose: Array
+    rate: Array
+
+    @classmethod
+    def at_rest(cls, pose: Array) -> Self:
+        """A gripper that stands still at `pose`."""
+        return cls(pose, np.zeros(3))
+
+    def to(self, pose: Array, h: float) -> Self:
+        """The grip that has moved to `pose` within `h` [s]."""
+        return type(self)(pose, (pose - self.pose) / h)
+
+    def target(self, before: Self, h: float) -> Array:
+        """Pose (3,) to which the tip must be welded to stand on this grip's after the step.
+
+        The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip less
+        target) at the step's end; a tip that moves as told has r = -(a + b v) / k.
+        """
+        acceleration = (self.rate - before.rate) / h
+        return self.pose + (acceleration + DAMPING * self.rate) / STIFFNESS
+
+
+APPROACH, REST = 120, 280  # steps on the way in, and until the strip lies still
+STILLING = 0.9  # of the motion that a step leaves, meanwhile
+HEIGHT = 0.7  # of the way in over what a slack strip allows
+
+
+def brought_in(model: StripModel) -> Array:
+    """Poses (k, 3) of a grip that takes the edge from where it lies to the stated place.
+
+    A slack strip is entered from above, so that its slack lies as a wave before the grip; a
+    short one is pulled taut. None for a strip that is as long as stated.
+    """
+    length, stated = model.mechanics.length, model.stated_length
+    slack = length - stated
+    if slack == 0:
+        return np.empty((0, 3))
+    share = np.concatenate([np.linspace(0.0, 1.0, APPROACH + 1)[1:], np.ones(REST)])
+    reach = np.sqrt(2 * length * max(slack, 0.0))
+    height = HEIGHT * reach * np.sqrt(share * (1 - share))
+    return np.stack([length - slack * share, height, np.zeros_like(share)], axis=1)

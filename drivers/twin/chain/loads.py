@@ -1,0 +1,68 @@
+"""Forces on a chain that its engine has no field for: yarns, relaxation, drag of air."""
+
+import mujoco
+import numpy as np
+
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.lumps import Lumps
+from drivers.types import Array
+
+
+class Loads:
+    """Applied forces of one chain, renewed before each step; remembers the past of its strip.
+
+    A chain steps like leapfrog: a force at the angles of a step's beginning is of second order.
+    """
+
+    def __init__(self, lumps: Lumps, joints: Joints) -> None:
+        self._lumps, self._joints = lumps, joints
+        self._rubs, self._fades = bool(lumps.slip.any()), bool(lumps.fading.any())
+        self._blown = bool(lumps.drag.any())
+        self._angle = lumps.rest * 0.0
+        self._strain = lumps.rest * 0.0  # of the Maxwell elements [rad]
+        self._elapsed = 0.0
+
+    def renew(self, data: mujoco.MjData, h: float) -> None:
+        """Forces for a step of `h` [s] from the state of `data`."""
+        if self._rubs or self._fades:
+            data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
+        if self._blown:
+            data.xfrc_applied[1:-2, :3:2] = self._drag(data, h)
+
+    def _moments(self, data: mujoco.MjData, h: float) -> Array:
+        """Moments (n + 1,) at the hinges."""
+        lumps, hinges = self._lumps, self._joints.hinges
+        moment = np.zeros(len(hinges))
+        if self._rubs:
+            # The engine takes the yarns' moment where the step would end. That damps like h times
+            # their stiffness, even while they slide; its share at the present rate is taken back.
+            moment += h * lumps.presliding * data.qvel[hinges]
+        if self._fades:
+            moment += self._faded(data.qpos[hinges], h)
+        return moment
+
+    def _faded(self, angle: Array, h: float) -> Array:
+        """Moments by which Maxwell elements have fallen short of springs.
+
+        Their strain obeys dq/dt = dangle/dt - q / time; exact for even turns between calls.
+        """
+        lumps = self._lumps
+        past = self._elapsed / lumps.fading_time
+        kept = -np.expm1(-past) / past if past > 0 else 1.0
+        self._strain = np.exp(-past) * self._strain + kept * (angle - self._angle)
+        self._angle, self._elapsed = angle.copy(), h
+        return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
+
+    def _drag(self, data: mujoco.MjData, h: float) -> Array:
+        """Forces (n, 2) on the links against their motion.
+
+        Divided by what an implicit step of a link alone would slow it down, so that light strips
+        stay stable.
+        """
+        air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
+        past, across = speed.T
+        resistance = self._lumps.drag * (np.sqrt(across**2 + air.oblique * past**2) + air.slow)
+        slowed = resistance / (1.0 + h * resistance / self._lumps.mass)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        rubbed, pushed = (slowed * air.along * past)[:, None], (slowed * across)[:, None]
+        return np.asarray(-rubbed * tangents - pushed * normals)

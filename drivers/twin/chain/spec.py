@@ -1,0 +1,167 @@
+"""The MuJoCo description of a strip: a planar chain of hinges, desk and gripper."""
+
+from dataclasses import fields
+
+import mujoco
+import numpy as np
+
+from drivers.errors import Unsupported
+from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
+from drivers.twin.chain.contact import SOLIMP, SOLREF, STEP, solid
+from drivers.twin.chain.joints import HINGE, SLIDE
+from drivers.twin.chain.layers import Layers
+from drivers.twin.chain.lumps import Lumps
+
+GRIP_WEIGHT = 30.0  # 1/kg: a pull of 10 N stretches the grip by 7 um
+TIP_MASS = 1e-3  # of a link's mass
+DESK = 1  # collision class
+KNOWN: dict[type, str] = {
+    Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
+    " stretch_stiffness drag adhesion",
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio quadratic_damping relaxing"
+    " relaxation_time",
+    Boundary: "gravity edge_friction grip_force grip_compliance",
+}
+
+
+def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjSpec:
+    """A fresh spec of `model` on `links` links, flat along +x, gripped at its end.
+
+    Body i + 1 has its origin at node i; the last one is the tip, welded to the gripper.
+    Without `layers` only the desk carries the strip, with them its layers rest on each other.
+    Raises Unsupported for what a chain cannot represent.
+    """
+    _check(model)
+    lumps = Lumps.of(model, links)
+    gap = model.mechanics.touch_gap
+    spec = mujoco.MjSpec()
+    _set_options(spec, model.boundary.gravity)
+    _add_desk(spec, gap / 2)
+    body = spec.worldbody
+    for node in range(links + 1):
+        place = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
+        body = body.add_body(name=f"node{node}", pos=place)
+        _add_slide(body, model, lumps, node)
+        _add_hinge(spec, body, lumps, node)
+        _add_mass(body, lumps, node)
+        if node > 0:
+            solid(body, contype=DESK, conaffinity=0).size = [gap / 2, 0.0, 0.0]
+        if layers is not None:
+            layers.add(body, node, lumps, gap)
+    _add_grip(spec, links, model.mechanics.length)
+    _add_force_sensor(spec)
+    return spec
+
+
+def compiled(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
+    """The compiled chain, its grip as stiff as a strip needs.
+
+    MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly
+    massless, so left alone its grip would sag by millimetres, and more with more links.
+    """
+    chain = build(model, links, layers).compile()
+    turn = 1.0 / (STEP**2 * float(chain.jnt_stiffness[-1]))
+    chain.body_invweight0[links + 1] = GRIP_WEIGHT, turn
+    return chain
+
+
+def _check(model: StripModel) -> None:
+    for part in (model.mechanics, model.mechanics.law, model.boundary):
+        for field in fields(part):
+            known = field.name in KNOWN[type(part)].split()
+            if not known and getattr(part, field.name) != field.default:
+                raise Unsupported("chain", f"the description's {field.name}")
+
+
+def _set_options(spec: mujoco.MjSpec, gravity: tuple[float, float]) -> None:
+    off = mujoco.mjtDisableBit
+    spec.compiler.degree = False
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    spec.option.timestep = STEP
+    spec.option.gravity = [gravity[0], 0.0, gravity[1]]
+    spec.option.disableflags = off.mjDSBL_AUTORESET | off.mjDSBL_ISLAND
+
+
+def _add_desk(spec: mujoco.MjSpec, depth: float) -> None:
+    spec.worldbody.add_geom(
+        name="desk",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        pos=[0.0, 0.0, -depth],
+        size=[2.0, 2.0, 0.1],
+        contype=0,
+        conaffinity=DESK,
+        condim=1,
+    )
+
+
+def _add_slide(body: mujoco.MjsBody, model: StripModel, lumps: Lumps, node: int) -> None:
+    """Let the body at `node` move along the link before it, or at node 0 along the desk."""
+    loose = np.isfinite(model.boundary.edge_friction)
+    slips = node == len(lumps.mass) and np.isfinite(model.boundary.grip_force)
+    if loose if node == 0 else lumps.stretches or slips:
+        body.add_joint(
+            name=f"{SLIDE}{node}",
+            type=mujoco.mjtJoint.mjJNT_SLIDE,
+            axis=[1.0, 0.0, 0.0],
+            stiffness=[lumps.held[0] if node == 0 else lumps.along[node - 1], 0.0, 0.0],
+        )
+
+
+def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
+    name = f"{HINGE}{node}"
+    body.add_joint(
+        name=name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[0.0, -1.0, 0.0],
+        stiffness=[lumps.stiffness[node], 0.0, lumps.cubic[node]],
+        damping=[lumps.damping_at(STEP)[node], lumps.quadratic[node], 0.0],
+        springref=lumps.rest[node],
+    )
+    if lumps.slip[node] > 0:
+        # A joint has one spring; the tendon is the second one, with friction.
+        yarns = spec.add_tendon(
+            name=f"yarns{node}",
+            stiffness=[lumps.presliding[node], 0.0, 0.0],
+            springyield=lumps.slip[node],
+            springlength=[0.0, 0.0],
+        )
+        yarns.wrap_joint(name, 1.0)
+
+
+def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:
+    if node < len(lumps.mass):
+        mass, centre = lumps.mass[node], 0.5 * lumps.spans[node]
+        inertia = mass * lumps.spans[node] ** 2 / 12
+    else:
+        mass, centre = TIP_MASS * lumps.mass[-1], 0.0
+        inertia = STEP**2 * lumps.stiffness[-1]
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos = [centre, 0.0, 0.0]
+    body.inertia = [inertia, inertia, inertia]
+
+
+def _add_grip(spec: mujoco.MjSpec, links: int, length: float) -> None:
+    spec.worldbody.add_body(name="gripper", mocap=True, pos=[length, 0.0, 0.0])
+    grip = spec.add_equality(
+        name="grip",
+        type=mujoco.mjtEq.mjEQ_WELD,
+        objtype=mujoco.mjtObj.mjOBJ_BODY,
+        name1="gripper",
+        name2=f"node{links}",
+        solref=SOLREF,
+        solimp=SOLIMP,
+    )
+    grip.data = [0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0]  # same place, same orientation
+
+
+def _add_force_sensor(spec: mujoco.MjSpec) -> None:
+    spec.body("node0").add_site(name="fixed_edge")
+    spec.add_sensor(
+        name="holding",
+        type=mujoco.mjtSensor.mjSENS_FORCE,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname="fixed_edge",
+    )

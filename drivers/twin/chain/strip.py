@@ -1,0 +1,152 @@
+"""One strip as a MuJoCo chain: its state, its step, its layer_touch."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from drivers.errors import SimulationNotFinite
+from drivers.strip.model import StripModel
+from drivers.strip.shape import Gap, Touch, layer_gap, touch_between
+from drivers.twin.chain.contact import STEP
+from drivers.twin.chain.ends import Ends
+from drivers.twin.chain.extra_forces import ExtraForce, ExtraForces, Parts, own_laws
+from drivers.twin.chain.grip import STILLING, Grip, brought_in
+from drivers.twin.chain.joints import Joints
+from drivers.twin.chain.layers import Layers
+from drivers.twin.chain.loads import Loads
+from drivers.twin.chain.lumps import Lumps
+from drivers.twin.chain.spec import compiled
+from drivers.types import Array
+
+OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
+PULL = 2e-5  # m beyond a strip's reach: some three times its weight
+WILD = np.pi  # rad that a hinge turns in a step when the chain has lost its way; 0.9 is known
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+class ChainStrip:
+    """A strip on `links` links, flat and still at time 0, held at its end.
+
+    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from
+    the fixed edge; `touch` is its layer_touch, once it has happened. `foreign` laws act on it
+    besides those of its model.
+    """
+
+    def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
+        self._description, self._links = model, links
+        self._lumps = Lumps.of(model, links)
+        self._load(compiled(model, links))
+        self._joints = Joints.of(self._model, self._lumps.spans)
+        self._loads = Loads(self._lumps, self._joints)
+        self._foreign = ExtraForces(
+            (*own_laws(model), *foreign), Parts(model, self._lumps, self._joints)
+        )
+        self._ends = Ends.of(model, self._lumps, self._joints)
+        self._state = np.empty(mujoco.mj_stateSize(self._model, STATE))
+        self._grip = Grip.at_rest(np.array([model.mechanics.length, 0.0, 0.0]))
+        self._held = True
+        self._time = 0.0
+        self._gap: Gap | None = None
+        self.arc = np.concatenate([[0.0], np.cumsum(self._lumps.spans)])
+        self.points = self._joints.nodes(self._data.qpos)
+        self.touch: Touch | None = None
+        self._bring_in()
+
+    def release(self) -> None:
+        """Let the grasped edge go."""
+        self._held = False
+        self._data.eq_active[0] = 0
+
+    def advance(self, pose: Array, dt: float, parts: int) -> None:
+        """Step to gripper `pose` (3,) after `dt` [s], in equal `parts` on a straight line.
+
+        Raises SimulationNotFinite when the strip leaves the finite numbers.
+        """
+        start, h = self._grip.pose, dt / parts
+        self._pace(h)
+        for part in range(1, parts + 1):
+            grip = self._grip.to(start + (pose - start) * (part / parts), h)
+            self._foreign.clear(self._model, self._data, h)
+            self._loads.renew(self._data, h)
+            self._ends.renew(self._model, self._data)
+            self._foreign.add(self._model, self._data, self._time, h)
+            if self.touch is None:
+                self._step_until_touch(grip, h)
+            else:
+                self._step(grip, h)
+            self._grip = grip
+            self._time += h
+
+    def holding_force(self) -> float:
+        """Horizontal force [N] of the fixed edge on the strip during the last step."""
+        along = self._data.site_xmat[0, :3] @ self._data.sensordata
+        return float(along) / self._lumps.scale
+
+    def _bring_in(self) -> None:
+        """Take an edge that does not lie at the stated place there, and let the strip rest."""
+        for pose in brought_in(self._description):
+            grip = self._grip.to(pose, STEP)
+            self._loads.renew(self._data, STEP)
+            self._step(grip, STEP)
+            self._data.qvel[:] *= STILLING
+            self._grip = grip
+        self._grip = Grip.at_rest(self._grip.pose)
+
+    def _step_until_touch(self, grip: Grip, h: float) -> None:
+        """A step, and another one from the same start with solid layers when they meet in it."""
+        mujoco.mj_getState(self._model, self._data, self._state, STATE)
+        before = (self._time, self._gap)
+        self._step(grip, h)
+        strip = self._description.mechanics
+        self._gap = layer_gap(self.points, self.arc, OPENING * strip.touch_gap)
+        after = (self._time + h, self._gap)
+        touch = touch_between(before, after, strip.touch_gap, strip.length)
+        if touch is not None:
+            self.touch = replace(touch, to_fixed=touch.x - float(self.points[0, 0]))
+            layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
+            self._load(compiled(self._description, self._links, layers))
+            self._pace(h)
+            self._foreign.again(self._model)
+            mujoco.mj_setState(self._model, self._data, self._state, STATE)
+            self._ends.apply(self._model, self._data)
+            self._step(grip, h)
+
+    def _step(self, grip: Grip, h: float) -> None:
+        if self._held:
+            x, z, pitch = self._within_reach(grip.target(self._grip, h))
+            self._data.mocap_pos[0] = x, 0.0, z
+            self._data.mocap_quat[0] = np.cos(pitch / 2), 0.0, -np.sin(pitch / 2), 0.0
+        mujoco.mj_step(self._model, self._data)
+        self.points = self._joints.nodes(self._data.qpos)
+        diverged = self._data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number
+        turn = h * np.abs(self._data.qvel[self._joints.hinges]).max()
+        if diverged or not turn < WILD:
+            raise SimulationNotFinite("chain", self._time + h)
+
+    def _within_reach(self, target: Array) -> Array:
+        """The target, no further from the fixed edge than a taut strip and `PULL` reach.
+
+        A weld that is off by more pulls so hard that the solver loses sight of the weight.
+        """
+        far, reach = math.hypot(target[0], target[1]), self.arc[-1] + PULL
+        if self._lumps.stretches or self._ends.slide or not reach < far < math.inf:
+            return target
+        return target * (reach / far, reach / far, 1.0)
+
+    def _pace(self, h: float) -> None:
+        if self._model.opt.timestep != h:
+            self._model.opt.timestep = h
+            self._model.dof_damping[self._joints.hinges] = self._lumps.damping_at(h)
+
+    def _load(self, model: mujoco.MjModel) -> None:
+        # A strip that diverges is a fault with a name, not a line on the screen.
+        mujoco.set_mju_user_warning(_unheard)
+        self._model = model
+        self._data = mujoco.MjData(model)
+
+
+def _unheard(_: str) -> None:
+    """Takes MuJoCo's warnings."""

@@ -1,0 +1,137 @@
+"""How well images agree with the truth: `python -m tests.benchmarks.measure_perception [STRIP...]`.
+
+The plant is the chain, the camera the twin's, the calibration made through its images. A frame
+counts from the take-over height on until the touch is told.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from calibration.perception.layer_touch import LayerTouch
+from calibration.perception.measurement import SeenTouch
+from calibration.perception.perception import Perception
+from calibration.perception.preflight import inspect
+from calibration.perception.settings import PerceptionSettings
+from drivers.strip.describe import load_strip
+from drivers.types import Array
+from policies.path import triangular
+from tests.support.twin_calibration import twin_calibration
+from tests.support.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
+
+STRIPS = Path(__file__).parents[2] / "configs" / "strips"
+SPEED = 0.1  # m/s
+TAKE_OVER = 0.10  # m of height from which a policy decides
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Errors against the truth [m] per frame: `t` (k,), `contact` (k,), `profile` (k,) rms normal
+    to the true curve, `gap` (k,); the touch as seen and how much later it was told [s].
+    """
+
+    t: Array
+    contact: Array
+    profile: Array
+    touch: SeenTouch | None
+    told_after: float
+    fold: TwinFold
+
+    @property
+    def lateness(self) -> float:
+        """Time of the touch, seen minus true [s]."""
+        assert self.touch is not None
+        assert self.fold.touch is not None
+        return self.touch.time - self.fold.touch.time
+
+    @property
+    def displacement(self) -> float:
+        """Displacement, seen minus true [m]."""
+        assert self.touch is not None
+        assert self.fold.touch is not None
+        return self.touch.displacement - self.fold.touch.displacement
+
+
+def distances(points: Array, curve: Array) -> Array:
+    """Distance (n,) of points (n, 2) from a polyline (m, 2)."""
+    start, along = curve[:-1], np.diff(curve, axis=0)
+    offset = points[:, None] - start[None]
+    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
+    gap = offset - share[..., None] * along
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1))
+
+
+def agreement(
+    fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
+) -> Agreement:
+    """Perception run over a fold's frames; every `every`-th one up to 0.5 s before the touch."""
+    assert fold.touch is not None
+    settings = PerceptionSettings()
+    preflight = inspect(camera.flat(fold.strip), calibration, settings, fold.strip)
+    assert preflight.passed, [check for check in preflight.checks if not check.passed]
+    assert preflight.appearance is not None
+    perception = Perception(calibration, settings, fold.strip, preflight.appearance)
+    detector = LayerTouch(settings, fold.strip)
+    rate = camera.settings.rate
+    rows, touch, told = [], None, float("nan")
+    first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
+    for sequence in range(int(first * rate) + 1, int(fold.t[-1] * rate)):
+        stamp = sequence / rate
+        if stamp < fold.touch.time - 0.5 and sequence % every:
+            continue
+        frame, pose = camera.frame(fold, sequence), fold.pose(stamp)
+        sight = perception.look(frame, pose)
+        touch = detector.tell(sight, pose)
+        if touch is not None:
+            told = stamp - fold.touch.time
+            break
+        off = distances(sight.profile, fold.shape(stamp)) if len(sight.profile) else [np.nan]
+        rms = float(np.sqrt(np.mean(np.square(off))))
+        rows.append((stamp, sight.contact_x - fold.contact_x(stamp), rms))
+    t, contact, profile = np.array(rows).T
+    return Agreement(t, contact, profile, touch, told, fold)
+
+
+def main(names: list[str]) -> None:
+    """One line a strip, then all together."""
+    calibration = twin_calibration(CameraSettings())
+    print(f"calibration: {calibration.residual_mm:.3f} mm at held-out points")
+    seen = []
+    for name in names or [path.stem for path in sorted(STRIPS.glob("*.yaml"))]:
+        strip = load_strip(STRIPS / f"{name}.yaml")
+        fold = simulate_fold(strip, triangular(strip.length), SPEED)
+        found = agreement(fold, FoldCamera(strip, CameraSettings()), calibration)
+        seen.append(found)
+        print(
+            f"{name:14s} contact mean {1e3 * np.nanmean(found.contact):5.2f} "
+            f"rms {1e3 * rms(found.contact):5.2f} max {1e3 * np.nanmax(abs(found.contact)):5.2f}  "
+            f"profile rms {1e3 * rms(found.profile):5.2f} "
+            f"max {1e3 * np.nanmax(found.profile):5.2f}  unseen {np.isnan(found.profile).sum()} mm",
+            end="  ",
+        )
+        if found.touch is None:
+            print("touch NOT SEEN")
+            continue
+        print(
+            f"touch {1e3 * found.lateness:5.1f} ms, told {1e3 * found.told_after:4.0f} ms after, "
+            f"d {1e3 * found.displacement:5.2f} mm of {1e3 * found.touch.displacement:.1f}, "
+            f"confidence {found.touch.confidence:.2f}"
+        )
+    late = [abs(s.lateness) for s in seen if s.touch is not None]
+    print(
+        f"all: contact bias {1e3 * np.nanmean(np.concatenate([s.contact for s in seen])):.2f} mm, "
+        f"touch median {1e3 * np.median(late):.1f} ms, worst {1e3 * max(late):.1f} ms, "
+        f"displacement worst {1e3 * max(abs(s.displacement) for s in seen if s.touch):.2f} mm"
+    )
+
+
+def rms(values: Array) -> float:
+    """Root mean square, unseen ones left out."""
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,104 @@
+"""Files that a person writes: what is wrong with them is one line, whatever it is."""
+
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+
+TEXT = """\
+schema: 1
+name: felt
+length: 0.6
+width: 0.05
+areal_density: 0.4
+bending_length: 0.017
+retardation_time: 0.03
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "felt.yaml"
+
+
+def load(path: Path, text: str) -> StripFile:
+    path.write_text(text, encoding="utf-8")
+    return load_strip(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("length: 0.6", 'length: "0.6"'),
+        ("length: 0.6", "length: true"),
+        ("length: 0.6", "length: [0.6]"),
+        ("length: 0.6", "length: 1e999"),
+        ("length: 0.6", "length: -.inf"),
+        ("length: 0.6", "length:"),
+        ("name: felt", "name: 5"),
+        ("name: felt", "name: yes"),
+        ("name: felt", "name: ../felt"),
+        ("schema: 1", 'schema: "1"'),
+        ("schema: 1", "schema: 2"),
+        ("schema: 1", "schema: 1\ncolour: [1.5, 2, 3]"),
+        ("schema: 1", "schema: 1\ncolour: [true, 2, 3]"),
+        ("schema: 1", "schema: 1\ncolour: [1, 2]"),
+        ("schema: 1", "schema: 1\neffects: {nonlinear_bending: {cubic: yes}}"),
+        ("schema: 1", "schema: 1\neffects: {nonlinear_bending: {cubic: .nan}}"),
+        ("schema: 1", "schema: 1\n7: seven"),
+    ],
+)
+def test_nothing_is_taken_for_what_it_is_not(path: Path, old: str, new: str) -> None:
+    assert old in TEXT
+    with pytest.raises(ConfigurationError) as refused:
+        load(path, TEXT.replace(old, new))
+    assert str(refused.value).startswith(f"{path}: ")
+    assert "\n" not in str(refused.value).replace(f"\n{path}: ", "")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "? [a]\n: b\n",
+        "note: 2024-13-45\n",
+        "note: !!int abc\n",
+        "note: !!python/object/apply:os.system [ls]\n",
+        f"note: {'[' * 5000}\n",
+        f"note: {'9' * 5000}\n",
+        "note: \x00\n",
+        "---\nname: two\n",
+        "\tlength: 1\n",
+        "name: twice\n",
+    ],
+)
+def test_what_breaks_yaml_is_one_line(path: Path, wrong: str) -> None:
+    path.write_text(TEXT + wrong, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as refused:
+        read_yaml(path)
+    assert str(refused.value).startswith(f"{path}: is not valid YAML: ")
+    assert "\n" not in str(refused.value)
+
+
+def test_numbers_may_be_written_as_people_write_them(path: Path) -> None:
+    strip = load(path, TEXT.replace("length: 0.6", "length: 1").replace("0.03", "3e-2"))
+    assert (strip.length, strip.retardation_time) == (1.0, 0.03)
+
+
+def test_an_id_of_digits_and_an_e_stays_text(path: Path) -> None:
+    path.write_text("id: 12345e678901\n")
+    assert read_yaml(path) == {"id": "12345e678901"}
+
+
+def test_an_unknown_key_is_told_those_that_are_known_as_files_spell_them(path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"allowed here: .*\bschema\b,"):
+        load(path, TEXT + "colur: [1, 2, 3]\n")
+
+
+def test_text_that_is_not_utf8_is_refused(path: Path) -> None:
+    path.write_bytes(b"name: \xff\xfe")
+    with pytest.raises(ConfigurationError, match="UTF-8"):
+        load_strip(path)

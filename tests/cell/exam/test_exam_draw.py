@@ -1,0 +1,34 @@
+"""What is drawn for the exam can be folded, and shows."""
+
+import pytest
+
+from cell.exam.cases.draw import cases
+from cell.exam.cases.strength import Ruler
+from cell.exam.runs.from_model import BY, MOTIONS
+from cell.record.header import Sigma
+from tests.support.gap_strip_cases import denim
+
+
+@pytest.fixture(scope="module")
+def ruler() -> Ruler:
+    return Ruler(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+
+
+def test_effects_that_cancel_leave_nothing_beside_each_other(ruler: Ruler) -> None:
+    twins = {"camera_latency": {"time": 0.03}, "control_delay": {"time": 0.03}}
+    assert ruler.excess([{k: v} for k, v in twins.items()]).min() > 1.0
+    assert ruler.beside(twins).max() < 0.3
+
+
+def test_effects_that_differ_keep_what_they_leave(ruler: Ruler) -> None:
+    both = {
+        "homography_shift": {"x": 0.004, "z": 0.0},
+        "hem_mass": {"mass": 0.001, "position": 0.5, "width": 0.02},
+    }
+    beside = ruler.beside(both)
+    assert beside.min() > 1.0
+    assert (beside <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+
+
+def test_the_same_seed_draws_the_same_cases() -> None:
+    assert cases("state", 3, 5) == cases("state", 3, 5)

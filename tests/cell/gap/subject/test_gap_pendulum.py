@@ -1,0 +1,179 @@
+"""The pendulum as a subject: its physics and the files it reads."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.gap.fit import fit
+from cell.gap.fitting.model import Model, Point, evidence, requests
+from cell.gap.subject.pendulum.chain import stated, swings
+from cell.gap.subject.pendulum.dynamics import swing
+from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.pendulum.runs import make_run
+from cell.gap.subject.pendulum.scope import candidates
+from cell.gap.subject.pendulum.subject import Pendulum
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from tests.support.swings import Made, make_swings, write_swings
+
+LINKS = (
+    {"mass": 0.2, "length": 0.2, "com": 0.12, "inertia": 5e-4, "damping": 3e-4},
+    {"mass": 0.15, "length": 0.18, "com": 0.1, "inertia": 3e-4, "damping": 1e-4},
+    {"mass": 0.1, "length": None, "com": 0.1, "inertia": 2e-4, "damping": 5e-5},
+)
+SIGMA = 0.001
+TORQUES = np.array([1e-3, 5e-4, 2e-4])
+
+
+def content(n: int, **changes: Any) -> dict[str, Any]:
+    links = [dict(link) for link in LINKS[:n]]
+    links[-1]["length"] = None
+    return {
+        "schema": 1, "kind": "pendulum", "name": f"p{n}", "gravity": 9.81, "links": links,
+    } | changes  # fmt: skip
+
+
+def pendulum(n: int, **changes: Any) -> PendulumFile:
+    return PendulumFile.model_validate(content(n, **changes))
+
+
+def released(file: PendulumFile, lift: float = 0.5, **effects: list[float]) -> Array:
+    n = len(file.links)
+    values = {name: np.array(v) for name, v in effects.items()}
+    angles = np.pi + lift * np.array([1.0, 1.3, -0.7][:n])[:, None]
+    chain = swings(file, stated(file)[None], [values])
+    return swing(chain, angles, np.zeros((n, 1)), 0.002, 500)[:, :, :, 0]
+
+
+# --- physics ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("effects", "law"),
+    [
+        ({}, None),
+        ({"dry_friction": [1e-3, 5e-4, 2e-4]}, lambda _, r, __: TORQUES * np.tanh(r / 0.02)),
+        ({"quadratic_damping": [1e-3, 5e-4, 2e-4]}, lambda _, r, __: TORQUES * np.abs(r) * r),
+        ({"wire_spring": [1e-2, 1e-2, 1e-2]}, lambda b, _, __: 1e-2 * b),
+    ],
+    ids=["plain", "dry", "quadratic", "spring"],
+)
+def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> None:
+    file, lift = pendulum(3), np.array([0.5, 0.65, -0.35])
+    (made,) = make_swings(file, [lift], 0.0, np.random.default_rng(0), law, span=1.0)
+    near = made.angles[:, 0]
+    chain = swings(file, stated(file)[None], [{k: np.array(v) for k, v in effects.items()}])
+    states = swing(chain, near[:, None], np.zeros((3, 1)), 0.002, 500)[:, 0, :, 0]
+    np.testing.assert_allclose(states[::5].T, made.angles, atol=1e-4)
+
+
+def test_energy_is_kept_without_losses() -> None:
+    free = content(2)
+    for link in free["links"]:
+        link["damping"] = 0.0
+    file = PendulumFile.model_validate(free)
+    states = released(file, 1.5)
+    chain = swings(file, stated(file)[None], [{}])
+    lever, moment = chain.lever[:, :, 0], chain.moment[:, 0]
+
+    def energy(theta: Array, omega: Array) -> float:
+        inertia = lever * np.cos(theta[:, None] - theta[None])
+        return float(0.5 * omega @ inertia @ omega + 9.81 * moment @ np.cos(theta))
+
+    first, last = energy(*states[0]), energy(*states[-1])
+    assert abs(last - first) < 1e-6 * 9.81 * moment.sum()
+
+
+@pytest.mark.parametrize("candidate", candidates(pendulum(2)), ids=lambda c: c.name)
+def test_effect_at_null_changes_no_bit_and_otherwise_does(candidate: Any) -> None:
+    file = pendulum(2)
+    t = np.arange(0.0, 1.0, 0.01)
+    run = make_run(file, "r", "r", t, np.full((2, 100), np.pi + 0.4), SIGMA)
+    subject, runs = Pendulum(file, [run]), evidence([run])
+    plain = Model(subject.scope.base)
+    start = Point(np.array([p.start for p in plain.parameters]), runs.start())
+    without = subject.simulate(requests(plain, [run], start))[0].mean
+    model = Model(subject.scope.base, (candidate,))
+    for values, same in ((candidate.null, True), (np.array(candidate.probes[0][0]), False)):
+        point = Point(np.concatenate([start.shared, values]), start.local)
+        shown = subject.simulate(requests(model, [run], point))[0].mean
+        assert np.array_equal(shown, without) == same
+
+
+# --- files -----------------------------------------------------------------------------------
+
+
+def cosines(count: int) -> list[Made]:
+    t = np.arange(0.0, 1.0, 0.01)
+    return [Made(t, np.pi + 0.3 * np.cos(10.0 * t)[None], "c")] * count
+
+
+def broken(run: Path, fault: str) -> None:
+    """Spoil the run folder `run`."""
+    table = {k: np.array(v) for k, v in pq.read_table(run / "angles.parquet").to_pydict().items()}
+    head = yaml.safe_load((run / "run.yaml").read_text())
+    changes: dict[str, Callable[[], Any]] = {
+        "column": lambda: table.pop("theta_1"),
+        "nan": lambda: table["theta_1"].__setitem__(7, np.nan),
+        "order": lambda: table["t"].__setitem__(9, table["t"][3]),
+        "degrees": lambda: table.update(theta_1=np.rad2deg(table["theta_1"])),
+        "microseconds": lambda: table.update(t=table["t"] * 1e-6),
+        "rates": lambda: table.update(omega_1=1e3 * np.gradient(table["theta_1"], table["t"])),
+        "name": lambda: head.update(pendulum="another"),
+        "sigma": lambda: head.update(sigma={"angle": -1.0}),
+        "no sigma": lambda: head.pop("sigma"),
+        "link": lambda: table.update(theta_2=table["theta_1"]),
+        "short": lambda: table.update({k: v[:5] for k, v in table.items()}),
+        "index": lambda: head.update(index="first"),
+    }
+    changes[fault]()
+    pq.write_table(pa.table(table), run / "angles.parquet")
+    (run / "run.yaml").write_text(yaml.safe_dump(head))
+
+
+@pytest.mark.parametrize(
+    ("fault", "word"),
+    [
+        ("column", "theta_1: this column is missing"), ("nan", "row 7 is not a number"),
+        ("order", "does not increase at row 9"), ("degrees", "angles are in rad"),
+        ("microseconds", "t is in s"), ("rates", "rates in rad/s"), ("name", "is another"),
+        ("sigma", "sigma.angle"), ("no sigma", "sigma.angle"), ("link", "1 links only"),
+        ("short", "at least 30"), ("index", "index"),
+    ],
+)  # fmt: skip
+def test_bad_run_is_one_clear_line_and_no_verdict(tmp_path: Path, fault: str, word: str) -> None:
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
+    broken(runs / "01", fault)
+    with pytest.raises(ConfigurationError, match="01/") as caught:
+        fit([runs], file, tmp_path / "out")
+    assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out" / "verdict.json").exists()
+
+
+def test_single_run_is_refused(tmp_path: Path) -> None:
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(1), SIGMA)
+    with pytest.raises(ConfigurationError, match="single run"):
+        fit([runs / "00"], file, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"colour": "red"}, "unknown key"), ({"gravity": -9.81}, "gravity"),
+        ({"links": []}, "links"), ({"effects": {"magnet": {"size": 1.0}}}, "unknown effect"),
+        ({"effects": {"air_drag": {"coefficient": -1.0}}}, "out of range"),
+        ({"schema": 2}, "this version reads 1"), ({"kind": "kite"}, "kind"),
+    ],
+)  # fmt: skip
+def test_bad_pendulum_file_is_refused(tmp_path: Path, change: dict[str, Any], word: str) -> None:
+    file, runs = write_swings(tmp_path, pendulum(1), cosines(3), SIGMA)
+    file.write_text(yaml.safe_dump(content(1) | change))
+    with pytest.raises(ConfigurationError, match=word):
+        fit([runs], file, tmp_path / "out")

@@ -1,0 +1,74 @@
+"""`cell gap plan`: which runs it makes, and that one of them folds through images."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.gap.subject.strip.runs import read_runs
+from cell.operations.fold import Request, at_speed, fold
+from cell.operations.standard_runs import check_empty, standard_requests, went_as_planned
+from drivers.errors import ConfigurationError
+from policies.standard import STANDARD
+from tests.support.gap_strip_cases import denim
+
+
+def base(runs: Path, seed: int = 3) -> Request:
+    return Request(
+        "denim", "", None, DeviceSelection(seed=seed), runs, None, "none", truth=False, viz="off"
+    )
+
+
+def test_runs_count_on_from_the_first_and_have_their_own_speeds(tmp_path: Path) -> None:
+    wanted = standard_requests(base(tmp_path))
+    assert len(wanted) == len(STANDARD) + 1
+    assert [r.choice.index for r in wanted] == list(range(len(wanted)))
+    assert [r.choice.seed for r in wanted] == [3 + i for i in range(len(wanted))]
+    assert {r.policy: r.speed for r in wanted}["motion:slow-low"] == 0.05
+    assert wanted == standard_requests(base(tmp_path))
+
+
+def test_runs_of_two_specimens_are_kept_apart(tmp_path: Path) -> None:
+    check_empty(tmp_path)
+    check_empty(tmp_path / "new")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.yaml").write_text("strip: denim\n")
+    with pytest.raises(ConfigurationError, match="holds runs already"):
+        check_empty(tmp_path)
+
+
+def test_a_speed_beyond_the_limits_is_refused() -> None:
+    settings = find_configs(None).cell()
+    assert at_speed(settings, 0.05).fold.speed == 0.05
+    assert at_speed(settings, None) is settings
+    with pytest.raises(ConfigurationError, match=r"fold: speed"):
+        at_speed(settings, 1.0)
+
+
+def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "cell", "gap", "plan", "--strip", "denim", "--dry-run"]
+    command += ["--runs", str(tmp_path / "runs")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    lines = done.stdout.splitlines()
+    assert len(lines) == len(STANDARD) + 1
+    assert lines[0].split()[1] == lines[-1].split()[1] == "normal"
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.slow
+def test_a_shaken_and_a_taut_run_are_folded_through_images_and_read(tmp_path: Path) -> None:
+    wanted = [
+        r for r in standard_requests(base(tmp_path))
+        if r.policy in ("motion:early-shake", "motion:taut-lift")
+    ]  # fmt: skip
+    results = [fold(request) for request in wanted]
+    assert all(went_as_planned(result) for result in results)
+    assert {result.outcome for result in results} == {"layer_touch", "path_done"}
+    runs = read_runs([tmp_path], denim())
+    assert {run.condition for run in runs} == {
+        "motion:early-shake at 0.1 m/s",
+        "motion:taut-lift at 0.1 m/s",
+    }

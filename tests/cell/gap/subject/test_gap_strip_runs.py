@@ -1,0 +1,181 @@
+"""Measured folds as `cell gap` reads them: whole ones, broken ones, and what is refused."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.gap.subject.strip.runs import read_runs
+from cell.gap.subject.strip.subject import open_strip
+from drivers.errors import ConfigurationError
+from tests.support.gap_strip_cases import STRIP, denim, folds, written
+
+Change = Callable[[Path], None]
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("measured") / "runs"
+    written(root, folds(["fast", "taut-lift"]))
+    return root
+
+
+@pytest.fixture
+def runs(measured: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(measured, tmp_path / "runs"))
+
+
+def first(runs: Path) -> Path:
+    return sorted(runs.iterdir())[0]
+
+
+def edit_yaml(path: Path, **changes: object) -> None:
+    content = yaml.safe_load(path.read_text())
+    path.write_text(yaml.safe_dump(content | changes))
+
+
+def edit_column(path: Path, name: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    table = pq.read_table(path)
+    values = pa.array(change(np.array(table[name], dtype=np.float64)))
+    pq.write_table(table.set_column(table.column_names.index(name), name, values), path)
+
+
+def drop_column(path: Path, name: str) -> None:
+    pq.write_table(pq.read_table(path).drop_columns([name]), path)
+
+
+def put(row: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
+    def change(values: np.ndarray) -> np.ndarray:
+        values = values.copy()
+        values[row] = value
+        return values
+
+    return change
+
+
+def test_runs_are_read_in_the_order_in_which_they_were_taken(runs: Path) -> None:
+    edit_yaml(first(runs) / "run.yaml", index=7)
+    assert [run.name for run in read_runs([runs], denim())] == ["01-taut-lift", "00-fast"]
+
+
+def test_what_was_measured_comes_back(runs: Path) -> None:
+    fast, taut = (run.measured for run in read_runs([runs], denim()))
+    assert fast.touch is not None
+    assert fast.end == fast.touch.time
+    assert taut.touch is None
+    assert len(fast.contact_t) == pytest.approx(30 * fast.end, rel=0.15)
+    np.testing.assert_allclose(fast.poses[0, :2], [0.6, 0.0], atol=1e-4)
+    assert fast.poses[-1, 2] == pytest.approx(np.pi / 2, abs=1e-6)
+
+
+WRONG: dict[str, tuple[str, Change]] = {
+    "a missing column": (
+        "ticks.parquet: pitch: the column is missing",
+        lambda f: drop_column(f / "ticks.parquet", "pitch"),
+    ),
+    "a gripper that is nowhere": (
+        "ticks.parquet: x: row 40 is nan",
+        lambda f: edit_column(f / "ticks.parquet", "x", put(40, np.nan)),
+    ),
+    "a curve that is nowhere": (
+        "profile.parquet: z: row 3 is nan",
+        lambda f: edit_column(f / "profile.parquet", "z", put(3, np.nan)),
+    ),
+    "times out of order": (
+        "ticks.parquet: t: row 51",
+        lambda f: edit_column(f / "ticks.parquet", "t", put(50, 99.0)),
+    ),
+    "millimetres": (
+        "ticks.parquet: x: reaches",
+        lambda f: edit_column(f / "ticks.parquet", "x", lambda v: 1e3 * v),
+    ),
+    "curves in millimetres": (
+        "profile.parquet: x: is",
+        lambda f: edit_column(f / "profile.parquet", "x", lambda v: 1e3 * v),
+    ),
+    "milliseconds": (
+        "ticks.parquet: t: rows are 10 s apart",
+        lambda f: edit_column(f / "ticks.parquet", "t", lambda v: 1e3 * v),
+    ),
+    "degrees": (
+        "ticks.parquet: pitch: reaches",
+        lambda f: edit_column(f / "ticks.parquet", "pitch", np.degrees),
+    ),
+    "another strip": (
+        "run.yaml: strip: is 'cotton', the strip file describes 'denim'",
+        lambda f: edit_yaml(f / "run.yaml", strip="cotton"),
+    ),
+    "noise in millimetres": (
+        "run.yaml: sigma.contact_x: is 1.5 m",
+        lambda f: edit_yaml(
+            f / "run.yaml",
+            sigma={"contact_x": 1.5, "profile": 1.0, "gripper": 0.02, "displacement": 3.0},
+        ),
+    ),
+    "a noise that is not stated": (
+        "run.yaml: sigma.gripper: is missing",
+        lambda f: edit_yaml(
+            f / "run.yaml", sigma={"contact_x": 1e-3, "profile": 1e-3, "displacement": 3e-3}
+        ),
+    ),
+    "lengths that contradict the displacement": (
+        "result.yaml: displacement: is 0.1, but l1 - l2 is",
+        lambda f: edit_yaml(f / "result.yaml", displacement=0.1),
+    ),
+    "lengths longer than the strip": (
+        "result.yaml: l1: is 250",
+        lambda f: edit_yaml(f / "result.yaml", l1=250.0),
+    ),
+    "a touch after the run": (
+        "result.yaml: t_layer_touch: is 4000 s",
+        lambda f: edit_yaml(f / "result.yaml", t_layer_touch=4000.0),
+    ),
+    "another beginning": (
+        "ticks.parquet: x: a flat start at x 0.400",
+        lambda f: edit_column(f / "ticks.parquet", "x", lambda v: v - 0.2),
+    ),
+    "no curves": (
+        "profile.parquet: is missing",
+        lambda f: (f / "profile.parquet").unlink(),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_bad_input_is_one_clear_line(case: str, runs: Path) -> None:
+    says, change = WRONG[case]
+    change(first(runs))
+    with pytest.raises(ConfigurationError) as error:
+        read_runs([runs], denim())
+    assert says in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_single_run_is_refused(runs: Path) -> None:
+    with pytest.raises(ConfigurationError, match="a single run"):
+        read_runs([first(runs)], denim())
+
+
+def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
+    (first(runs) / "result.yaml").unlink()
+    strip = open_strip(STRIP, [runs])
+    assert strip.notes[0].startswith("00-fast: died after")
+    died = strip.runs[0].samples
+    assert len(died) > 20
+    assert "layer_touch" not in died.channel
+
+
+def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
+    shutil.copytree(first(runs), runs / "02-again")
+    for name in ("ticks.parquet", "profile.parquet"):
+        table = pq.read_table(runs / "02-again" / name)
+        pq.write_table(table.slice(0, 9), runs / "02-again" / name)
+    (runs / "02-again" / "result.yaml").unlink()
+    strip = open_strip(STRIP, [runs])
+    assert [run.name for run in strip.runs] == ["00-fast", "01-taut-lift"]
+    assert strip.notes == ("02-again: has 9 rows only and is left out",)

@@ -1,0 +1,247 @@
+"""Hidden causes in made swings: named, refused, accepted, undone."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from cell.gap.fit import fit
+from cell.gap.subject.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.subject.pendulum.subject import Pendulum
+from cell.gap.subject.subject import Request, Residuals
+from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.schema import Verdict, read_verdict
+from drivers.errors import ConfigurationError
+from tests.support.swings import Law, make_swings, write_swings
+
+SIGMA = 0.001
+LIFTS = [np.array([a]) for a in (0.2, 0.5, 0.9, 1.3, 0.2, 0.5, 0.9, 1.3)]
+PENDULUM = PendulumFile.model_validate(
+    {
+        "schema": 1,
+        "kind": "pendulum",
+        "name": "made",
+        "gravity": 9.81,
+        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
+    }
+)
+
+
+def dry(_: Any, rate: Any, __: int) -> Any:
+    return 4e-4 * np.tanh(rate / 0.005)
+
+
+def drag(_: Any, rate: Any, __: int) -> Any:
+    return 1e-4 * np.abs(rate) * rate
+
+
+def magnet(bend: Any, _: Any, __: int) -> Any:
+    return 4e-3 * np.sin(12.0 * bend) * np.exp(-((bend / 0.15) ** 2))
+
+
+def softening(_: Any, rate: Any, index: int) -> Any:
+    return 5e-5 * index * rate
+
+
+def fitted(folder: Path, law: Law | None, seed: int) -> tuple[Verdict, Path, Path]:
+    """Verdict, file and runs of swings made under a hidden law."""
+    made = make_swings(PENDULUM, LIFTS, SIGMA, np.random.default_rng(seed), law)
+    file, runs = write_swings(folder, PENDULUM, made, SIGMA)
+    return fit([runs], file, folder / "out"), file, runs
+
+
+@pytest.fixture(scope="module")
+def rubbing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a pendulum that rubs, its runs and its fit."""
+    folder = tmp_path_factory.mktemp("rubbing")
+    fitted(folder, dry, 1)
+    return folder
+
+
+@pytest.fixture
+def copied(rubbing: Path, tmp_path: Path) -> tuple[Path, Path]:
+    """A file and a fit of it that a test may change."""
+    file, out = tmp_path / "pendulum.yaml", tmp_path / "out"
+    file.write_bytes((rubbing / "pendulum.yaml").read_bytes())
+    out.mkdir()
+    for name in ("fit.json", "patch.yaml", "verdict.json"):
+        (out / name).write_bytes((rubbing / "out" / name).read_bytes())
+    return file, out
+
+
+def test_hidden_dry_friction_is_named(rubbing: Path) -> None:
+    verdict = read_verdict(rubbing / "out" / "verdict.json")
+    assert verdict.verdict == "named"
+    (effect,) = verdict.effects
+    assert effect.name == "dry_friction"
+    assert effect.parameters["torque_1"].value == pytest.approx(4e-4, rel=0.05)
+    assert verdict.gap.after["angle_mrad"] == pytest.approx(1.0, rel=0.1)
+    assert verdict.gap.shrink > 0.8
+
+
+def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> None:
+    text = (rubbing / "out" / "verdict.json").read_text()
+    verdict = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in verdict.json"))
+    assert list(verdict) == [
+        "schema", "verdict", "effects", "ambiguous", "unexplained", "base", "where", "gap",
+        "candidates", "advice", "detectable", "held_out", "runtime", "simulations", "notes",
+    ]  # fmt: skip
+    assert verdict["schema"] == 1
+    assert list(verdict["effects"][0]) == ["name", "of", "parameters", "confidence"]
+    assert set(verdict["effects"][0]["parameters"]["torque_1"]) == {"value", "low", "high", "unit"}
+    assert set(verdict["base"]["damping_1"]) == {"value", "low", "high"}
+    assert list(verdict["where"][0]) == ["channel", "phase", "zone", "condition", "z", "p"]
+    assert list(verdict["gap"]) == [
+        "before", "after", "floor", "shrink", "shrink_low", "shrink_high",
+    ]  # fmt: skip
+    assert set(verdict["gap"]["before"]) == {"angle_mrad", "excess"}
+    assert list(verdict["candidates"][0]) == [
+        "name", "elpd_gain", "se", "p", "invariance_p", "parameters",
+    ]  # fmt: skip
+    assert list(verdict["advice"][0]) == ["experiment", "separates", "expected_sigma", "minutes"]
+
+
+def test_same_verdict_whatever_the_number_of_jobs(rubbing: Path, tmp_path: Path) -> None:
+    two = fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", jobs=2)
+    one = read_verdict(rubbing / "out" / "verdict.json")
+    texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, two)]
+    assert texts[0] == texts[1]
+
+
+def test_interrupted_fit_goes_on_where_it_stopped(
+    rubbing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupting(stage: str, share: float) -> None:
+        if stage == "judge":
+            raise KeyboardInterrupt
+
+    runs, file, out = [rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        fit(runs, file, out, progress=interrupting)
+    assert not (out / "verdict.json").exists()
+    simulated: list[int] = []
+    plain = Pendulum.simulate
+
+    def counting(self: Pendulum, requests: Sequence[Request]) -> list[Residuals]:
+        simulated.append(len(requests))
+        return plain(self, requests)
+
+    monkeypatch.setattr(Pendulum, "simulate", counting)
+    resumed = fit(runs, file, out)
+    assert sum(simulated) < 0.3 * resumed.simulations
+    one = read_verdict(rubbing / "out" / "verdict.json")
+    texts = [v.model_copy(update={"runtime": 0.0}).to_json() for v in (one, resumed)]
+    assert texts[0] == texts[1]
+
+
+def test_report_is_one_page_that_needs_nothing_else(rubbing: Path) -> None:
+    page = (rubbing / "out" / "report.html").read_text()
+    assert "The hinges rub like dry friction" in page
+    assert page.count("<svg") >= 4
+    known = ("www.w3.org", "purl.org", "creativecommons.org", "matplotlib.org")
+    addresses = re.findall(r"https?://([a-z0-9.]+)", page)
+    assert all(address in known for address in addresses)  # names in figures, never fetched
+    assert "src=" not in page
+    assert "<script" not in page
+
+
+def test_nothing_half_written_is_left(rubbing: Path) -> None:
+    names = {path.name for path in (rubbing / "out").iterdir()}
+    assert names == {"verdict.json", "report.html", "patch.yaml", "fit.json"}
+
+
+def test_accepted_effect_leaves_no_gap(rubbing: Path, copied: tuple[Path, Path]) -> None:
+    file, out = copied
+    accepted = accept(out, file)
+    assert accepted.effects == ("dry_friction",)
+    pendulum = load_pendulum(file)
+    assert pendulum.effects["dry_friction"]["torque_1"] == pytest.approx(4e-4, rel=0.05)
+    notes = {note.key: note.note for note in pendulum.provenance}
+    assert notes["links.0.damping"] == "was 0.00025"
+    again = fit([rubbing / "runs"], file, out.parent / "again")
+    assert again.verdict == "no_gap"
+    assert again.base["dry_friction.torque_1"].value == pytest.approx(4e-4, rel=0.05)
+
+
+def test_undo_brings_the_file_back_byte_for_byte(copied: tuple[Path, Path]) -> None:
+    file, out = copied
+    before = file.read_bytes()
+    accept(out, file)
+    assert file.read_bytes() != before
+    undo(out, file)
+    assert file.read_bytes() == before
+    with pytest.raises(ConfigurationError, match="nothing to undo"):
+        undo(out, file)
+
+
+def test_acceptance_into_a_changed_file_is_refused(copied: tuple[Path, Path]) -> None:
+    file, out = copied
+    changed = file.read_text() + "# a word\n"
+    file.write_text(changed)
+    with pytest.raises(ConfigurationError, match="has changed since it was fitted"):
+        accept(out, file)
+    assert file.read_text() == changed
+
+
+def test_undo_of_a_file_edited_since_is_refused(copied: tuple[Path, Path]) -> None:
+    file, out = copied
+    accept(out, file)
+    file.write_text(file.read_text() + "# a word\n")
+    with pytest.raises(ConfigurationError, match="has changed since the acceptance"):
+        undo(out, file)
+
+
+def test_effects_of_the_cell_go_into_the_cell_file(copied: tuple[Path, Path]) -> None:
+    file, out = copied
+    cell = out.parent / "cell.yaml"
+    cell.write_text("name: here\neffects:\n  desk_tilt: {angle: 0.001}\n")
+    (out / "cell-patch.yaml").write_text("effects:\n  camera_latency: {time: 0.02}\n")
+    with pytest.raises(ConfigurationError, match="name the cell file"):
+        accept(out, file)
+    accept(out, file, cell)
+    content = yaml.safe_load(cell.read_text())
+    assert content["effects"] == {"desk_tilt": {"angle": 0.001}, "camera_latency": {"time": 0.02}}
+    assert content["name"] == "here"
+    undo(out, file, cell)
+    assert yaml.safe_load(cell.read_text())["effects"] == {"desk_tilt": {"angle": 0.001}}
+
+
+def test_swings_with_nothing_hidden_show_no_gap(tmp_path: Path) -> None:
+    verdict, _, _ = fitted(tmp_path, None, 2)
+    assert verdict.verdict == "no_gap"
+    assert verdict.effects == []
+    assert 0.0 < verdict.detectable["dry_friction"] < 4e-4
+    assert not (tmp_path / "out" / "patch.yaml").exists()
+    with pytest.raises(ConfigurationError, match="nothing was named"):
+        accept(tmp_path / "out", tmp_path / "pendulum.yaml")
+
+
+def test_drag_of_one_link_cannot_be_told_from_a_quadratic_hinge(tmp_path: Path) -> None:
+    verdict, _, _ = fitted(tmp_path, drag, 3)
+    assert verdict.verdict == "ambiguous"
+    assert verdict.ambiguous == [["air_drag", "quadratic_damping"]]
+    assert verdict.effects == []
+
+
+def test_magnet_under_the_pendulum_is_not_named(tmp_path: Path) -> None:
+    verdict, _, _ = fitted(tmp_path, magnet, 4)
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == []
+    assert verdict.unexplained is not None
+
+
+def test_damping_that_grows_from_run_to_run_is_not_named(tmp_path: Path) -> None:
+    verdict, _, _ = fitted(tmp_path, softening, 5)
+    assert verdict.verdict == "unexplained"
+    assert verdict.unexplained is not None
+    assert "damping_1 changes by" in verdict.unexplained.description
+
+
+def test_unknown_held_out_run_is_refused(rubbing: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="--hold-out 99: no such run"):
+        fit([rubbing / "runs"], rubbing / "pendulum.yaml", tmp_path / "out", ["99"])

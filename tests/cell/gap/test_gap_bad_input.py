@@ -1,0 +1,300 @@
+"""Bad input to `cell gap fit`: one clear line, exit code 2, no verdict, and no simulation."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.pendulum.subject import Pendulum
+from cell.gap.subject.strip.simulation import Simulation
+from drivers.types import Array
+from tests.cell.cli.test_command_errors import refused
+from tests.cell.gap.subject.test_gap_strip_runs import drop_column, edit_column, edit_yaml, put
+from tests.support.gap_strip_cases import STRIP, folds, written
+from tests.support.swings import make_swings, write_swings
+
+Words = list[object]
+PENDULUM = PendulumFile.model_validate(
+    {
+        "schema": 1,
+        "kind": "pendulum",
+        "name": "made",
+        "gravity": 9.81,
+        "links": [{"mass": 0.2, "length": None, "com": 0.12, "inertia": 5e-4, "damping": 2.5e-4}],
+    }
+)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Good input, to be spoilt: two runs of each subject and their files."""
+
+    root: Path
+
+    @property
+    def file(self) -> dict[str, Path]:
+        return {"strip": self.root / "denim.yaml", "pendulum": self.root / "pendulum.yaml"}
+
+    def runs(self, of: str) -> Path:
+        return self.root / of / "runs"
+
+    def first(self, of: str) -> Path:
+        return sorted(self.runs(of).iterdir())[0]
+
+    def words(self, of: str, *more: object) -> Words:
+        out = self.root / "out"
+        return ["gap", "fit", self.runs(of), "--strip", self.file[of], "--out", out, *more]
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("good")
+    written(root / "strip" / "runs", folds(["fast", "taut-lift"]))
+    shutil.copy(STRIP, root / "denim.yaml")
+    made = make_swings(
+        PENDULUM, [np.array([a]) for a in (0.2, 0.9)], 0.001, np.random.default_rng(0)
+    )
+    write_swings(root, PENDULUM, made, 0.001)
+    (root / "pendulum").mkdir()
+    (root / "runs").rename(root / "pendulum" / "runs")
+    return root
+
+
+@pytest.fixture
+def bench(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
+    """A copy to spoil, where any simulation is a failure."""
+
+    def forbidden(*_: object) -> None:
+        pytest.fail("bad input was simulated")
+
+    monkeypatch.setattr(Simulation, "_together", forbidden)
+    monkeypatch.setattr(Pendulum, "simulate", forbidden)
+    return Bench(Path(shutil.copytree(good, tmp_path / "bench")))
+
+
+Spoil = Callable[[Path], None]
+"""Spoils the first run of a subject."""
+
+
+def column(file: str, name: str, change: Callable[[Array], Array]) -> Spoil:
+    return lambda run: edit_column(run / file, name, change)
+
+
+def without(file: str, name: str) -> Spoil:
+    return lambda run: drop_column(run / file, name)
+
+
+def head(**changes: object) -> Spoil:
+    return lambda run: edit_yaml(run / "run.yaml", **changes)
+
+
+def cut(file: str) -> Spoil:
+    def spoil(run: Path) -> None:
+        content = (run / file).read_bytes()
+        (run / file).write_bytes(content[: len(content) // 2])
+
+    return spoil
+
+
+def gone(file: str) -> Spoil:
+    return lambda run: (run / file).unlink()
+
+
+def swapped(values: Array) -> Array:
+    values = values.copy()
+    values[[10, 11]] = values[[11, 10]]
+    return values
+
+
+def thousandfold(values: Array) -> Array:
+    return 1e3 * values
+
+
+def strip_sigma(**changes: float) -> Spoil:
+    stated = {"contact_x": 1e-3, "profile": 1e-3, "gripper": 2e-5, "displacement": 3e-3}
+    return head(sigma=stated | changes)
+
+
+TICKS, CURVES, ANGLES = "ticks.parquet", "profile.parquet", "angles.parquet"
+SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
+    ("strip", "missing column"): (without(TICKS, "pitch"), (TICKS, "pitch", "add it")),
+    ("strip", "missing column of curves"): (without(CURVES, "z"), (CURVES, "z:", "add it")),
+    ("strip", "NaN in the gripper"): (column(TICKS, "x", put(40, np.nan)), (TICKS, "x: row 40")),
+    ("strip", "NaN in a curve"): (column(CURVES, "z", put(3, np.nan)), (CURVES, "z: row 3")),
+    ("strip", "times out of order"): (column(TICKS, "t", swapped), (TICKS, "t: row", "increase")),
+    ("strip", "images out of order"): (
+        column(CURVES, "t", lambda t: t[::-1].copy()), (CURVES, "t: row", "increase")),
+    ("strip", "gripper in mm"): (column(TICKS, "x", thousandfold), (TICKS, "x:", "in m")),
+    ("strip", "contact in mm"): (
+        column(TICKS, "contact_x", thousandfold), (TICKS, "contact_x:", "in m")),
+    ("strip", "curves in mm"): (column(CURVES, "x", thousandfold), (CURVES, "x:", "in m")),
+    ("strip", "rows in ms"): (column(TICKS, "t", thousandfold), (TICKS, "t:", "in s")),
+    ("strip", "images in ms"): (column(CURVES, "t", thousandfold), (CURVES, "t:", "in s")),
+    ("strip", "contacts in ms"): (
+        column(TICKS, "contact_t", thousandfold), (TICKS, "contact_t:", "in s")),
+    ("strip", "pitch in degrees"): (column(TICKS, "pitch", np.degrees), (TICKS, "pitch:", "rad")),
+    ("strip", "noise in mm"): (strip_sigma(contact_x=1.5), ("run.yaml", "sigma.contact_x", "in m")),
+    ("strip", "noise of times in ms"): (
+        strip_sigma(touch_time=30.0), ("run.yaml", "sigma.touch_time", "in s")),
+    ("strip", "negative sigma"): (
+        strip_sigma(profile=-1e-3), ("run.yaml", "sigma.profile", "greater than 0")),
+    ("strip", "another strip"): (
+        head(strip="cotton"), ("run.yaml", "'cotton'", "'denim'", "one strip")),
+    ("strip", "truncated"): (cut(TICKS), (TICKS, "Parquet")),
+    ("strip", "truncated curves"): (cut(CURVES), (CURVES, "Parquet")),
+    ("strip", "no curves"): (gone(CURVES), (CURVES, "missing")),
+    ("strip", "no head"): (gone("run.yaml"), ("00-fast: run.yaml: is missing",)),
+    ("strip", "index twice"): (
+        lambda run: (edit_yaml(run / "run.yaml", index=1), again(run))[1],
+        ("run.yaml", "index: is 1", "its own")),
+    ("strip", "touch in ms"): (
+        lambda run: edit_yaml(run / "result.yaml", t_layer_touch=4000.0),
+        ("result.yaml", "t_layer_touch", "in s")),
+    ("strip", "displacement in mm"): (
+        lambda run: edit_yaml(run / "result.yaml", displacement=-30.0),
+        ("result.yaml", "displacement", "l1 - l2")),
+    ("strip", "newer schema"): (head(schema=2), ("run.yaml", "schema: is 2")),
+    ("pendulum", "missing column"): (without(ANGLES, "theta_1"), (ANGLES, "theta_1", "add it")),
+    ("pendulum", "NaN"): (column(ANGLES, "theta_1", put(7, np.nan)), (ANGLES, "theta_1: row 7")),
+    ("pendulum", "times out of order"): (
+        column(ANGLES, "t", swapped), (ANGLES, "t: does not increase", "row 11", "sort")),
+    ("pendulum", "times in ms"): (column(ANGLES, "t", thousandfold), (ANGLES, "t:", "in s")),
+    ("pendulum", "angles in degrees"): (
+        column(ANGLES, "theta_1", np.degrees), (ANGLES, "theta", "in rad")),
+    ("pendulum", "noise in mrad"): (
+        head(sigma={"angle": 1.0}), ("run.yaml", "sigma.angle", "below 0.3 rad")),
+    ("pendulum", "negative sigma"): (
+        head(sigma={"angle": -1e-3}), ("run.yaml", "sigma.angle", "above 0")),
+    ("pendulum", "no sigma"): (head(sigma={}), ("run.yaml", "sigma.angle", "add the noise")),
+    ("pendulum", "another pendulum"): (
+        head(pendulum="other"), ("run.yaml", "other", "made", "one pendulum")),
+    ("pendulum", "truncated"): (cut(ANGLES), (ANGLES, "Parquet")),
+    ("pendulum", "no angles"): (gone(ANGLES), (ANGLES, "missing")),
+    ("pendulum", "no head"): (gone("run.yaml"), ("00: run.yaml: is missing",)),
+    ("pendulum", "index twice"): (
+        lambda run: (edit_yaml(run / "run.yaml", index=1), again(run))[1],
+        ("run.yaml", "index: is 1", "its own")),
+    ("pendulum", "index below zero"): (head(index=-1), ("run.yaml", "index", "0, 1, 2")),
+    ("pendulum", "newer schema"): (head(schema=2), ("run.yaml", "schema: is 2")),
+}  # fmt: skip
+
+
+def again(run: Path) -> None:
+    """A third run, so that not all indices are equal."""
+    shutil.copytree(run, run.parent / "09")
+    edit_yaml(run.parent / "09" / "run.yaml", index=5)
+
+
+def told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], bench: Bench, words: Words
+) -> str:
+    """The one line that refuses `words`; nothing is left of an earlier verdict."""
+    out = Path(str(words[words.index("--out") + 1]))
+    if out.parent.is_dir():
+        out.mkdir()
+        (out / "verdict.json").write_text("{}")
+    line = refused(monkeypatch, capsys, *words)
+    assert "\n" not in line
+    assert not list(bench.root.rglob("verdict.json"))
+    return line
+
+
+@pytest.mark.parametrize("case", SPOILT, ids=" ".join)
+def test_a_spoilt_run_is_refused_by_name(monkeypatch, capsys, bench, case) -> None:
+    subject, _ = case
+    spoil, said = SPOILT[case]
+    run = bench.first(subject)
+    spoil(run)
+    line = told(monkeypatch, capsys, bench, bench.words(subject))
+    assert run.name in line
+    assert all(word in line for word in said), line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_a_single_run_is_refused(monkeypatch, capsys, bench, subject) -> None:
+    words = bench.words(subject)
+    words[2] = bench.first(subject)
+    line = told(monkeypatch, capsys, bench, words)
+    assert str(bench.first(subject)) in line
+    assert "at least two" in line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_an_empty_folder_is_refused(monkeypatch, capsys, bench, subject) -> None:
+    words = bench.words(subject)
+    words[2] = bench.root / "empty"
+    (bench.root / "empty").mkdir()
+    line = told(monkeypatch, capsys, bench, words)
+    assert str(bench.root / "empty") in line
+    assert "run.yaml" in line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_runs_of_one_name_are_refused(monkeypatch, capsys, bench, subject) -> None:
+    words = bench.words(subject)
+    other = bench.root / "other" / subject / "runs"
+    shutil.copytree(bench.runs(subject), other)
+    line = told(monkeypatch, capsys, bench, [*words[:3], other, *words[3:]])
+    assert "rename one" in line
+    assert bench.first(subject).name in line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_holding_out_everything_is_refused(monkeypatch, capsys, bench, subject) -> None:
+    names = sorted(run.name for run in bench.runs(subject).iterdir())
+    options = [word for name in names for word in ("--hold-out", name)]
+    line = told(monkeypatch, capsys, bench, bench.words(subject, *options))
+    assert "--hold-out" in line
+    assert "leave some" in line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_an_unknown_held_out_run_lists_the_known(monkeypatch, capsys, bench, subject) -> None:
+    line = told(monkeypatch, capsys, bench, bench.words(subject, "--hold-out", "zz"))
+    assert "zz" in line
+    assert bench.first(subject).name in line
+
+
+@pytest.mark.parametrize("subject", ["strip", "pendulum"])
+def test_a_place_that_cannot_be_written_is_refused(monkeypatch, capsys, bench, subject) -> None:
+    taken = bench.root / "taken"
+    taken.write_text("mine")
+    words = bench.words(subject)
+    words[words.index("--out") + 1] = taken / "out"
+    line = told(monkeypatch, capsys, bench, words)
+    assert str(taken) in line
+    assert "--out" in line
+    assert taken.read_text() == "mine"
+
+
+@pytest.mark.parametrize(("runs", "file"), [("strip", "pendulum"), ("pendulum", "strip")])
+def test_the_file_of_the_other_subject_is_refused(monkeypatch, capsys, bench, runs, file) -> None:
+    words = bench.words(runs)
+    words[words.index("--strip") + 1] = bench.file[file]
+    line = told(monkeypatch, capsys, bench, words)
+    assert str(bench.first(runs) / "run.yaml") in line
+    assert f"its {runs} file" in line
+
+
+@pytest.mark.parametrize("kind", ["cloth", 3, None])
+def test_a_file_of_an_unknown_kind_is_refused(monkeypatch, capsys, bench, kind) -> None:
+    edit_yaml(bench.file["pendulum"], kind=kind)
+    line = told(monkeypatch, capsys, bench, bench.words("pendulum"))
+    assert "kind" in line
+    assert "strip, pendulum" in line
+
+
+def test_a_missing_strip_file_is_refused(monkeypatch, capsys, bench) -> None:
+    bench.file["strip"].unlink()
+    assert str(bench.file["strip"]) in told(monkeypatch, capsys, bench, bench.words("strip"))
+
+
+def test_single_folds_that_all_say_index_zero_claim_no_order(bench) -> None:
+    from cell.gap.subject.run_folders import check_indices
+
+    folders = sorted(bench.runs("strip").iterdir())
+    check_indices(folders, [0, 0])

@@ -1,0 +1,114 @@
+"""What is believed beside a law that is not quite true, and of runs that went another way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.diagnosis import lack_of_fit
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.likelihood import removed
+from cell.gap.subject.subject import Scope
+from drivers.types import Array
+from tests.cell.gap import test_gap_engine
+from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, wave
+from tests.cell.gap.test_gap_robust import validated
+
+UNTRUE = 0.4
+
+
+def fast(t: Array, speed: float, index: int) -> Array:
+    return bump(t, speed, index) * (speed > 0.9)
+
+
+def slow(t: Array, speed: float, index: int) -> Array:
+    return wave(t, speed, index) * (speed < 0.9)
+
+
+def quick(t: Array, speed: float, index: int) -> Array:
+    return wave(t, speed, index) * (speed > 2.5)
+
+
+class Roughly(Curves):
+    """Curves whose laws are wrong by a share of what they explain."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        rough = tuple(replace(c, model_error=UNTRUE) for c in whole.candidates)
+        return replace(whole, candidates=rough)
+
+
+@pytest.fixture(autouse=True)
+def laws(monkeypatch: pytest.MonkeyPatch) -> None:
+    more = {**test_gap_engine.LAWS, "fast": fast, "slow": slow, "quick": quick}
+    monkeypatch.setattr(test_gap_engine, "LAWS", more)
+
+
+def pool_of(law: Law, *names: tuple[str, ...]) -> list[Validated]:
+    subject = Roughly(law, names=("bump", "fast", "wave", "slow", "quick"))
+    return [validated(fitted(subject, n), subject) for n in ((), *names)]
+
+
+def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains_it() -> None:
+    apart = pool_of(
+        lambda t, s, i: 2.0 * fast(t, s, i) + 0.05 * slow(t, s, i), ("fast",), ("fast", "slow")
+    )
+    assert choose(apart).accepted.model.names == {"fast", "slow"}
+    assert not exhausted(apart[:2])
+    mixed = pool_of(
+        lambda t, s, i: 2.0 * bump(t, s, i) + 0.05 * quick(t, s, i), ("bump",), ("bump", "quick")
+    )
+    assert choose(mixed).accepted.model.names == {"bump"}
+    assert exhausted(mixed[:2])
+
+
+def astray(*runs: int) -> Law:
+    """A hidden bump, and runs that besides went another way."""
+    law = hidden(bump, 0.3)
+    return lambda t, s, i: law(t, s, i) + 0.5 * np.cos(25.0 * t) * (i in runs)
+
+
+@pytest.fixture
+def single(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every run is of a condition of its own."""
+    more = {f"v{i}": 0.6 + 0.3 * i for i in range(7)}
+    monkeypatch.setattr(test_gap_engine, "SPEEDS", {**test_gap_engine.SPEEDS, **more})
+
+
+@pytest.mark.usefixtures("single")
+def test_one_run_that_went_another_way_is_told_and_does_not_hide_what_the_others_show() -> None:
+    _, verdict = judged(Curves(astray(4), repeats=1))
+    assert [e.name for e in verdict.effects] == ["bump"]
+    assert verdict.unexplained is not None
+    assert "run r4 goes another way" in verdict.unexplained.description
+
+
+@pytest.mark.usefixtures("single")
+def test_where_two_runs_go_another_way_the_cause_stays_open() -> None:
+    _, verdict = judged(Curves(astray(4, 5), repeats=1))
+    assert verdict.verdict == "unexplained"
+
+
+@pytest.mark.usefixtures("single")
+@pytest.mark.parametrize("shape", [bump, wave, lambda t, s, i: np.cos(25.0 * t)])
+def test_a_mishap_in_one_run_is_no_effect(shape: Law) -> None:
+    _, verdict = judged(Curves(lambda t, s, i: 0.3 * shape(t, s, i) * (i == 4), repeats=1))
+    assert verdict.verdict == "unexplained"
+
+
+def test_a_run_is_set_aside_only_where_enough_others_bear_that_out() -> None:
+    many, few = (fitted(Curves(astray(2), repeats=n), ("bump",)) for n in (2, 1))
+    name, samples = lack_of_fit.astray(many)
+    assert (name, samples.sum()) == ("r2", 60)
+    name, samples = lack_of_fit.astray(few)
+    assert (name, samples.sum()) == (None, 0)
+
+
+def test_what_a_model_removes_can_be_asked_without_a_run() -> None:
+    subject = Curves(astray(4))
+    base, model = (validated(fitted(subject, n), subject) for n in ((), ("bump",)))
+    by = choose([base, model]).by
+    assert removed(model, base, by) < 0.7
+    assert removed(model, base, by, "r4") > 0.95

@@ -1,0 +1,87 @@
+"""`cell gap` on the command line: fit, accept, undo, advise."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.__main__ import main
+from cell.cli.gap import _summary
+from cell.gap.diagnosis.detection_limit import detectable
+from cell.gap.fitting import normal_equations
+from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.screening import Probed
+from cell.gap.subject.subject import Candidate, Parameter
+from cell.gap.verdict.schema import Verdict
+from drivers.types import Array
+from tests.cell.cli.test_command_errors import refused
+
+SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
+
+
+def test_missing_runs_are_refused_and_leave_no_verdict(monkeypatch, capsys, tmp_path) -> None:
+    strip = Path("configs/strips/denim.yaml").resolve()
+    words = ("gap", "fit", tmp_path / "none", "--strip", strip, "--out", tmp_path / "out")
+    line = refused(monkeypatch, capsys, *words)
+    assert str(tmp_path / "none") in line
+    assert not (tmp_path / "out" / "verdict.json").exists()
+
+
+@pytest.mark.parametrize("command", ["accept", "undo"])
+def test_a_folder_without_a_fit_is_refused(monkeypatch, capsys, tmp_path, command) -> None:
+    strip = Path("configs/strips/denim.yaml").resolve()
+    line = refused(monkeypatch, capsys, "gap", command, tmp_path, "--strip", strip)
+    assert str(tmp_path) in line
+
+
+@pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
+def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
+    words = ["gap", "fit", SINGLE / "runs", "--strip", SINGLE / "pendulum.yaml"]
+    monkeypatch.setattr(
+        "sys.argv", ["cell", *map(os.fspath, words), "--out", str(tmp_path), "--json"]
+    )
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((tmp_path / "verdict.json").read_text())
+    assert {"report.html", "overlay.rrd"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_a_run_that_died_is_told_in_the_summary() -> None:
+    gap = {"before": {}, "after": {}, "floor": {}}
+    gap |= {"shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}
+    lists = {key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")}
+    facts = lists | {"verdict": "no_gap", "unexplained": None, "base": {}, "gap": gap}
+    facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
+    whole = Verdict.model_validate(facts)
+    died = whole.model_copy(update={"notes": ["03: died after 2.1 s"]})
+    assert list(_summary(whole)) == ["no gap"]
+    assert list(_summary(died)) == ["no gap", "  note: 03: died after 2.1 s"]
+
+
+class Straight:
+    """A projection that takes nothing away."""
+
+    def weighed(self, responses: Array) -> Array:
+        return responses
+
+    def form(self, responses: Array) -> normal_equations.Normal:
+        return normal_equations.Normal(np.zeros(responses.shape[1]), responses.T @ responses)
+
+
+@pytest.mark.parametrize(
+    ("bound", "inverse", "stated"),
+    [(2.1, False, 2.0), (1.9, False, None), (2.1, True, 0.5), (1.9, True, None)],
+)
+def test_a_size_beyond_what_is_possible_is_not_detectable(
+    bound: float, inverse: bool, stated: float | None
+) -> None:
+    """One unit gives 4 sigma, so that 8 sigma take two units."""
+    size = Parameter("size", "1", 0.0, 0.0, bound, 0.1, inverse=inverse)
+    candidate = Candidate("lump", "it has a lump", "strip", (size,), (((1.0,),),))
+    probed = Probed(candidate, ((np.array([1.0]),),), (np.array([[4.0], [0.0]]),))
+    by = LikelihoodScale(scale=1.0, inefficiency=1.0)
+    assert detectable(Straight(), [probed], by) == {"lump": stated}

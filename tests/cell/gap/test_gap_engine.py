@@ -1,0 +1,297 @@
+"""The gap engine on a subject of plain curves: it knows nothing of strips or pendulums."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from cell.gap.diagnosis.lack_of_fit import pure_error
+from cell.gap.fitting.crossvalidation import folds
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.starts import undetermined
+from cell.gap.fitting.tasks import Counter, run_all, run_one
+from cell.gap.investigate import investigate
+from cell.gap.report.sentence import sentence
+from cell.gap.selection.hold_out import held_out
+from cell.gap.subject.subject import (
+    Candidate,
+    Experiment,
+    Parameter,
+    Quantity,
+    Request,
+    Residuals,
+    Run,
+    Samples,
+    Scope,
+)
+from cell.gap.verdict.compose import verdict as compose
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Verdict
+from drivers.types import Array
+
+T = np.linspace(0.0, 1.0, 60)
+SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}
+Law = Callable[[Array, float, int], Array]
+
+
+def bump(t: Array, speed: float, _: int) -> Array:
+    return speed * np.exp(-(((t - 0.5) / 0.12) ** 2))
+
+
+def wave(t: Array, speed: float, _: int) -> Array:
+    return np.sin(9.0 * t) / speed
+
+
+def nothing(t: Array, _: float, __: int) -> Array:
+    return np.zeros_like(t)
+
+
+LAWS: Mapping[str, Law] = {"bump": bump, "twin": bump, "wave": wave, "dead": nothing}
+
+
+def candidate(name: str, signed: bool) -> Candidate:
+    p = Parameter("size", "m", 0.0, -5.0 if signed else 0.0, 5.0, 1e-3, 1.0)
+    return Candidate(name, f"there is a {name}", "strip", (p,), (((0.01,),), ((0.1,),)))
+
+
+@dataclass
+class Curves:
+    """y = offset + slope t (+ effects) + each run's own shift; `truth` adds what is hidden."""
+
+    truth: Law
+    names: Sequence[str] = ("bump", "wave", "dead")
+    noise: float = 0.01
+    seed: int = 0
+    repeats: int = 2
+    scatter: float = 0.0
+    signed: bool = True
+    name: str = "curves"
+    notes: Sequence[str] = ()
+    runs: list[Run] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        rng = np.random.default_rng(self.seed)
+        for index in range(self.repeats * len(SPEEDS)):
+            condition = list(SPEEDS)[index % len(SPEEDS)]
+            y = 0.2 + 0.5 * T + 0.03 * rng.standard_normal() + self.noise * rng.standard_normal(60)
+            y = y + self.scatter * rng.standard_normal() * T**2
+            self.runs.append(
+                self.run(index, condition, y + self.truth(T, SPEEDS[condition], index))
+            )
+
+    def run(self, index: int, condition: str, y: Array) -> Run:
+        words = np.full(60, "angle")
+        phase = np.where(T < 0.5, "lift", "fall")
+        samples = Samples(
+            words, phase, np.full(60, "middle"), words, T, np.full(60, self.noise),
+            np.full(60, self.noise), np.zeros(60), np.zeros(60, dtype=np.int64),
+        )  # fmt: skip
+        shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4, 0.1)
+        return Run(f"r{index}", condition, samples, (shift,), (condition, y), index)
+
+    @property
+    def scope(self) -> Scope:
+        base = (
+            Parameter("offset", "m", 0.0, -10.0, 10.0, 1e-4, 1.0),
+            Parameter("slope", "m/s", 0.0, -10.0, 10.0, 1e-4, 1.0),
+        )
+        quantity = Quantity("angle_mrad", 1e3, "mrad")
+        return Scope(
+            base, tuple(candidate(name, self.signed) for name in self.names), {"angle": quantity}
+        )
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = []
+        for q in requests:
+            condition, y = q.run.content
+            simulated = q.base[0] + q.base[1] * T + q.local[0]
+            for name, values in q.effects.items():
+                simulated = simulated + values[0] * LAWS[name](T, SPEEDS[condition], 0)
+            found.append(Residuals(y - simulated, (y - simulated) ** 2))
+        return found
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        return [request.run for request in requests]
+
+    def experiments(self) -> Sequence[Experiment]:
+        return [Experiment("fast", "make it fast", 1.0, self.run(99, "faster", np.zeros(60)))]
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], None]:
+        return {"base": dict(base), "effects": dict(effects), "source": source}, None
+
+
+def judged(subject: Curves) -> tuple[Findings, Verdict]:
+    simulate = Counter(subject.simulate)
+    held = held_out(subject, simulate)
+    found = investigate(subject, held, simulate, lambda stage, share: None)
+    return found, compose(found, 0.0, simulate.total)
+
+
+def fitted(subject: Curves, names: Sequence[str] = ()) -> Estimate:
+    scope, runs = subject.scope, evidence(subject.runs)
+    model = Model(scope.base, tuple(c for c in scope.candidates if c.name in names))
+    start = Point(np.array([p.start for p in model.parameters]), runs.start())
+    return run_one(subject.simulate, refit(model, runs, start))
+
+
+def hidden(law: Law, size: float) -> Law:
+    return lambda t, speed, index: size * law(t, speed, index)
+
+
+def test_base_is_refitted_to_its_true_values() -> None:
+    estimate = fitted(Curves(nothing))
+    assert estimate.shared[1] == pytest.approx(0.5, abs=0.01)
+    assert estimate.scale == pytest.approx(1.0, abs=0.1)
+
+
+def test_hidden_effect_is_named_with_an_interval_that_covers_it() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.05)))
+    assert verdict.verdict == "named"
+    (effect,) = verdict.effects
+    size = effect.parameters["size"]
+    assert effect.name == "bump"
+    assert size.low is not None
+    assert size.high is not None
+    assert size.low < 0.05 < size.high
+    assert verdict.gap.after["angle_mrad"] == pytest.approx(10.0, rel=0.1)
+    assert verdict.gap.shrink > 0.8
+    assert verdict.unexplained is None
+
+
+def test_nothing_hidden_is_no_gap_with_detectable_sizes() -> None:
+    kinds = [judged(Curves(nothing, seed=seed))[1] for seed in range(12)]
+    assert [v.verdict for v in kinds].count("no_gap") >= 11
+    assert not any(v.effects for v in kinds)
+    assert 0.0 < kinds[0].detectable["bump"] < 0.02
+
+
+def test_detectable_size_is_found_when_it_is_there() -> None:
+    size = judged(Curves(nothing))[1].detectable["bump"]
+    found = [judged(Curves(hidden(bump, size), seed=seed))[1] for seed in range(1, 6)]
+    assert [[e.name for e in v.effects] for v in found].count(["bump"]) >= 4
+
+
+def test_two_effects_are_found_together() -> None:
+    both: Law = lambda t, s, i: 0.05 * bump(t, s, i) - 0.04 * wave(t, s, i)  # noqa: E731
+    _, verdict = judged(Curves(both))
+    assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
+
+
+def test_twins_are_ambiguous_and_nothing_is_patched() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.05), names=("bump", "twin", "wave")))
+    assert verdict.verdict == "ambiguous"
+    assert verdict.ambiguous == [["bump", "twin"]]
+    assert verdict.effects == []
+
+
+def test_what_no_other_stands_in_for_is_named_beside_twins_at_its_value_beside_them() -> None:
+    both: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.03 * wave(t, s, i)  # noqa: E731
+    found, verdict = judged(Curves(both, names=("bump", "twin", "wave")))
+    assert verdict.verdict == "named"
+    assert verdict.ambiguous == [["bump", "twin"]]
+    (effect,) = verdict.effects
+    size = effect.parameters["size"]
+    assert effect.name == "wave"
+    assert size.low < -0.03 < size.high
+    assert "cannot tell apart: bump or twin (the numbers are with " in sentence(found, verdict)
+    assert verdict.gap.shrink > 0.9
+
+
+def test_cause_outside_the_library_is_unexplained() -> None:
+    spike: Law = lambda t, s, i: 0.2 * np.exp(-(((t - 0.8) / 0.03) ** 2))  # noqa: E731
+    _, verdict = judged(Curves(spike))
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == []
+    assert verdict.unexplained is not None
+
+
+def test_proxy_whose_amplitude_drifts_between_conditions_is_not_named() -> None:
+    proxy: Law = lambda t, s, i: 0.1 * bump(t, 1.0, i) * (1.0 if s < 1.5 else -1.0)  # noqa: E731
+    found, verdict = judged(Curves(proxy, repeats=3))
+    assert verdict.verdict == "unexplained"
+    tests = found.judged.invariances["bump"]["bump"]
+    assert not tests.holds
+
+
+def test_specimen_that_drifts_from_run_to_run_is_not_called_in_order() -> None:
+    drift: Law = lambda t, s, i: 0.02 * i * t  # noqa: E731
+    found, verdict = judged(Curves(drift))
+    assert verdict.verdict == "unexplained"
+    assert found.fitted.drift is not None
+    assert "slope" in found.fitted.drift.words
+
+
+def test_effect_without_response_changes_nothing() -> None:
+    found, verdict = judged(Curves(hidden(bump, 0.05)))
+    dead = next(p for p in found.screened.probed if p.candidate.name == "dead")
+    assert dead.dead
+    assert "dead" not in verdict.detectable
+
+
+def test_one_sided_effect_is_not_taken_with_the_wrong_sign() -> None:
+    _, verdict = judged(Curves(hidden(bump, -0.05), signed=False))
+    assert verdict.effects == []
+    assert verdict.verdict == "unexplained"
+
+
+def test_strongest_place_is_where_the_effect_was_hidden() -> None:
+    late: Law = lambda t, s, i: np.where((t > 0.6) & (s > 2.5), 0.05, 0.0)  # noqa: E731
+    found, _ = judged(Curves(late))
+    first = found.fitted.places[0]
+    assert (first.phase, first.condition) == ("fall", "faster")
+    assert first.p < 0.01
+
+
+def test_scatter_between_repeats_raises_the_noise() -> None:
+    quiet = pure_error(fitted(Curves(nothing, repeats=4)))["angle"]
+    loud = pure_error(fitted(Curves(nothing, repeats=4, scatter=0.05)))["angle"]
+    assert quiet == pytest.approx(1.0)
+    assert loud > 2.0
+
+
+def test_conditions_are_never_split_between_folds() -> None:
+    subject = Curves(nothing, repeats=3)
+    runs = subject.runs
+    for fold in folds(runs):
+        inside = {runs[i].condition for i in fold}
+        outside = {run.condition for i, run in enumerate(runs) if i not in fold}
+        assert not inside & outside
+    held = held_out(subject, subject.simulate)
+    assert {r.condition for r in runs if r.name in held}.isdisjoint(
+        r.condition for r in runs if r.name not in held
+    )
+
+
+def test_direction_that_the_runs_cannot_determine_is_named() -> None:
+    subject = Curves(nothing)
+    for run in subject.runs:
+        shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
+        object.__setattr__(run, "local", (shift,))
+    weak = undetermined(fitted(subject))
+    assert [u.words for u in weak] == ["offset"]
+
+
+def test_same_verdict_whatever_runs_beside_a_fit() -> None:
+    subject = Curves(hidden(bump, 0.05))
+    scope, runs = subject.scope, evidence(subject.runs)
+    models = [Model(scope.base, (c,)) for c in scope.candidates]
+
+    def task(model: Model) -> object:
+        start = Point(np.array([p.start for p in model.parameters]), runs.start())
+        return refit(model, runs, start)
+
+    crowd = run_all(subject.simulate, [task(m) for m in models])
+    single = [run_one(subject.simulate, task(m)) for m in models]
+    for a, b in zip(crowd, single, strict=True):
+        np.testing.assert_array_equal(a.shared, b.shared)
+
+
+def test_wild_samples_do_not_move_the_fit() -> None:
+    subject = Curves(nothing)
+    for run in subject.runs:
+        run.content[1][::20] += 3.0
+    assert fitted(subject).shared[1] == pytest.approx(0.5, abs=0.02)

@@ -1,0 +1,52 @@
+"""Which runs only judge."""
+
+import pytest
+
+import tests.cell.gap.test_gap_engine as engine
+from cell.gap.selection.hold_out import Informativeness, held_out
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from tests.cell.gap.test_gap_engine import Curves, bump, hidden, nothing
+
+
+def medium_only(t: Array, speed: float, _: int) -> Array:
+    return bump(t, speed, 0) * (speed == 1.0)
+
+
+def conditions(subject: Curves) -> set[str]:
+    held = held_out(subject, subject.simulate)
+    return {run.condition for run in subject.runs if run.name in held}
+
+
+def test_one_condition_in_four_is_held_out_with_all_its_repeats() -> None:
+    subject = Curves(nothing, repeats=3)
+    assert conditions(subject) == {"medium"}
+    assert len(held_out(subject, subject.simulate)) == 3
+
+
+def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
+    subject = Curves(nothing, names=("bump", "single"))
+    medium = [i for i, run in enumerate(subject.runs) if run.condition == "medium"]
+    assert Informativeness(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
+    assert conditions(subject) == {"fast"}
+
+
+def test_what_was_measured_has_no_say() -> None:
+    subjects = [Curves(hidden(bump, size), seed=seed) for size, seed in ((0.0, 0), (0.5, 1))]
+    assert len({frozenset(conditions(subject)) for subject in subjects}) == 1
+
+
+def test_runs_that_were_asked_for_are_held_out() -> None:
+    subject = Curves(nothing)
+    assert held_out(subject, subject.simulate, ["r3", "r0", "r3"]) == ["r3", "r0"]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [(["r99"], "--hold-out r99: no such run"), ([f"r{i}" for i in range(8)], "all runs")],
+)
+def test_runs_that_cannot_be_held_out_are_refused(wanted: list[str], words: str) -> None:
+    subject = Curves(nothing)
+    with pytest.raises(ConfigurationError, match=words):
+        held_out(subject, subject.simulate, wanted)

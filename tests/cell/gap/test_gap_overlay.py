@@ -1,0 +1,187 @@
+"""overlay.rrd: what was measured, before and after, as a reader of the recording finds it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from cell.gap.diagnosis.held_out_gap import floor
+from cell.gap.fit import fit
+from cell.gap.fitting.model import evidence
+from cell.gap.report.overlay import write_overlay, write_recording
+from cell.gap.subject.scene import Replayed, Scene
+from cell.gap.subject.strip.scenes import CONTACT, DISTANCE
+from cell.gap.subject.strip.subject import Strip, open_strip
+from cell.gap.subject.subject import Request
+from cell.gap.verdict.schema import read_verdict
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from tests.cell.gap.test_gap_bad_input import PENDULUM
+from tests.support.gap_strip_cases import CELL, STRIP, folds, written
+from tests.support.swings import make_swings, write_swings
+
+SOFT = 0.85  # times the stated bending length
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The moving rows of one entity: times (m,) [s] and their values."""
+
+    t: Array
+    values: list[object]
+
+
+def read(path: Path) -> dict[str, Rows]:
+    """All that moves in a recording, by entity, without the escapes of titles."""
+    found: dict[str, list[tuple[float, object]]] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.is_static or "t" not in chunk.timeline_names:
+            continue
+        batch = chunk.to_record_batch()
+        (name,) = (n for n in batch.schema.names if n.split(":")[-1] in MOVING)
+        times = np.array(batch["t"].cast("int64")) * 1e-9
+        rows = found.setdefault(chunk.entity_path.replace("\\", ""), [])
+        rows += zip(times.tolist(), batch[name].to_pylist(), strict=True)
+    ordered = {entity: sorted(rows, key=lambda row: row[0]) for entity, rows in found.items()}
+    return {
+        entity: Rows(np.array([t for t, _ in rows]), [value for _, value in rows])
+        for entity, rows in ordered.items()
+    }
+
+
+MOVING = {"strips", "positions", "scalars", "text"}
+
+
+def numbers(rows: Rows) -> Array:
+    return np.array([value[0] for value in rows.values])  # type: ignore[index]
+
+
+def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
+    start = {p.name: p.start for p in strip.scope.base} | changes
+    base = np.array([start[p.name] for p in strip.scope.base])
+    return strip.simulated([Request(run, base, {}, np.zeros(1)) for run in strip.runs])
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory: pytest.TempPathFactory) -> Strip:
+    """Two folds of the strip exactly as its file states it."""
+    root = tmp_path_factory.mktemp("folds") / "runs"
+    written(root, folds(["normal", "taut-lift"]))
+    return open_strip(STRIP, [root])
+
+
+@pytest.fixture(scope="module")
+def replays(strip: Strip) -> list[Replayed]:
+    """Before: a strip that is too soft; after: the right one."""
+    before = simulated(strip, bending_length=SOFT * strip.file.bending_length)
+    after = simulated(strip)
+    return [
+        Replayed(run.name, run.name == "00-normal", strip.measured(run), old, new)
+        for run, old, new in zip(strip.runs, before, after, strict=True)
+    ]
+
+
+@pytest.fixture(scope="module")
+def recording(replays: list[Replayed], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recording") / "overlay.rrd"
+    write_recording("denim", replays, path)
+    return path
+
+
+def test_measured_points_stand_where_they_were_measured(recording, replays) -> None:
+    rows = read(recording)["/00-normal/curve/measured"]
+    curve = replays[0].measured.curve
+    np.testing.assert_allclose(rows.t, curve.t, atol=1e-8)
+    for drawn, points in zip(rows.values, curve.points, strict=True):
+        np.testing.assert_allclose(np.array(drawn)[:, [0, 2]], points, atol=1e-6)
+        assert not np.array(drawn)[:, 1].any()
+
+
+def test_the_right_model_lies_on_the_measured_midline(recording) -> None:
+    rows = read(recording)
+    before, after = (
+        numbers(rows[f"/00-normal/signals/{DISTANCE}/{word}"]) for word in ("before", "after")
+    )
+    assert np.median(after) == pytest.approx(1e3 * CELL.profile, rel=0.25)
+    assert np.quantile(before, 0.9) > 2.0 * np.quantile(after, 0.9)
+    line = np.array(rows["/00-normal/curve/after"].values[-1][0])[:, [0, 2]]
+    points = np.array(rows["/00-normal/curve/measured"].values[-1])[:, [0, 2]]
+    off = np.hypot(*(points[:, None] - line[None]).transpose(2, 0, 1)).min(axis=1)
+    assert np.median(off) < 0.004
+
+
+def test_contact_is_drawn_where_it_is_plotted(recording) -> None:
+    rows = read(recording)
+    for word in ("measured", "before", "after"):
+        dots = np.array([value[0] for value in rows[f"/00-normal/tracks/contact/{word}"].values])
+        plotted = numbers(rows[f"/00-normal/signals/{CONTACT}/{word}"])
+        np.testing.assert_allclose(1e3 * dots[:, 0], plotted, atol=1e-3)
+        assert not dots[:, 1:].any()
+
+
+def test_a_touch_is_told_by_the_time_it_was_seen(recording, replays) -> None:
+    rows = read(recording)
+    (seen,) = replays[0].measured.events
+    event = rows["/00-normal/events/measured"]
+    assert event.t[0] == pytest.approx(seen[0], abs=1e-6)
+    assert "layer_touch" in str(event.values[0])
+    assert rows["/00-normal/events/after"].t[0] == pytest.approx(seen[0], abs=0.15)
+    assert "/01-taut-lift/events/measured" not in rows, "its layers never touch"
+
+
+def test_the_gripper_moves_along_its_path(recording) -> None:
+    rows = read(recording)["/01-taut-lift/tracks/gripper/measured"]
+    first = np.array(rows.values[0][0])
+    np.testing.assert_allclose(first, [0.6, 0.0, 0.0], atol=1e-3)
+
+
+def test_a_recording_carries_one_blueprint(recording) -> None:
+    assert len(RrdReader(recording).blueprints()) == 1
+
+
+def test_a_model_without_effects_has_no_after(replays, tmp_path) -> None:
+    run = replays[0]
+    write_recording(
+        "denim", [Replayed(run.name, True, run.measured, run.before, None)], tmp_path / "o.rrd"
+    )
+    rows = read(tmp_path / "o.rrd")
+    assert "/00-normal/curve/before" in rows
+    assert not [entity for entity in rows if entity.endswith("/after")]
+
+
+def test_a_place_that_cannot_be_written_is_named(replays, tmp_path) -> None:
+    path = tmp_path / "none" / "overlay.rrd"
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        write_recording("denim", replays, path)
+
+
+def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None:
+    assert "touch_x" in strip.runs[0].samples.quantity
+    shown = floor(evidence(strip.runs), strip.scope.quantities)
+    assert set(shown) == {"profile_mm", "contact_x_mm", "displacement_mm", "touch_ms"}
+
+
+def test_swings_are_recorded_beside_the_verdict(tmp_path) -> None:
+    """Dry friction is hidden: the accepted model follows the angles more closely."""
+
+    def dry(_: Array, rate: Array, __: int) -> Array:
+        return np.asarray(4e-4 * np.tanh(rate / 0.005))
+
+    lifts = [np.array([a]) for a in (0.2, 0.5, 0.9, 1.3, 0.2, 0.5, 0.9, 1.3)]
+    made = make_swings(PENDULUM, lifts, 0.001, np.random.default_rng(3), dry)
+    file, runs = write_swings(tmp_path, PENDULUM, made, 0.001)
+    verdict = fit([runs], file, tmp_path / "out", overlay=write_overlay)
+    rows = read(tmp_path / "out" / "overlay.rrd")
+    assert {entity.split("/")[1] for entity in rows} == {f"{i:02d}" for i in range(8)}
+    held = verdict.held_out[0]
+    left = {
+        word: numbers(rows[f"/{held}/signals/angle 1, measured - simulated [mrad]/{word}"])
+        for word in ("before", "after")
+    }
+    assert np.std(left["after"]) == pytest.approx(1.0, rel=0.25), "noise alone"
+    assert np.std(left["before"]) > 2.0 * np.std(left["after"])
+    kept = read_verdict(tmp_path / "out" / "verdict.json")
+    assert set(kept.gap.before) == {"angle_mrad", "excess"}

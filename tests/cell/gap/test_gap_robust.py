@@ -1,0 +1,142 @@
+"""What must not decide a verdict: a wild sample, a lost base, repeats that scatter."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.lack_of_fit import unshown
+from cell.gap.fitting import robust
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Model, Point, evidence, response
+from cell.gap.fitting.starts import refit_base_fine, refit_fine
+from cell.gap.fitting.tasks import run_one
+from cell.gap.selection.choice import is_significant
+from cell.gap.selection.likelihood import likelihood_scale
+from cell.gap.selection.search import better_base
+from cell.gap.subject.subject import Request, Residuals, Run
+from cell.gap.verdict.decide import kind, unexplained_part, unseen_remains
+from drivers.types import Array
+from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
+
+GRAIN = 0.1
+
+
+def test_loss_is_bounded_where_fits_are_judged() -> None:
+    r = np.array([0.0, 2.0, robust.WILD, 40.0])
+    assert robust.bounded_loss(r) == pytest.approx([0.0, 2.0, 10.5, 10.5])
+    assert robust.clipped(np.array([-9.0, 1.0])) == pytest.approx([-robust.THRESHOLD, 1.0])
+
+
+def once(t: Array, _: float, index: int) -> Array:
+    return np.where((t == T[40]) & (index == 2), 0.5, 0.0)
+
+
+def test_one_wild_sample_claims_no_gap() -> None:
+    found, verdict = judged(Curves(once))
+    assert abs(found.fitted.places[0].z) > 10.0
+    assert verdict.verdict == "no_gap"
+
+
+def test_misfit_of_one_condition_is_no_drift() -> None:
+    def late(t: Array, speed: float, _: int) -> Array:
+        return np.where((t > 0.6) & (speed > 2.5), 0.2, 0.0)
+
+    change = drift(fitted(Curves(late)))
+    assert change is not None
+    assert not change.real
+
+
+def test_drift_between_repeats_is_real_and_named() -> None:
+    change = drift(fitted(Curves(lambda t, _s, i: 0.03 * i * t)))
+    assert change is not None
+    assert change.real
+    assert change.words.startswith("slope changes by +")
+    assert max(change.inflation.values()) < max(change.scatter.values())
+
+
+def test_repeats_that_scatter_for_no_reason_leave_the_cause_open() -> None:
+    _, verdict = judged(Curves(hidden(wave, 0.3), repeats=4, scatter=0.2))
+    assert verdict.verdict == "unexplained"
+    assert verdict.unexplained is not None
+    assert "repeats of one condition differ by" in verdict.unexplained.description
+
+
+@pytest.mark.parametrize(
+    ("size", "name", "expected"), [(0.3, "wave", True), (0.0, "wave", False), (0.3, "dead", True)]
+)
+def test_effect_is_resolved_where_its_interval_excludes_absence(
+    size: float, name: str, expected: bool
+) -> None:
+    estimate = fitted(Curves(hidden(wave, size)), (name,))
+    effect = estimate.model.effects[0]
+    assert is_significant(estimate, effect, likelihood_scale([validated(estimate)])) is expected
+
+
+def validated(estimate: Estimate, subject: Curves | None = None) -> Validated:
+    simulate = (subject or Curves(nothing)).simulate
+    return run_one(simulate, validate(estimate))
+
+
+def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None:
+    subject = Curves(hidden(wave, 0.3))
+    runs = evidence(subject.runs)
+    model = Model(subject.scope.base)
+    start = Point(np.array([3.0, -2.0]), runs.start())
+    lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
+    right = validated(fitted(subject, ("wave",)), subject)
+    better = better_base(subject.simulate, [validated(lost, subject), right])
+    assert better is not None
+    assert better.scale < lost.scale
+    found = validated(fitted(subject), subject)
+    assert better_base(subject.simulate, [found, right]) is None
+
+
+def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:
+    here = Residuals(np.array([0.02, np.nan, np.nan]), np.zeros(3))
+    there = Residuals(np.array([np.nan, 0.01, np.nan]), np.zeros(3))
+    assert response(there, here, np.full(3, 0.01)) == pytest.approx([8.0, -9.0, 0.0])
+
+
+def test_lost_samples_are_left_to_others_of_their_run() -> None:
+    estimate = fitted(Curves(nothing))
+    raw = list(estimate.raw)
+    raw[0] = Residuals(np.where(T < 0.1, np.nan, raw[0].mean), raw[0].square)
+    raw[1] = Residuals(np.full(len(T), np.nan), raw[1].square)
+    object.__setattr__(estimate, "raw", tuple(raw))
+    found = np.split(unshown(estimate), len(raw))
+    assert found[0].sum() == (T < 0.1).sum()
+    assert not np.any(found[1:])
+
+
+class Grained(Curves):
+    """Curves whose simulation turns out coarse: no model gets them right below `GRAIN`."""
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        return [replace(q.run, samples=replace(q.run.samples, floor=np.full(len(T), GRAIN)))
+                for q in requests]  # fmt: skip
+
+
+def test_what_the_grain_of_the_base_leaves_is_no_gap_and_all_are_judged_by_it() -> None:
+    _, verdict = judged(Grained(hidden(wave, 0.01)))
+    assert verdict.verdict == "no_gap"
+    assert judged(Curves(hidden(wave, 0.01)))[1].verdict == "named"
+    subject = Grained(hidden(wave, 0.3))
+    base = refit_base_fine(subject, subject.simulate, fitted(subject))
+    assert base.evidence.scales[0] == pytest.approx(np.hypot(subject.noise, GRAIN))
+    rough = fitted(subject, ("wave",))
+    assert refit_fine(subject, subject.simulate, rough).evidence.scales is rough.evidence.scales
+
+
+def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> None:
+    subject = Curves(hidden(wave, 0.3))
+    found, verdict = judged(subject)
+    assert verdict.verdict == "named"
+    assert not unseen_remains(found)
+    worse = replace(found.shown, after=found.shown.before)
+    assert unseen_remains(replace(found, shown=worse))
+    assert kind(replace(found, shown=worse)) == "unexplained"
+    assert "not even halved" in unexplained_part(replace(found, shown=worse))

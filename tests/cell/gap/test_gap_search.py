@@ -1,0 +1,109 @@
+"""Which models are worth refitting after others were."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.model import Model
+from cell.gap.fitting.tasks import run_one
+from cell.gap.selection.choice import exhausted
+from cell.gap.selection.screening import Score
+from cell.gap.selection.search import (
+    merged,
+    shape_parameters,
+    shortlist,
+    with_shape_parameters,
+    without_each,
+)
+from cell.gap.subject.subject import Parameter, Request, Residuals, Scope
+from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, wave
+from tests.cell.gap.test_gap_engine import fitted as at
+from tests.cell.gap.test_gap_robust import validated
+
+BOTH: Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.15 * wave(t, s, i)  # noqa: E731
+FAINT: Law = lambda t, s, i: 2.0 * bump(t, s, i) - 0.002 * wave(t, s, i)  # noqa: E731
+
+
+def test_nothing_is_searched_beside_what_leaves_too_little() -> None:
+    for law, done in ((hidden(bump, 0.2), True), (FAINT, True), (BOTH, False)):
+        subject = Curves(law)
+        pool = [validated(at(subject, names), subject) for names in ((), ("bump",))]
+        assert exhausted(pool) is done
+
+
+def test_a_base_is_never_exhausted() -> None:
+    subject = Curves(hidden(bump, 0.2))
+    assert not exhausted([validated(at(subject), subject)])
+
+
+def test_singles_begin_again_from_a_better_pair_though_it_was_not_accepted() -> None:
+    subject = Curves(hidden(bump, 0.2))
+    base, pair = (validated(at(subject, n), subject) for n in ((), ("bump", "wave")))
+    scores = without_each([base, pair])
+    assert [s.names for s in scores[-2:]] == [("wave",), ("bump",)]
+    assert all(s.after is pair.estimate for s in scores)
+    assert [s.names for s in without_each([base])] == []
+
+
+class Bending(Curves):
+    """Curves whose bump may lean: its finer parameter adds a share of its slope."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, shape=True)
+        first, *others = whole.candidates
+        return replace(whole, candidates=(replace(first, finer=(lean,)), *others))
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = super().simulate(requests)
+        for q, residuals in zip(requests, found, strict=True):
+            size, lean = (*q.effects.get("bump", (0.0,)), 0.0)[:2]
+            speed = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}[q.run.condition]
+            residuals.mean[:] -= size * lean * leaning(np.linspace(0.0, 1.0, 60), speed, 0)
+        return found
+
+
+def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
+    return 5.0 * (t - 0.5) * bump(t, speed, 0)
+
+
+def pool_of(lean: float) -> list[Validated]:
+    subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
+    found = [at(subject, names) for names in ((), ("bump",))]
+    return [run_one(subject.simulate, validate(fit)) for fit in found]
+
+
+def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
+    subject = Curves(BOTH)
+    base = at(subject)
+    some = np.array([0.1])
+    screened = [Score(names, gain, dict.fromkeys(names, some), linear=False)
+                for names, gain in ((("bump", "dead"), 9.0), (("bump", "wave"), 1.0))]  # fmt: skip
+    (first,) = shortlist(subject.simulate, base, screened, subject.scope.candidates, 1)
+    assert first.names == ("bump", "wave")
+    (start,) = first.starts
+    assert [start[n][0] for n in first.names] == pytest.approx([0.2, -0.15], abs=0.02)
+
+
+def test_law_that_only_resembles_the_librarys_is_bent() -> None:
+    subject, pool = Bending(BOTH), pool_of(lean=0.5)
+    (found,) = shape_parameters(subject.simulate, pool)
+    assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
+    (known, *_) = with_shape_parameters(subject.scope.candidates, merged(pool, [found]))
+    assert [p.name for p in known.parameters] == ["size", "lean"]
+    assert not known.finer
+
+
+def test_law_that_holds_is_not_bent() -> None:
+    assert shape_parameters(Bending(BOTH).simulate, pool_of(lean=0.0)) == []
+
+
+def test_values_of_a_law_that_was_not_bent_start_its_bent_one() -> None:
+    scope = Bending(BOTH).scope
+    model = Model(scope.base, (scope.candidates[0].bent(),))
+    joined = model.joined(np.array([1.0, 2.0]), {"bump": np.array([0.3])})
+    assert joined == pytest.approx([1.0, 2.0, 0.3, 0.0])

@@ -1,0 +1,65 @@
+"""The gap workflow's statistics against textbook values and known processes."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from cell.gap.fitting import normal_equations, robust
+from cell.gap.selection.likelihood import bounded, excess, holm
+from cell.gap.subject.subject import Run, Samples
+
+
+def test_bounded_step_is_the_minimum_within_the_bounds() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        n = int(rng.integers(1, 10))
+        a, b = rng.standard_normal((20, n)), rng.standard_normal(20)
+        low = np.where(rng.random(n) < 0.6, 0.0, -np.inf)
+        high = np.where(rng.random(n) < 0.3, 0.05, np.inf)
+        zero = np.zeros(n)
+        form = normal_equations.Normal(-a.T @ b, a.T @ a)
+        step = normal_equations.bounded_step(
+            form, zero, normal_equations.Bounds(low, high, zero, zero)
+        )
+        best = lsq_linear(a, b, (low, high), method="bvls").x
+        np.testing.assert_allclose(step, best, atol=1e-6)
+
+
+def test_effects_that_cancel_alone_are_freed_together_from_their_bounds() -> None:
+    a = np.array([[1.0, -0.9], [0.0, 0.3], [0.1, 0.1]])
+    b = np.array([0.0, 0.6, 0.3])
+    form = normal_equations.Normal(-a.T @ b, a.T @ a)
+    zero = np.zeros(2)
+    limits = normal_equations.Bounds(zero, np.full(2, np.inf), zero, zero)
+    assert (normal_equations.bounded_step(form, zero, limits) > 0.5).all()
+
+
+def test_holm_probabilities_are_the_textbook_ones() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def test_no_sample_that_went_another_way_decides_what_a_model_removes() -> None:
+    before = [np.array([4.0, -4.0, 4.0, 60.0])]
+    after = [np.array([1.0, -1.0, 1.0, 70.0])]
+    assert excess(after, 1.0) > excess(before, 1.0)
+    assert excess(bounded(after, 1.0), 1.0) < 0.75 * excess(bounded(before, 1.0), 1.0)
+
+
+def test_inefficiency_of_correlated_noise_is_that_of_its_process() -> None:
+    rng = np.random.default_rng(0)
+    long = [Run(f"r{k}", "one", _samples(4000)) for k in range(8)]
+    walks = []
+    for _ in long:
+        x = np.zeros(4000)
+        for i in range(1, 4000):
+            x[i] = 0.6 * x[i - 1] + rng.standard_normal()
+        walks.append(x)
+    assert robust.inefficiency(long, walks) == pytest.approx(4.0, rel=0.1)
+    white = [rng.standard_normal(4000) for _ in long]
+    assert robust.inefficiency(long, white) == pytest.approx(1.0, abs=0.05)
+
+
+def _samples(n: int) -> Samples:
+    words, ones = np.full(n, "angle"), np.ones(n)
+    return Samples(words, words, words, words, np.arange(n) * 1.0, ones, ones, 0.0 * ones,
+                   np.zeros(n, dtype=np.int64))  # fmt: skip

@@ -1,0 +1,131 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibration.perception.measurement import StripMeasurement
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.monitors import MONITORS, Rules, check_all
+from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
+from drivers.errors import Fault
+from drivers.limits import Workspace
+from drivers.types import STILL, ArmState, Frame, HandState, Pose, Velocity
+
+LIMITS = MonitorLimits()
+RULES = Rules(LIMITS, Workspace())
+POSE = Pose(0.4, 0.2, math.pi / 2)
+ARM = ArmState(10.0, 10.0, "test", POSE, STILL, POSE, moving=True, expired=False)
+HAND = HandState(10.0, 10.0, "test", width=0.001, grasped=True, moving=False)
+FRAME = Frame(9.97, 9.99, "test", 7, np.zeros((2, 2, 3), np.uint8))
+SIGHT = StripMeasurement(9.97, 7, 0.3, 1.0, np.zeros((3, 2)), 1.0, (0.5, 0.02), math.nan, math.nan)
+GOOD = Snapshot(
+    time=10.0,
+    state=State.FOLD,
+    entered=5.0,
+    arm=ARM,
+    hand=HAND,
+    view=View(frame=FRAME, fresh=True, measurement=SIGHT),
+)
+
+
+def showing(**changes) -> Snapshot:
+    return replace(GOOD, view=replace(GOOD.view, **changes))
+
+
+BROKEN = {
+    "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
+    "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=9.9)),
+    "setpoint_expired": replace(GOOD, arm=replace(ARM, expired=True)),
+    "overspeed": replace(GOOD, arm=replace(ARM, velocity=Velocity(0.6, 0.0, 0.0))),
+    "tracking_error": replace(GOOD, arm=replace(ARM, commanded=Pose(0.43, 0.2, 1.5))),
+    "workspace": replace(GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)),
+    "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
+    "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
+    "image_stale": showing(frame=replace(FRAME, stamp=9.5)),
+    "image_frozen": showing(identical=LIMITS.identical_images),
+    "low_confidence": showing(doubtful_since=9.0),
+    "state_overtime": replace(GOOD, entered=-60.0),
+    "overtime": replace(
+        GOOD,
+        time=121.0,
+        entered=100.0,
+        arm=replace(ARM, stamp=121.0),
+        view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
+    ),
+}
+
+
+AHEAD = {
+    "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=10.5)),
+    "image_stale": showing(frame=replace(FRAME, stamp=40.0)),
+}
+MOVING = {State.GRASP, State.LIFT, State.FOLD, State.TOUCHED, State.LAY, State.RELEASE}
+WATCHED = {
+    "arm_pose_not_finite": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "arm_state_stale": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "setpoint_expired": {State.LIFT, State.FOLD, State.LAY},
+    "overspeed": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "tracking_error": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "workspace": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "force": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "grip_lost": {State.LIFT, State.FOLD, State.TOUCHED, State.LAY},
+    "image_stale": MOVING,
+    "image_frozen": MOVING,
+    "low_confidence": {State.LIFT, State.FOLD},
+    "state_overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+}
+
+
+def test_nothing_trips_on_a_good_tick() -> None:
+    check_all(GOOD, Drive(Velocity(-0.1, 0.0, 0.0)), RULES)
+
+
+def test_every_monitor_has_a_case_here() -> None:
+    assert {monitor.name for monitor in MONITORS} == set(BROKEN)
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_monitor_stops_before_the_command(name: str) -> None:
+    loose = LIMITS.model_copy(update={"tracking_error": 1.0}) if name == "workspace" else LIMITS
+    rules = replace(RULES, limits=loose)
+    with pytest.raises(Fault) as stopped:
+        check_all(BROKEN[name], Hold(), rules)
+    assert stopped.value.name == name
+
+
+@pytest.mark.parametrize("name", AHEAD)
+def test_a_stamp_of_the_future_hides_nothing(name: str) -> None:
+    with pytest.raises(Fault) as stopped:
+        check_all(AHEAD[name], Hold(), RULES)
+    assert stopped.value.name == name
+
+
+@pytest.mark.parametrize("name", WATCHED)
+def test_each_monitor_watches_in_its_states(name: str) -> None:
+    """Those of the arm wherever it may move, those of images wherever they are relied on."""
+    watching = {monitor.name: set(monitor.states) for monitor in MONITORS}
+    assert watching[name] == WATCHED[name]
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (MoveTo(Pose(2.0, 0.1, 0.0)), "outside_workspace"),
+        (Drive(Velocity(0.3, 0.3, 0.0)), "command_refused"),
+        (Drive(Velocity(math.nan, 0.0, 0.0)), "command_refused"),
+    ],
+)
+def test_a_command_beyond_its_limits_is_refused(command: MoveTo | Drive, name: str) -> None:
+    with pytest.raises(Fault) as refused:
+        check_all(GOOD, command, RULES)
+    assert refused.value.name == name
+
+
+def test_no_limit_can_be_switched_off() -> None:
+    for name, field in MonitorLimits.model_fields.items():
+        assert field.default is not None, name
+        assert any(hasattr(rule, "le") or hasattr(rule, "lt") for rule in field.metadata), name

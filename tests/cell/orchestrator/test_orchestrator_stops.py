@@ -1,0 +1,281 @@
+"""Whatever goes wrong in a run, the arm is brought to rest before the run is over."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+import cell.orchestrator.run as orchestrator
+from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.states import Event, State
+from cell.orchestrator.steps import close_hand, move, open_hand
+from drivers.errors import Fault
+from drivers.types import ArmState, Frame, Pose, Velocity
+from tests.support.plain_cell import Bench, plain_bench
+
+BEGIN = 0.5  # s, from when on things go wrong
+AWAY = Velocity(-0.1, 0.05, 0.0)
+
+
+def ending(event: Event):
+    """A phase that does nothing."""
+
+    def phase(record, begin):
+        yield Hold()
+        return event
+
+    return phase
+
+
+def driving(record, begin):
+    """A phase that drives away and never ends by itself."""
+    while True:
+        yield Drive(AWAY)
+
+
+def phases(**special) -> dict:
+    plain = {
+        State.PREFLIGHT: ending(Event.CHECKED),
+        State.GRASP: ending(Event.GRASPED),
+        State.LIFT: ending(Event.LIFTED),
+        State.FOLD: driving,
+    }
+    return plain | {State(name): phase for name, phase in special.items()}
+
+
+@pytest.fixture
+def bench(monkeypatch) -> Bench:
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases())
+    return plain_bench()
+
+
+def later(bench: Bench, act: Callable, *, until: float = math.inf) -> Callable:
+    """`act`, but between BEGIN and `until` it fails in a way that nobody foresaw."""
+
+    def failing(*arguments, **options):
+        if BEGIN < bench.clock.now() < until:
+            raise ZeroDivisionError("nobody foresaw this")
+        return act(*arguments, **options)
+
+    return failing
+
+
+def break_camera(bench: Bench) -> None:
+    bench.camera.read = later(bench, bench.camera.read)
+
+
+def break_hand(bench: Bench) -> None:
+    bench.hand.state = later(bench, bench.hand.state)
+    bench.hand.stop = later(bench, bench.hand.stop)
+
+
+def break_rows(bench: Bench) -> None:
+    bench.record.tick = later(bench, bench.record.tick)
+
+
+def break_whole_record(bench: Bench) -> None:
+    break_rows(bench)
+    bench.record.event = later(bench, bench.record.event)
+    bench.record.frame = later(bench, bench.record.frame)
+
+
+def break_stopping_for_a_while(bench: Bench) -> None:
+    break_camera(bench)
+    bench.arm.stop = later(bench, bench.arm.stop, until=BEGIN + 0.2)
+
+
+def break_answers_for_a_while(bench: Bench) -> None:
+    bench.arm.state = later(bench, bench.arm.state, until=BEGIN + 0.3)
+
+
+def break_clock_for_a_while(bench: Bench) -> None:
+    wait_until = bench.clock.wait_until
+
+    def limping(time: float) -> None:
+        wait_until(time)
+        if BEGIN < bench.clock.now() < BEGIN + 0.2:
+            raise ZeroDivisionError("nobody foresaw this")
+
+    bench.clock.wait_until = limping
+
+
+@pytest.mark.parametrize(
+    "breaks",
+    [
+        break_camera,
+        break_hand,
+        break_rows,
+        break_whole_record,
+        break_stopping_for_a_while,
+        break_answers_for_a_while,
+        break_clock_for_a_while,
+    ],
+)
+def test_the_arm_rests_before_the_run_is_over_whatever_fails(bench, breaks) -> None:
+    record = bench.record
+    bench.record = SimpleNamespace(**{n: getattr(record, n) for n in dir(record) if n[0] != "_"})
+    breaks(bench)
+    outcome = bench.run()
+    assert outcome.name == "internal_error"
+    assert "nobody foresaw this" in outcome.reason
+    assert outcome.exit_code == 4
+    assert bench.at_rest
+    assert bench.clock.now() < BEGIN + 1.1
+
+
+def test_an_arm_that_never_answers_again_is_told_to_stop_until_its_time_is_over(bench) -> None:
+    bench.arm.state = later(bench, bench.arm.state)
+    outcome = bench.run()
+    assert outcome.exit_code == 4
+    stops = [command for command in bench.arm.commands if isinstance(command, Hold)]
+    assert len(stops) > 90
+    assert bench.clock.now() == pytest.approx(BEGIN + 1.0, abs=0.05)
+
+
+def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
+    def dead() -> ArmState:
+        raise Fault("arm_closed", "nobody is there")
+
+    bench.arm.state = dead
+    assert bench.run().name == "arm_closed"
+
+
+@pytest.mark.parametrize("velocity", [math.nan, math.inf, 3.0])
+def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, monkeypatch, velocity) -> None:
+    def runaway(record, begin):
+        for _ in range(30):
+            yield Drive(AWAY)
+        while True:
+            yield Drive(Velocity(velocity, 0.0, 0.0))
+
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=runaway))
+    assert bench.run().name == "command_refused"
+    assert bench.at_rest
+    driven = [command.velocity for command in bench.arm.commands if isinstance(command, Drive)]
+    assert set(driven) == {AWAY}
+
+
+def test_a_path_that_ends_in_motion_ends_at_rest(bench, monkeypatch) -> None:
+    def short(record, begin):
+        for _ in range(50):
+            yield Drive(AWAY)
+        return Event.PATH_DONE
+
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=short))
+    outcome = bench.run()
+    assert (outcome.name, outcome.exit_code) == ("path_done", 1)
+    assert bench.at_rest
+
+
+def test_interrupting_stops_within_the_limits_of_the_motion(bench) -> None:
+    bench.interrupted = lambda: bench.clock.now() > BEGIN
+    outcome = bench.run()
+    assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
+    assert bench.at_rest
+    assert bench.clock.now() - BEGIN < 0.15
+
+
+def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
+    def broken(*news) -> None:
+        raise ZeroDivisionError
+
+    seen: list[Snapshot] = []
+    good = SimpleNamespace(see=seen.append, happened=lambda *news: None)
+    bad = SimpleNamespace(see=broken, happened=broken)
+    bench.observers = (bad, good)
+    monkeypatch.setattr(
+        orchestrator, "phases_of", lambda context: phases(FOLD=ending(Event.PATH_DONE))
+    )
+    assert bench.run().name == "path_done"
+    assert len(seen) >= 4
+
+
+def test_moving_fingers_are_stopped_and_resting_ones_keep_their_hold(bench) -> None:
+    break_camera(bench)
+    bench.run()
+    assert bench.hand.stopped == 0
+    again = plain_bench()
+    break_camera(again)
+    again.hand.moving = True
+    again.run()
+    assert again.hand.stopped == 1
+
+
+def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
+    """Also the first of a state, and those to the hand."""
+    checked: list[tuple[State, object]] = []
+    check_all = orchestrator.check_all
+
+    def checking(snapshot, command, rules) -> None:
+        assert snapshot.entered <= snapshot.time
+        checked.append((snapshot.state, command))
+        check_all(snapshot, command, rules)
+
+    def grasping(record, begin):
+        yield from open_hand()
+        yield from move(Pose(0.55, 0.1, math.pi / 2))
+        yield from close_hand()
+        return Event.GRASPED
+
+    def short(record, begin):
+        for _ in range(5):
+            yield Drive(AWAY)
+        return Event.PATH_DONE
+
+    monkeypatch.setattr(orchestrator, "check_all", checking)
+    monkeypatch.setattr(
+        orchestrator, "phases_of", lambda context: phases(GRASP=grasping, FOLD=short)
+    )
+    sent: list[object] = []
+    for device, names in (
+        (bench.arm, ("move_to", "set_velocity")),
+        (bench.hand, ("open", "grasp")),
+    ):
+        for name in names:
+            monkeypatch.setattr(device, name, sending(getattr(device, name), checked, sent))
+    assert bench.run().name == "path_done"
+    assert sent == ["open", "move_to", "grasp", *5 * ["set_velocity"]]
+    first = dict(reversed(checked))
+    assert first[State.GRASP] == OpenHand()
+    assert first[State.FOLD] == Drive(AWAY)
+
+
+def sending(act: Callable, checked: list, sent: list) -> Callable:
+    kinds = {"move_to": MoveTo, "set_velocity": Drive, "open": OpenHand, "grasp": CloseHand}
+
+    def send(*arguments) -> None:
+        assert isinstance(checked[-1][1], kinds[act.__name__])
+        sent.append(act.__name__)
+        act(*arguments)
+
+    return send
+
+
+def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
+    """The camera fails once and is well again: the run has ended all the same."""
+    bench.camera.read = later(bench, bench.camera.read, until=BEGIN + 0.02)
+    states: list[str] = []
+    note = SimpleNamespace(
+        see=lambda snapshot: None,
+        happened=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
+    )
+    bench.observers = (note,)
+    bench.run()
+    assert states[-3:] == ["fault", "STOPPING", "FAULT"]
+    drives = [i for i, c in enumerate(bench.arm.commands) if isinstance(c, Drive)]
+    assert all(isinstance(c, Hold) for c in bench.arm.commands[drives[-1] + 1 :])
+
+
+def test_images_and_arm_states_of_the_future_are_refused(bench) -> None:
+    read = bench.camera.read
+
+    def ahead(after: float, timeout: float) -> Frame | None:
+        frame = read(after, timeout)
+        late = bench.clock.now() > BEGIN and frame is not None
+        return replace(frame, stamp=frame.stamp + 30.0) if late else frame
+
+    bench.camera.read = ahead
+    assert bench.run().name == "image_stale"
+    assert bench.at_rest

@@ -1,0 +1,360 @@
+import json
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from calibration.perception.measurement import StripMeasurement
+from cell.record import frame_writer
+from cell.record.files import is_under_way
+from cell.record.frames import KeyFrames
+from cell.record.run import read_run, recover
+from cell.record.tables import place_contacts
+from cell.record.tick import Tick
+from cell.record.writer import RunWriter
+from drivers.errors import ConfigurationError, Fault
+from drivers.types import ArmState, Frame, Pose, Velocity
+from tests.cell.conftest import HEADER, RESULT
+
+
+def small_frame(sequence: int) -> Frame:
+    image = np.full((4, 6, 3), sequence % 256, np.uint8)
+    return Frame(0.01 * sequence, 0.01 * sequence + 0.02, "made", sequence, image)
+
+
+def hand_over_and_finish(writer: RunWriter, count: int) -> None:
+    for sequence in range(count):
+        writer.frame(small_frame(sequence))
+    writer.finish({"outcome": "path_done"})
+
+
+def test_killed_process_leaves_every_row_it_wrote(tmp_path):
+    script = f"""
+import os, signal
+from pathlib import Path
+from cell.record.tick import Tick
+from cell.record.writer import RunWriter
+writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
+for k in range(200):
+    writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+    writer.event(0.01 * k, "turn", k=k)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    done = subprocess.run([sys.executable, "-c", script], check=False)
+    assert done.returncode == -signal.SIGKILL
+    (folder,) = tmp_path.iterdir()
+    run = read_run(folder)
+    assert run.died
+    assert run.ticks.t.size == 200
+    assert len(run.events()) == 200
+
+
+def test_stream_cut_inside_a_row_keeps_the_rows_before_it(killed):
+    run = read_run(killed)
+    assert run.died
+    assert run.ticks.t.size == 429
+    assert run.ticks.state[-1] == "FOLD"
+
+
+def test_any_cut_of_the_streams_can_still_be_read(killed, tmp_path):
+    for name in ("ticks.arrows", "sights.arrows"):
+        content = (killed / name).read_bytes()
+        for size in (0, 1, 60, 700, len(content) // 3, len(content) - 9):
+            folder = tmp_path / f"{name}-{size}"
+            folder.mkdir()
+            for file in ("run.yaml", "events.jsonl", "ticks.arrows", "sights.arrows"):
+                (folder / file).write_bytes((killed / file).read_bytes())
+            (folder / name).write_bytes(content[:size])
+            run = read_run(folder)
+            assert run.died
+            assert run.sights().stamp.size <= 43
+
+
+def test_same_fold_gives_the_same_bytes(make_run, tmp_path):
+    first, second = make_run(tmp_path), make_run(tmp_path)
+    for name in ("ticks.parquet", "profile.parquet", "sights.parquet", "events.jsonl"):
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+    assert (first / "frames/index.jsonl").read_bytes() == (
+        second / "frames/index.jsonl"
+    ).read_bytes()
+
+
+def test_another_seed_gives_other_bytes(make_run, tmp_path):
+    first, second = make_run(tmp_path), make_run(tmp_path, seed=1)
+    assert (first / "ticks.parquet").read_bytes() != (second / "ticks.parquet").read_bytes()
+
+
+def test_wall_time_of_a_turn_stays_out_of_the_table(finished):
+    assert "cost" not in pq.read_schema(finished / "ticks.parquet").names
+    assert read_run(finished).costs().size == 940
+
+
+def test_finishing_a_killed_run_twice_writes_the_tables_of_a_run_that_lived(make_run, tmp_path):
+    folder = make_run(tmp_path)
+    whole = (folder / "ticks.parquet").read_bytes()
+    for name in ("ticks.parquet", "profile.parquet", "sights.parquet", "result.yaml"):
+        (folder / name).unlink()
+    assert recover(folder)
+    assert not recover(folder)
+    assert (folder / "ticks.parquet").read_bytes() == whole
+    assert read_run(folder).died
+
+
+def test_run_yaml_comes_first_and_result_yaml_last(tmp_path, monkeypatch):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    assert (writer.folder / "run.yaml").exists()
+    writer.tick(Tick(0.0, 0.6, 0.0, 0.0, 0.6, 0.0, "LIFT"))
+
+    def refuse(*args):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("cell.record.writer.write_tables", refuse)
+    with pytest.raises(Fault, match="No space left"):
+        writer.finish(RESULT)
+    assert not (writer.folder / "result.yaml").exists()
+    monkeypatch.undo()
+    writer.finish(RESULT)
+    writer.finish(RESULT)
+    assert read_run(writer.folder).result.displacement == RESULT["displacement"]
+
+
+def test_parquet_states_its_schema(finished):
+    for name in ("ticks.parquet", "profile.parquet"):
+        assert pq.read_schema(finished / name).metadata[b"schema"] == b"1"
+
+
+def test_contact_stands_in_the_row_nearest_to_its_stamp():
+    t = np.arange(0, 0.1, 0.01)
+    x, stamps = place_contacts(t, np.array([0.0149, 0.0349]), np.array([0.5, 0.4]))
+    assert np.flatnonzero(np.isfinite(x)).tolist() == [1, 3]
+    assert stamps[3] == 0.0349
+
+
+def test_of_two_contacts_at_one_row_the_nearer_stays():
+    t = np.arange(0, 0.1, 0.01)
+    x, _ = place_contacts(t, np.array([0.019, 0.0205, 0.024]), np.array([0.5, 0.4, 0.3]))
+    assert x[2] == 0.4
+    assert np.isfinite(x).sum() == 1
+
+
+def test_image_from_before_the_first_row_is_not_put_into_it():
+    t = np.arange(0, 0.1, 0.01)
+    x, _ = place_contacts(t, np.array([-0.03, 0.25]), np.array([0.5, 0.4]))
+    assert np.isnan(x).all()
+
+
+def test_rows_whose_stamp_stands_still_are_left_out(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    for t in (0.0, 0.01, 0.01, 0.01, 0.02, 0.015, 0.03):
+        writer.tick(Tick(t, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
+    writer.finish({"outcome": "arm_stale"})
+    assert read_run(writer.folder).ticks.t.tolist() == [0.0, 0.01, 0.02, 0.03]
+
+
+def test_row_of_an_arm_state_carries_the_moment_of_its_reading():
+    state = ArmState(
+        stamp=1.5,
+        arrival=1.502,
+        source="made",
+        pose=Pose(0.5, 0.1, 1.2),
+        velocity=Velocity(0, 0, 0),
+        commanded=Pose(0.49, 0.11, 1.3),
+        moving=True,
+        expired=False,
+    )
+    tick = Tick.of(state, "FOLD")
+    assert (tick.t, tick.x, tick.x_cmd, tick.state) == (1.5, 0.5, 0.49, "FOLD")
+    assert np.isnan(tick.f_x)
+
+
+def test_lines_of_events_are_plain_json_without_nan(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer.event(0.1, "sight", gap=float("nan"), n=np.int64(3), at=np.array([1.0, 2.0]))
+    writer.close()
+    line = json.loads((writer.folder / "events.jsonl").read_text())
+    assert line == {"t": 0.1, "kind": "sight", "gap": None, "n": 3, "at": [1.0, 2.0]}
+
+
+def test_folder_that_cannot_be_written_is_one_line_before_the_run(tmp_path):
+    blocked = tmp_path / "runs"
+    blocked.write_text("a file")
+    with pytest.raises(ConfigurationError, match="cannot be recorded here") as caught:
+        RunWriter.create(blocked, HEADER)
+    assert "\n" not in str(caught.value)
+
+
+def test_header_that_readers_would_refuse_is_refused_before_the_run(tmp_path):
+    with pytest.raises(ConfigurationError, match="sigma"):
+        RunWriter.create(tmp_path, {"strip": "denim"})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_touch_without_its_lengths_is_refused_and_leaves_no_result(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    with pytest.raises(ConfigurationError, match="displacement"):
+        writer.finish({"outcome": "layer_touch", "t_layer_touch": 1.0})
+    assert not (writer.folder / "result.yaml").exists()
+    writer.close()
+
+
+def test_full_disk_is_a_fault_of_the_record(tmp_path, monkeypatch):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+
+    def refuse(row):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(writer._ticks, "append", refuse)
+    with pytest.raises(Fault, match="No space left") as caught:
+        writer.tick(Tick(0.0, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
+    assert caught.value.name == "record"
+    monkeypatch.undo()
+    writer.finish({"outcome": "record"})
+    assert read_run(writer.folder).result.outcome == "record"
+
+
+def test_disk_that_fills_up_stops_the_run_and_keeps_what_it_took(tmp_path):
+    script = f"""
+import resource, signal
+from pathlib import Path
+from cell.record.tick import Tick
+from cell.record.writer import RunWriter
+from drivers.errors import Fault
+writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none")
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, 40_000))
+try:
+    for k in range(1000):
+        writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+except Fault as fault:
+    print(fault.name, k)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
+    name, written = done.stdout.split()
+    assert name == b"record"
+    (folder,) = tmp_path.iterdir()
+    run = read_run(folder)
+    assert run.died
+    assert run.ticks.t.size == int(written) > 10
+
+
+def test_two_runs_of_one_second_and_chance_get_folders_of_their_own(tmp_path, monkeypatch):
+    drawn = iter(["aaaa", "aaaa", "aaaa", "bbbb"])
+    monkeypatch.setattr("secrets.token_hex", lambda count: next(drawn))
+    writers = [RunWriter.create(tmp_path, HEADER, "none") for _ in range(2)]
+    assert writers[0].folder != writers[1].folder
+    for writer in writers:
+        writer.close()
+
+
+def test_image_that_cannot_be_written_is_a_fault_once_and_never_blocks(tmp_path, monkeypatch):
+    writer = RunWriter.create(tmp_path, HEADER, "all", patient=True)
+
+    def refuse(image):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(frame_writer, "encode", refuse)
+    with pytest.raises(Fault, match="No space left"):
+        hand_over_and_finish(writer, 200)
+    assert not (writer.folder / "result.yaml").exists()
+    writer.finish({"outcome": "record"})
+    assert read_run(writer.folder).result.outcome == "record"
+
+
+def test_every_image_is_kept_bit_for_bit_when_asked(tmp_path):
+    rng = np.random.default_rng(3)
+    frames = [
+        Frame(0.1 * k, 0.1 * k + 0.02, "made", k, rng.integers(0, 256, (36, 64, 3), np.uint8))
+        for k in range(40)
+    ]
+    writer = RunWriter.create(tmp_path, HEADER, "all", patient=True)
+    for frame in frames:
+        writer.frame(frame)
+    writer.finish({"outcome": "path_done"})
+    back = list(read_run(writer.folder).frames())
+    assert [frame.sequence for frame in back] == list(range(40))
+    assert all(np.array_equal(a.image, b.image) for a, b in zip(frames, back, strict=True))
+    assert [b.stamp for b in back] == [f.stamp for f in frames]
+
+
+@pytest.mark.parametrize(("keep", "fewest", "most"), [("key", 6, 18), ("none", 0, 0)])
+def test_every_image_is_in_the_index_and_few_are_kept(tmp_path, keep, fewest, most):
+    writer = RunWriter.create(tmp_path, HEADER, keep, patient=True)
+    for k in range(500):
+        if k in (100, 320):
+            writer.event(0.01 * k, "state", to="FOLD")
+        writer.frame(small_frame(k))
+    writer.finish({"outcome": "path_done"})
+    notes = read_run(writer.folder).frame_index()
+    kept = [note.sequence for note in notes if note.file is not None]
+    assert [note.sequence for note in notes] == list(range(500))
+    assert all(len(note.sha256) == 64 for note in notes)
+    assert fewest <= len(kept) <= most
+    if keep == "key":
+        assert {0, 100, 320, 499} <= set(kept)
+
+
+@pytest.mark.parametrize("count", [1, 2, 9, 64, 65, 1000])
+def test_key_frames_stay_spread_over_the_whole_run(count):
+    choice, kept = KeyFrames(), set()
+    for k in range(count):
+        keep, given_up = choice.choose(k, mark=False)
+        kept -= set(given_up)
+        kept |= {k} if keep else set()
+    assert len(kept) == min(count, len(kept)) <= 8
+    assert np.diff([*sorted(kept), count]).max() <= max(8, count / 4)
+
+
+def test_slow_disk_on_hardware_loses_images_but_not_their_place(tmp_path, monkeypatch):
+    writer = RunWriter.create(tmp_path, HEADER, "all")
+    encode, gate = frame_writer.encode, threading.Event()
+
+    def slow(image):
+        gate.wait()
+        return encode(image)
+
+    monkeypatch.setattr(frame_writer, "encode", slow)
+    for k in range(frame_writer.QUEUE + 20):
+        writer.frame(small_frame(k))
+    gate.set()
+    writer.finish({"outcome": "path_done"})
+    notes = read_run(writer.folder).frame_index()
+    assert len(notes) == frame_writer.QUEUE + 20
+    assert 18 <= sum(not note.sha256 for note in notes) <= 20
+
+
+def test_run_is_under_way_until_it_is_closed(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    assert is_under_way(writer.folder)
+    assert not read_run(writer.folder).died
+    with pytest.raises(ConfigurationError, match="under way"):
+        recover(writer.folder)
+    writer.close()
+    assert not is_under_way(writer.folder)
+    assert read_run(writer.folder).died
+
+
+def test_age_of_the_newest_image_stands_in_each_row(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    curve = np.array([[0.3, 0.0], [0.4, 0.1]])
+    for t in (0.0, 0.01, 0.02):
+        writer.tick(Tick(t, 0.6, 0.0, 0.0, 0.6, 0.0, "FOLD"))
+        if t == 0.0:
+            writer.sight(
+                StripMeasurement(-0.02, 1, 0.3, 1.0, curve, 1.0, (0.4, 0.1), np.nan, np.nan)
+            )
+    writer.finish({"outcome": "path_done"})
+    age = read_run(writer.folder).ticks.image_age
+    np.testing.assert_allclose(age, [np.nan, 0.03, 0.04])
+
+
+def test_header_survives_with_its_additions(finished):
+    content = yaml.safe_load((finished / "run.yaml").read_text())
+    assert content["schema"] == 1
+    assert content["seed"] == 7
+    assert finished.name.split("-")[1:3] == ["denim", "fold"]
+    assert (finished / "calibration.yaml").exists()

@@ -1,0 +1,229 @@
+import re
+import shutil
+from html import unescape
+from html.parser import HTMLParser
+
+import pytest
+import yaml
+
+from cell.record.run import read_run
+from cell.record.writer import RunWriter
+from cell.report.drawing import page_svg
+from cell.report.facts import advice
+from cell.report.figures import strip_figure
+from cell.report.markup import definitions, table
+from cell.report.overlay import key_pictures, window_on
+from cell.report.page import report, write_report
+from cell.report.verdict import verdict, verdict_of
+from cell.report.words import millimetres, outcome_title, seconds
+from drivers.errors import ConfigurationError
+from tests.cell.conftest import HEADER
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+class Outline(HTMLParser):
+    """Checks that elements close in order and remembers what a page leans on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.addresses: list[str] = []
+        self.tags: set[str] = set()
+        self.crossed: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.add(tag)
+        self.addresses += [value for name, value in attrs if name in {"src", "href"} and value]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if self.open.pop() != tag:
+            self.crossed.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.add(tag)
+
+
+@pytest.fixture(scope="module")
+def page(finished):
+    return write_report(finished).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def dead_page(killed):
+    return write_report(killed).read_text(encoding="utf-8")
+
+
+def outline(text: str) -> Outline:
+    parsed = Outline()
+    parsed.feed(text)
+    return parsed
+
+
+def words(text: str) -> str:
+    return " ".join(unescape(re.sub(r"<[^>]*>", " ", text)).split())
+
+
+def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
+    for text in (page, dead_page):
+        parsed = outline(text)
+        assert parsed.open == []
+        assert parsed.crossed == []
+        assert "script" not in parsed.tags
+        assert all(a.startswith(("data:", "#")) for a in parsed.addresses)
+        assert "@import" not in text
+        assert "url(http" not in text
+
+
+def test_verdict_stands_on_top_with_sign_error_and_truth(page):
+    top = words(page[page.index("<main") : page.index("In numbers")])
+    assert "Folded: the layers touched after 7.52 s" in top
+    assert "−36.3 mm ± 1.0 mm repeats ± 0.3 mm calibration" in top
+    assert "stops before the fixed edge" in top
+    assert "true displacement, −35.1 mm: the camera was off by −1.2 mm" in top
+
+
+def test_page_shows_pictures_figures_events_and_facts(page):
+    assert page.count("data:image/jpeg") == 6
+    assert page.count("<svg") == 3
+    text = words(page)
+    for claim in ("FOLD, after made", "contact 450 mm", "seed 7", "drivers.arm twin", "l1"):
+        assert claim in text, claim
+
+
+def test_dead_run_is_explained(dead_page):
+    text = words(dead_page)
+    assert "The process died at t = 4.28 s in state FOLD" in text
+    assert "There is no result." in text
+    assert "the twin's arm ended with its process" in text
+    assert "43 images seen" in text
+    assert "429 rows" in text
+    assert dead_page.count("<svg") == 3
+
+
+def test_run_that_died_at_once_is_explained(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    writer.close()
+    text = words(write_report(writer.folder).read_text())
+    assert "The process died at the start" in text
+
+
+def test_after_death_at_a_real_arm_the_hand_is_opened_first(killed, tmp_path):
+    folder = shutil.copytree(killed, tmp_path / killed.name)
+    header = yaml.safe_load((folder / "run.yaml").read_text())
+    (folder / "run.yaml").write_text(yaml.safe_dump({**header, "drivers": {"arm": "fci"}}))
+    steps = advice(read_run(folder))
+    assert "cell open" in steps[1]
+    assert "Lay the strip flat again." in steps
+
+
+def test_run_under_way_is_not_called_dead(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none")
+    assert "Still under way" in words(report(read_run(writer.folder)))
+    writer.close()
+
+
+def test_fault_is_named_with_its_reason(finished):
+    run = read_run(finished)
+    fault = type(run.result).model_validate(
+        {"outcome": "stale_image", "reason": "the newest image is 0.31 s old"}
+    )
+    said = verdict_of(type(run)(run.folder, run.header, run.ticks, run.profile, fault), None)
+    assert said.tone == "bad"
+    assert said.headline == "Stopped by a fault: stale image"
+    assert said.sentences[0] == "The newest image is 0.31 s old."
+    assert said.figure == ""
+
+
+def test_path_done_claims_no_displacement(make_run, tmp_path):
+    folder = make_run(
+        tmp_path, outcome="path_done", displacement=None, l1=None, l2=None, t_layer_touch=None
+    )
+    text = words(write_report(folder).read_text())
+    assert "no displacement is claimed" in text
+    assert "± 1.0 mm" not in text
+
+
+@pytest.mark.parametrize(("d", "tone"), [(0.012, "good"), (-0.0199, "good"), (-0.04, "fair")])
+def test_tone_follows_the_papers_bound(make_run, tmp_path, d, tone):
+    run = read_run(make_run(tmp_path, displacement=d))
+    assert verdict_of(run, None).tone == tone
+    assert "true displacement" not in " ".join(verdict_of(run, None).sentences)
+
+
+def test_verdict_in_one_line_carries_its_errors(finished, killed):
+    line = verdict(read_run(finished))
+    assert line.startswith("denim: Folded: the layers touched after 7.52 s: −36.3 mm (± 1.0 mm")
+    assert "\n" not in line
+    assert verdict(read_run(killed)).startswith("denim: The process died at t = 4.28 s")
+
+
+def test_report_can_be_written_again_with_the_same_bytes(make_run, tmp_path):
+    folder = make_run(tmp_path)
+    before = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
+    first = write_report(folder).read_bytes()
+    assert write_report(folder).read_bytes() == first
+    after = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()}
+    assert {**before, "report.html": first} == after
+
+
+def test_report_of_a_laboratorys_run_needs_only_the_four_files(make_run, tmp_path):
+    folder = make_run(tmp_path)
+    for name in ("events.jsonl", "ticks.arrows", "sights.arrows", "sights.parquet", "truth.yaml"):
+        (folder / name).unlink()
+    (folder / "calibration.yaml").unlink()
+    (folder / "frames/index.jsonl").unlink()
+    header = yaml.safe_load((folder / "run.yaml").read_text())
+    del header["calibration"]
+    (folder / "run.yaml").write_text(yaml.safe_dump(header))
+    text = words(write_report(folder).read_text())
+    assert "calibration error not recorded" in text
+    assert "not recorded" in text
+
+
+def test_folder_that_is_no_run_is_refused(tmp_path):
+    with pytest.raises(ConfigurationError, match="is not a run"):
+        write_report(tmp_path)
+
+
+def test_broken_key_frame_is_passed_over(finished, tmp_path):
+    folder = shutil.copytree(finished, tmp_path / finished.name)
+    kept = sorted((folder / "frames").glob("*.png"))
+    kept[0].write_bytes(b"broken")
+    assert len(key_pictures(read_run(folder))) == 5
+
+
+def test_window_holds_the_motion_and_stays_inside_the_image(finished):
+    run = read_run(finished)
+    calibration = run.calibration()
+    window = window_on(run.ticks, calibration)
+    assert 0 <= window.top < window.bottom <= 720
+    assert 0 <= window.left < window.right <= 1280
+    shown = calibration.to_image([[run.ticks.x.max(), 0.0], [0.0, run.ticks.z.max()]])
+    assert (shown[:, 0] > window.left).all()
+    assert (shown[:, 0] < window.right).all()
+    assert (shown[:, 1] > window.top).all()
+    assert (shown[:, 1] < window.bottom).all()
+
+
+def test_figures_take_their_colours_and_type_from_the_page(finished):
+    svg = strip_figure(read_run(finished))
+    assert svg == page_svg(svg)
+    assert "var(--ink)" in svg
+    assert "DejaVu" not in svg
+    assert not re.search(r"<svg[^>]* width=", svg)
+
+
+def test_text_from_a_run_cannot_become_markup():
+    assert "<b>" not in definitions([("strip", "<b>denim</b>")])
+    assert "<script" not in table(("a",), [("<script>",)])
+
+
+def test_numbers_read_as_a_technician_writes_them():
+    assert millimetres(-0.01234, signed=True) == "−12.3 mm"
+    assert millimetres(0.0005, signed=True) == "+0.5 mm"
+    assert millimetres(None) == "—"
+    assert seconds(float("nan")) == "—"
+    assert outcome_title("camera_frozen") == "Stopped by a fault: camera frozen"

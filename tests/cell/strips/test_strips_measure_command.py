@@ -1,0 +1,217 @@
+"""`cell strips`: what its commands print, write and refuse."""
+
+import json
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from cell.__main__ import main
+from cell.config.places import BESIDE
+from cell.strips.edit import edited
+from drivers.strip.describe import load_strip
+from tests.support.hanging_photographs import Scene, photograph
+
+
+@pytest.fixture
+def configs(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(BESIDE, tmp_path / "configs"))
+
+
+@pytest.fixture(scope="module")
+def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("photos") / "hanging.png"
+    cv2.imwrite(str(path), photograph(Scene(0.06, 0.021, 0.002, 700), 3))
+    return path
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
+    monkeypatch.setattr("sys.argv", ["cell", "strips", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+def refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: object
+) -> str:
+    """The one line of a command that must be refused as bad input."""
+    assert run(monkeypatch, *words) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith("cell: ")
+    assert len(told.err.splitlines()) == 1, told.err
+    return told.err
+
+
+def test_bare_command_still_lists_the_strips(monkeypatch, capsys) -> None:
+    assert run(monkeypatch, "--json") == 0
+    names = [json.loads(line)["name"] for line in capsys.readouterr().out.splitlines()]
+    assert "denim" in names
+
+
+def test_measure_prints_pictures_and_leaves_strip_files_alone(
+    monkeypatch, capsys, configs, tmp_path, photo
+) -> None:
+    before = (configs / "strips" / "denim.yaml").read_bytes()
+    out = tmp_path / "out"
+    words = ("--photo", photo, "--overhang", 0.06, "--out", out, "--configs", configs)
+    assert run(monkeypatch, "measure", "denim", *words) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("denim: bending length 2")
+    assert "95 %" in told
+    assert str(out) in told
+    assert (configs / "strips" / "denim.yaml").read_bytes() == before
+    picture = cv2.imread(str(out / "01-hanging.png"))
+    assert picture.shape[0] > 800
+    assert json.loads((out / "measurement.json").read_text())["strip"] == "denim"
+
+
+def test_measure_writes_the_bending_length_and_where_it_comes_from(
+    monkeypatch, capsys, configs, tmp_path, photo
+) -> None:
+    path = configs / "strips" / "denim.yaml"
+    path.write_text(path.read_text().replace("width: 0.05", "width: 0.05  # cut with a knife"))
+    before = load_strip(path)
+    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out")
+    code = run(monkeypatch, "measure", "denim", *words, "--configs", configs, "--write", "--json")
+    assert code == 0
+    line = json.loads(capsys.readouterr().out)
+    after = load_strip(path)
+    assert line["written"] == str(path)
+    assert after.bending_length == pytest.approx(line["bending_length"]["value"], rel=1e-3)
+    assert after.bending_length == pytest.approx(0.021, rel=0.05)
+    assert "cantilever test, 1 photograph at overhangs of 0.06 m" in after.provenance[0].source
+    old = next(each for each in after.provenance[1:] if each.key == "bending_length")
+    assert old.note.startswith(f"until then {before.bending_length:g}")
+    assert len(after.provenance) == len(before.provenance) + 1
+    assert "# cut with a knife" in path.read_text()
+    changed = {"bending_length", "provenance"}
+    assert after.model_dump(exclude=changed) == before.model_dump(exclude=changed)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ((), "--photo: is missing"),
+        (("--photo", "{photo}"), "0 given for 1"),
+        (("--photo", "{photo}", "--photo", "{photo}", "--overhang", 0.1), "1 given for 2"),
+        (("--photo", "{photo}", "--overhang", 6), "out of range"),
+        (("--photo", "{photo}", "--overhang", -0.1), "out of range"),
+        (("--photo", "{photo}", "--overhang", "nan"), "out of range"),
+        (("--photo", "gone.jpg", "--overhang", 0.1), "gone.jpg: cannot be read"),
+        (("--photo", "{text}", "--overhang", 0.1), "not a picture"),
+        (("--photo", "{empty}", "--overhang", 0.1), "not a picture"),
+        (("--photo", "{dark}", "--overhang", 0.1), "no bright object"),
+        (("--photo", "{blob}", "--overhang", 0.1), "no strip"),
+        (("--photo", "{level}", "--overhang", 0.1), "out of range"),
+        (("--photo", "{rising}", "--overhang", 0.1), "does not hang like a strip"),
+    ],
+)
+def test_bad_input_is_one_clear_line_and_nothing_is_written(
+    monkeypatch, capsys, tmp_path, photo, words, said
+) -> None:
+    paths = {"photo": photo, **bad_pictures(tmp_path)}
+    words = [str(word).format(**paths) for word in words]
+    line = refused(monkeypatch, capsys, "measure", "sample", *words, "--out", tmp_path / "out")
+    assert said in line
+    assert not (tmp_path / "out").exists()
+
+
+def bad_pictures(folder: Path) -> dict[str, Path]:
+    """Files that hold no picture of a hanging strip."""
+    drawn = {
+        "dark": None,
+        "blob": ([(0, 300), (60, 300)], 200),
+        "level": ([(0, 400), (500, 400)], 20),
+        "rising": ([(0, 600), (200, 580), (400, 400), (450, 100)], 20),
+    }
+    paths = {name: folder / f"{name}.png" for name in drawn}
+    for name, stroke in drawn.items():
+        image = np.full((800, 600, 3), 20, np.uint8)
+        if stroke is not None:
+            points = np.array(stroke[0], np.int32)
+            cv2.polylines(image, [points], False, (220, 220, 220), stroke[1], cv2.LINE_AA)
+        cv2.imwrite(str(paths[name]), image)
+    paths |= {name: folder / f"{name}.jpg" for name in ("text", "empty")}
+    paths["text"].write_text("a photograph")
+    paths["empty"].write_bytes(b"")
+    return paths
+
+
+def test_writing_to_an_unknown_strip_is_refused_before_anything_is_measured(
+    monkeypatch, capsys, configs, tmp_path, photo
+) -> None:
+    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "out", "--write")
+    line = refused(monkeypatch, capsys, "measure", "silk", *words, "--configs", configs)
+    assert "cell strips new" in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_that_cannot_be_written_leaves_the_strip_file_as_it_was(
+    monkeypatch, capsys, configs, tmp_path, photo
+) -> None:
+    path = configs / "strips" / "denim.yaml"
+    before = path.read_bytes()
+    (tmp_path / "taken").write_text("")
+    words = ("--photo", photo, "--overhang", 0.06, "--out", tmp_path / "taken" / "out")
+    line = refused(monkeypatch, capsys, "measure", "denim", *words, "--configs", configs, "--write")
+    assert "--out" in line
+    assert path.read_bytes() == before
+
+
+def test_new_strip_says_what_was_assumed(monkeypatch, capsys, configs) -> None:
+    words = ("--length", 0.5, "--width", 0.04, "--areal-density", 0.31, "--colour", 10, 20, 30)
+    told = ("--source", "areal_density=scales, 2026")
+    assert run(monkeypatch, "new", "felt", *words, *told, "--configs", configs) == 0
+    assert "assumed, not measured: bending_length, retardation_time" in capsys.readouterr().out
+    strip = load_strip(configs / "strips" / "felt.yaml")
+    assert (strip.name, strip.length, strip.width, strip.areal_density) == ("felt", 0.5, 0.04, 0.31)
+    sources = {each.key: each.source for each in strip.provenance}
+    assert sources["areal_density"] == "scales, 2026"
+    assert sources["bending_length"] == "assumed"
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "said"),
+    [
+        ("denim", ("--length", 0.5, "--width", 0.04), "is there already"),
+        ("../felt", ("--length", 0.5, "--width", 0.04), "not a name"),
+        ("felt", ("--length", 50, "--width", 0.04), "length"),
+        ("felt", ("--length", 0.5, "--width", 0.04, "--source", "colour=eye"), "KEY=TEXT"),
+        ("felt", ("--length", 0.5, "--width", 0.04, "--source", "thickness=gauge"), "value too"),
+    ],
+)
+def test_new_strip_that_cannot_be_is_refused(
+    monkeypatch, capsys, configs, name, words, said
+) -> None:
+    before = {path: path.read_bytes() for path in (configs / "strips").iterdir()}
+    assert said in refused(monkeypatch, capsys, "new", name, *words, "--configs", configs)
+    assert {path: path.read_bytes() for path in (configs / "strips").iterdir()} == before
+
+
+def test_strips_of_the_package_itself_are_not_written(monkeypatch, capsys, configs) -> None:
+    monkeypatch.setattr("cell.config.places.PACKAGED", configs)
+    words = ("new", "felt", "--length", 0.5, "--width", 0.04, "--configs", configs)
+    assert "copy it" in refused(monkeypatch, capsys, *words)
+    assert not (configs / "strips" / "felt.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "length: 1.0 # long\nbending_length: 0.017\nprovenance:\n  - key: a\n    source: b\n",
+        "length: 1.0\nprovenance: []\nbending_length: 0.017  # c\nname: x\n",
+        "{length: 1.0, bending_length: 0.017, provenance: []}\n",
+        "bending_length: 0.017\nlength: 1.0",
+    ],
+)
+def test_edited_file_says_the_new_content_whatever_its_style(text: str) -> None:
+    content = yaml.safe_load(text)
+    content |= {"bending_length": 0.0213, "provenance": [{"key": "bending_length", "source": "m"}]}
+    new = edited(text, content)
+    assert yaml.safe_load(new) == content
+    assert ("# long" in new) == ("# long" in text)

@@ -1,0 +1,168 @@
+"""`cell train`: the same weights however often it is killed, an honest judgement, clear errors."""
+
+import fcntl
+import inspect
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.__main__ import main
+from cell.train.evaluation import Engine, Evaluation, evaluate
+from cell.train.here import workers_here
+from drivers.errors import WorkersLost
+from policies.checkpoint import load_checkpoint
+from policies.feedback import COMMITTED
+from policies.registry import make_policy
+from policies.train.settings import TrainingSettings
+
+TINY = ["--generations", "6", "--population", "4", "--strips", "1", "--grid", "2"]
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> None:
+    monkeypatch.setattr("sys.argv", ["cell", "train", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+
+
+def refused(monkeypatch, capsys, *words: object) -> str:
+    """The one line with which a command is refused as bad input."""
+    monkeypatch.setattr("sys.argv", ["cell", "train", *map(str, words)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    told = capsys.readouterr()
+    assert ended.value.code == 2, told
+    assert told.out == ""
+    assert told.err.startswith("cell: ")
+    assert told.err.count("\n") == 1
+    return str(told.err)
+
+
+def killed_after(folder: Path, generation: int) -> None:
+    """A training in a process of its own, killed as soon as it tells of `generation`."""
+    words = [sys.executable, "-m", "cell", "train", "--out", str(folder), "--jobs", "1", *TINY]
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as training:
+        for line in training.stderr:
+            if line.startswith(f"generation {generation} of 6"):
+                training.kill()
+                break
+        training.stderr.read()
+    assert training.returncode == -signal.SIGKILL
+
+
+def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
+    monkeypatch, capsys, tmp_path: Path
+) -> None:
+    alone, killed = tmp_path / "alone", tmp_path / "killed"
+    command(monkeypatch, "--out", alone, "--jobs", 1, "--json", *TINY)
+    line = json.loads(capsys.readouterr().out)
+    killed_after(killed, 2)
+    killed_after(killed, 4)
+    command(monkeypatch, "--out", killed, "--jobs", 2, *TINY)
+    told = capsys.readouterr()
+    assert "goes on after 4 of 6" in told.err or "goes on after 5 of 6" in told.err
+    assert "chain (the plant)" in told.out
+    assert (alone / "feedback.json").read_bytes() == (killed / "feedback.json").read_bytes()
+    judged = [json.loads((f / "evaluation.json").read_text()) for f in (alone, killed)]
+    assert judged[0] == line
+    assert judged[0]["evaluations"] == judged[1]["evaluations"]
+    assert [e["engine"] for e in line["evaluations"]] == ["rod", "chain"]
+    assert make_policy("feedback", Path(line["checkpoint"])).name == "feedback"
+
+
+def test_command_trains_by_default_as_the_settings_say() -> None:
+    from cell.cli.train import train
+
+    offered = inspect.signature(train).parameters
+    fields = TrainingSettings.model_fields
+    shared = set(offered) & set(fields)
+    assert shared == {"seed", "generations", "population", "strips"}
+    assert all(offered[name].default == fields[name].default for name in shared)
+
+
+def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
+    weights = np.array(load_checkpoint(COMMITTED).weights)
+    heard: list[tuple[int, int]] = []
+    with workers_here(1) as executor:
+        rod, chain = evaluate(
+            weights, TrainingSettings(), 3, executor, lambda *done: heard.append(done)
+        )
+    assert (rod.engine, chain.engine) == (Engine.ROD, Engine.CHAIN)
+    assert rod.untouched == chain.untouched == 0
+    assert rod.mean < 0.007
+    assert rod.worst < 0.016
+    assert abs(chain.mean - rod.mean) < 0.002
+    assert not np.array_equal(rod.displacement, chain.displacement)
+    assert heard == [(k, 6) for k in range(1, 7)]
+
+
+def test_fold_without_a_touch_is_counted_and_costs_half_a_strip() -> None:
+    found = Evaluation(
+        Engine.ROD, np.array([[0.001, np.nan], [-0.002, 0.0]]), np.array([[1e-3, 0.3], [2e-3, 0.0]])
+    )
+    line = found.line()
+    assert line["displacement"] == [0.001, None, -0.002, 0.0]
+    assert (line["untouched"], line["worst"]) == (1, 0.3)
+    assert found.mean == pytest.approx(0.303 / 4)
+
+
+def test_worker_that_dies_ends_the_training_in_one_line() -> None:
+    with pytest.raises(WorkersLost, match="run the same command again"), workers_here(2) as pool:
+        pool.submit(os._exit, 1).result()
+
+
+def test_workers_end_with_the_process_that_leads_them() -> None:
+    script = (
+        "import os, signal\n"
+        "from cell.train.here import workers_here\n"
+        "if __name__ == '__main__':\n"
+        "    with workers_here(2) as pool:\n"
+        "        print(pool.submit(os.getpid).result(), flush=True)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    command = [sys.executable, "-c", script]
+    # Workers hold the pipe too: it closes when the last of them has ended.
+    told = subprocess.run(command, stdout=subprocess.PIPE, timeout=60, check=False)
+    assert told.returncode == -signal.SIGKILL
+    assert int(told.stdout) > 0
+
+
+def test_other_settings_in_the_same_folder_are_refused(monkeypatch, capsys, tmp_path) -> None:
+    (tmp_path / "feedback.jsonl").write_text('{"schema": 1, "settings": {"seed": 3}}\n')
+    assert "other settings" in refused(monkeypatch, capsys, "--out", tmp_path, *TINY)
+    assert not (tmp_path / "feedback.json").exists()
+
+
+def test_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, tmp_path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("mine")
+    assert str(taken) in refused(monkeypatch, capsys, "--out", taken, *TINY)
+    assert taken.read_text() == "mine"
+
+
+def test_second_training_in_the_same_folder_is_refused(monkeypatch, capsys, tmp_path) -> None:
+    place = os.open(tmp_path, os.O_RDONLY)
+    try:
+        fcntl.flock(place, fcntl.LOCK_EX)
+        said = refused(monkeypatch, capsys, "--out", tmp_path, *TINY)
+    finally:
+        os.close(place)
+    assert "another training" in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_cluster_has_its_own_workers(monkeypatch, capsys, tmp_path) -> None:
+    words = ["--out", tmp_path, "--cluster", "tcp://127.0.0.1:1", "--jobs", 2]
+    assert "--jobs" in refused(monkeypatch, capsys, *words)
+
+
+def test_cluster_without_the_extra_says_what_to_install(monkeypatch, capsys, tmp_path) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    said = refused(monkeypatch, capsys, "--out", tmp_path, "--cluster", "tcp://127.0.0.1:1")
+    assert "pip install '.[cluster]'" in said

@@ -1,0 +1,139 @@
+"""Rod and chain, which share no code, agree on every effect that both have."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Stage
+from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.model import StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.twin.chain.engine import Chain
+from drivers.types import Array
+from tests.support.effect_cases import PATHS, affected, bare, levels, way
+
+SEGMENTS, LINKS = 150, 100
+SETTLED, FALLING = 1.5, 0.15  # s: the first pull on a straight strip, and the snap, are chaotic
+Values = Mapping[str, float]
+
+# Engines are driven by true poses over the true desk: these come before them or after them.
+OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
+# Of every other effect the middle of its range (upwards of null; by magnitude where null is none;
+# as much as makes sense for a strip of 12 g), and where that hardly shows a value that tells.
+VALUES: dict[str, list[Values]] = {
+    "bending_hysteresis": [{"yield_curvature": 50.0}, {"yield_curvature": 12.0}],
+    "nonlinear_bending": [
+        {"cubic": 5e-4},
+        {"cubic": -5e-6},
+        {"cubic": 1e-4, "fifth": 1.0},
+    ],
+    "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
+    "relaxation": [
+        {"ratio": 0.45, "time": 1.0},
+        {"ratio": 0.9, "time": 0.05},
+        {"ratio": 0.5, "time": 0.3, "set": 0.8},
+    ],
+    "stretch": [{"stiffness": 300.0}, {"stiffness": 1.0}],
+    "air_drag": [
+        {"coefficient": 5.0},
+        {"coefficient": 3.0, "slow": 0.1, "oblique": 1.0, "along": 0.5},
+    ],
+    "pre_curl": [{"curvature": 30.0}],
+    "crease": [{"angle": 1.0, "position": 0.2}, {"angle": -0.5, "position": 0.3}],
+    "stiffness_gradient": [{"slope": 0.9}, {"slope": -0.9}],
+    "seam": [
+        {"factor": 1.6, "position": 0.3, "width": 0.02},
+        {"factor": 5.0, "position": 0.3, "width": 0.03},
+        {"factor": 5.0, "position": 0.3, "width": 0.05, "softness": 0.4},
+    ],
+    "hem_mass": [
+        {"mass": 0.003, "position": 0.3, "width": 0.03},
+        {"mass": 0.003, "position": 0.5, "width": 0.03},
+    ],
+    "length_error": [{"error": 0.025}, {"error": -0.01}],
+    "ageing": [{"rate": 0.25}, {"rate": -0.25}],
+    "layer_adhesion": [{"force": 25.0}],
+    "end_slip": [{"friction": 0.3}, {"friction": 0.7}],
+    "grip_slip": [{"force": 0.7}, {"force": 0.1}],
+    "desk_tilt": [{"angle": 0.15}, {"angle": -0.15}],
+    "gripper_compliance": [{"compliance": 5e3}, {"compliance": 200.0}],
+}
+UNSEEN = {"pre_curl", "layer_adhesion"}  # between clamped ends; before the touch
+CASES = [(name, values) for name, each in VALUES.items() for values in each]
+QUICK = [
+    ("bending_hysteresis", VALUES["bending_hysteresis"][1]),
+    ("relaxation", VALUES["relaxation"][0]),
+    ("stretch", VALUES["stretch"][1]),
+    ("length_error", VALUES["length_error"][0]),
+    ("end_slip", VALUES["end_slip"][0]),
+]
+
+
+def test_every_effect_of_engines_is_compared_here() -> None:
+    simulated = {e.name for e in registry().values() if e.stage is not Stage.OBSERVATION}
+    assert set(VALUES) == simulated - OUTSIDE
+
+
+def fold(model: StripModel, engine: Rod | Chain, path: str) -> StripMotion:
+    poses = way(PATHS[path])
+    return simulate(engine, model, poses.t, poses.poses, shapes=True)
+
+
+@lru_cache
+def plain(path: str) -> StripMotion:
+    return fold(bare(), Chain(LINKS), path)
+
+
+def apart(rod: StripMotion, chain: StripMotion) -> Array:
+    """Distances [m] of the chain's links from the rod, from the lift up to the snap."""
+    end = min(rod.t[-1], chain.t[-1]) - FALLING
+    found = []
+    for t in np.arange(SETTLED, end, 0.2):
+        curve = rod.shapes[np.argmin(np.abs(rod.t - t))]
+        nodes = chain.shapes[np.argmin(np.abs(chain.t - t))]
+        found.append(distances(0.5 * (nodes[1:] + nodes[:-1]), curve))
+    return np.concatenate(found)
+
+
+def distances(points: Array, curve: Array) -> Array:
+    """Distances (n,) of `points` (n, 2) from a polyline (m, 2)."""
+    start, way = curve[:-1], np.diff(curve, axis=0)
+    share = ((points[:, None] - start) * way).sum(axis=2) / (way**2).sum(axis=1)
+    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * way
+    return np.asarray(np.hypot(*np.moveaxis(points[:, None] - nearest, 2, 0)).min(axis=1))
+
+
+def agree(name: str, values: Values, path: str) -> None:
+    model = affected(name, **values)
+    rod, chain = (fold(model, engine, path) for engine in (Rod(SEGMENTS), Chain(LINKS)))
+    assert rod.touch is not None
+    assert chain.touch is not None
+    assert chain.touch.displacement == pytest.approx(rod.touch.displacement, abs=0.002)
+    assert np.sqrt((apart(rod, chain) ** 2).mean()) < 0.001
+    size = min(len(chain.contact_x), len(plain(path).contact_x))
+    shown = np.abs(chain.contact_x[:size] - plain(path).contact_x[:size]).max()
+    assert shown > 1e-5 or name in UNSEEN
+
+
+@pytest.mark.parametrize(("name", "values"), QUICK)
+def test_engines_agree_on_an_effect(name: str, values: Values) -> None:
+    agree(name, values, "triangular")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["triangular", "circular"])
+@pytest.mark.parametrize(("name", "values"), CASES)
+def test_engines_agree_on_every_effect(name: str, values: Values, path: str) -> None:
+    agree(name, values, path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", VALUES)
+def test_chain_stays_finite_over_the_range_of_every_parameter(name: str) -> None:
+    for values in levels(registry()[name]):
+        motion = fold(affected(name, **values), Chain(60), "triangular")
+        assert np.isfinite(motion.contact_x).all(), values
+        assert motion.touch is not None, values

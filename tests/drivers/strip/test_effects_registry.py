@@ -1,0 +1,208 @@
+"""The library of effects: complete, strict, absent when null, finite over its range."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe, load_plant, load_strip
+from drivers.strip.effects import apply_effects, check_effects, registry
+from drivers.strip.effects.effect import Effect, Parameter
+from tests.support.effect_cases import USUAL, affected, bare, denim, folds, levels, predicted
+
+CONTRACT = {
+    "bending_hysteresis": ("strip", "yield_curvature stiffness_ratio"),
+    "nonlinear_bending": ("strip", "cubic"),
+    "quadratic_damping": ("strip", "coefficient"),
+    "relaxation": ("strip", "ratio time"),
+    "stretch": ("strip", "stiffness"),
+    "air_drag": ("strip", "coefficient"),
+    "pre_curl": ("strip", "curvature"),
+    "crease": ("strip", "angle position"),
+    "stiffness_gradient": ("strip", "slope"),
+    "seam": ("strip", "factor position width"),
+    "hem_mass": ("strip", "mass position width"),
+    "length_error": ("strip", "error"),
+    "layer_adhesion": ("strip", "force"),
+    "ageing": ("strip", "rate"),
+    "end_slip": ("cell", "friction"),
+    "grip_slip": ("cell", "force"),
+    "desk_tilt": ("cell", "angle"),
+    "desk_height": ("cell", "height"),
+    "tcp_offset": ("cell", "x z"),
+    "gripper_tilt": ("cell", "angle"),
+    "gripper_compliance": ("cell", "compliance"),
+    "control_delay": ("cell", "time"),
+    "camera_latency": ("cell", "time"),
+    "homography_scale": ("cell", "scale"),
+    "homography_shift": ("cell", "x z"),
+    "contact_bias": ("cell", "bias"),
+}
+ABSENT = {"stretch", "end_slip", "grip_slip"}  # nulls at infinity
+EFFECTS = list(registry().values())
+CASES = [(effect, values) for effect in EFFECTS for values in levels(effect)]
+of_effect = pytest.mark.parametrize("effect", EFFECTS, ids=[e.name for e in EFFECTS])
+
+
+def _middle(effect: Effect) -> dict[str, float]:
+    """Values at which the effect shows: its switch between null and its end."""
+    switch = effect.parameters[0]
+    strong = np.sqrt(switch.low * switch.high) if switch.low > 0 else 0.3 * switch.high
+    if USUAL.get(switch.name, np.inf) <= switch.high:
+        strong = USUAL[switch.name]
+    elif effect.name == "grip_slip":
+        strong = 0.1
+    elif effect.name == "stretch":
+        strong = 5.0
+    return {p.name: USUAL[p.name] for p in effect.parameters[1:]} | {switch.name: float(strong)}
+
+
+def _of(effect: Effect, values: dict[str, float]) -> list[tuple[Parameter, float]]:
+    return [(p, values[p.name]) for p in effect.parameters]
+
+
+def _nulls(effect: Effect) -> dict[str, float]:
+    at = {p.name: p.null for p in effect.parameters if p.null is not None}
+    return {p.name: USUAL.get(p.name, 1.0) for p in effect.parameters} | at
+
+
+def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
+    found = {
+        e.name: (e.of, " ".join(p.name for p in e.parameters if p.finer is None)) for e in EFFECTS
+    }
+    assert {name: found[name] for name in CONTRACT} == CONTRACT
+
+
+@of_effect
+def test_what_bends_a_law_comes_last_and_by_default_leaves_it_as_it_is(effect: Effect) -> None:
+    finer = [p for p in effect.parameters if p.finer is not None]
+    assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
+    assert all(p.default == p.low == 0.0 for p in finer)
+    values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.finer is None}
+    stated = values | {p.name: 0.0 for p in finer}
+    (plain, same) = folds([affected(effect.name, **values), affected(effect.name, **stated)])
+    np.testing.assert_array_equal(plain.contact_x, same.contact_x)
+    for p in finer:
+        (bent,) = folds([affected(effect.name, **(values | {p.name: USUAL[p.name]}))])
+        assert np.abs(bent.shapes[-1] - plain.shapes[-1]).max() > 1e-6, p.name
+
+
+def test_effects_apply_strip_first_then_boundary_then_observation() -> None:
+    stages = [effect.stage for effect in EFFECTS]
+    assert stages == sorted(stages)
+    assert all((e.of == "strip") == (e.stage.name in ("SIZE", "LAW")) for e in EFFECTS)
+
+
+@of_effect
+def test_effect_says_what_it_is_where_it_shows_and_what_reveals_it(effect: Effect) -> None:
+    assert effect.sentence
+    assert effect.revealed_by
+    assert effect.channels
+    assert effect.channels <= {"contact_x", "profile", "layer_touch", "force"}
+    for parameter in effect.parameters:
+        assert parameter.low < parameter.high
+        if parameter.null is not None:
+            assert parameter.low <= parameter.null <= parameter.high
+
+
+@of_effect
+def test_effect_at_null_is_the_very_same_description(effect: Effect) -> None:
+    model = bare()
+    assert apply_effects(model, {}) is model
+    if effect.name in ABSENT:
+        assert effect.parameters[0].null is None
+    else:
+        assert apply_effects(model, {effect.name: _nulls(effect)}) is model
+
+
+@of_effect
+def test_second_switch_alone_switches_an_effect_on(effect: Effect) -> None:
+    switches = [p.name for p in effect.parameters if p.null is not None]
+    for name in switches:
+        values = _nulls(effect) | {name: _middle(effect)[name]}
+        assert apply_effects(bare(), {effect.name: values}) is not bare()
+
+
+def test_every_effect_but_the_one_past_the_end_changes_the_prediction() -> None:
+    models = [bare(), *(affected(e.name, **_middle(e)) for e in EFFECTS)]
+    motions = folds(models)
+    without = predicted(models[0], motions[0])
+    for effect, model, motion in zip(EFFECTS, models[1:], motions[1:], strict=True):
+        changed = {
+            channel
+            for channel, values in predicted(model, motion).items()
+            if not np.array_equal(values, without.get(channel))
+        }
+        # Layers cling only once they touch, and there a rod's motion ends.
+        assert bool(changed) == (effect.name != "layer_adhesion"), effect.name
+        shown = effect.channels - {"force"} if effect.name != "layer_adhesion" else set()
+        assert shown <= changed, effect.name
+
+
+@pytest.mark.parametrize("path", ["triangular", "circular"])
+def test_folds_stay_finite_over_the_range_of_every_parameter(path: str) -> None:
+    models = [affected(effect.name, **values) for effect, values in CASES]
+    for (effect, values), motion in zip(CASES, folds(models, path), strict=True):
+        assert motion.touch is not None, (effect.name, values)
+        assert np.isfinite(motion.contact_x).all(), (effect.name, values)
+        assert np.isfinite(motion.shapes).all(), (effect.name, values)
+
+
+def test_plain_strip_among_affected_ones_moves_bit_for_bit_as_alone() -> None:
+    names = ("relaxation", "quadratic_damping", "air_drag", "end_slip", "grip_slip", "length_error")
+    others = [affected(name, **_middle(registry()[name])) for name in names]
+    (alone,) = folds([bare()])
+    among = folds([*others[:3], bare(), *others[3:]])[3]
+    np.testing.assert_array_equal(among.contact_x, alone.contact_x)
+    np.testing.assert_array_equal(among.shapes, alone.shapes)
+    assert among.touch == alone.touch
+
+
+def test_affected_strips_move_bit_for_bit_alike_alone_and_together() -> None:
+    names = ("relaxation", "end_slip", "grip_slip", "length_error", "stretch")
+    models = [affected(name, **_middle(registry()[name])) for name in names]
+    for model, among in zip(models, folds(models), strict=True):
+        (alone,) = folds([model])
+        np.testing.assert_array_equal(among.contact_x, alone.contact_x)
+        assert among.touch == alone.touch
+
+
+@of_effect
+def test_effect_survives_a_file(effect: Effect, tmp_path: Path) -> None:
+    plant = denim(effects={effect.name: _middle(effect)})
+    path = tmp_path / "denim.yaml"
+    path.write_text(yaml.safe_dump(plant.model_dump(mode="json", by_alias=True)))
+    assert load_plant(path) == plant
+    if effect.of == "strip":
+        assert load_strip(path) == plant
+    else:
+        with pytest.raises(ConfigurationError, match=f"effects.{effect.name}: unknown effect"):
+            load_strip(path)
+
+
+@of_effect
+def test_effect_refuses_what_it_does_not_know(effect: Effect) -> None:
+    good = _middle(effect)
+    first = effect.parameters[0]
+    check_effects({effect.name: good}, "here", effect.of)
+    for wrong, why in (
+        (good | {"colour": 1.0}, "unknown parameter"),
+        ({k: v for k, v in good.items() if k != first.name}, "is missing"),
+        (good | {first.name: first.high * 2 + 1}, "out of range"),
+    ):
+        with pytest.raises(ConfigurationError, match=why):
+            check_effects({effect.name: wrong}, "here", effect.of)
+
+
+@pytest.mark.parametrize("name", ["seam", "crease", "hem_mass"])
+def test_place_beside_the_strip_is_refused_by_file_and_key(name: str, tmp_path: Path) -> None:
+    values = _middle(registry()[name]) | {"position": 0.7}
+    path = tmp_path / "denim.yaml"
+    content = denim(effects={name: values}).model_dump(mode="json", by_alias=True)
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(ConfigurationError, match=rf"denim.yaml: effects.{name}.position: 0.7"):
+        load_strip(path)
+    with pytest.raises(ConfigurationError, match=rf"effects.{name}.position: 0.7"):
+        describe(denim(effects={name: values}))

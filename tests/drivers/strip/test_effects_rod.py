@@ -1,0 +1,235 @@
+"""Effects in the rod do what their laws say, as large as measured elsewhere, and converge."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+from drivers.strip.describe import describe
+from drivers.strip.model import StripModel
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.batch import laid_flat
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.layout import Block
+from drivers.strip.rod.static import overhang
+from drivers.strip.rod.terms import air, lagging, resist
+from drivers.types import Array
+from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
+from tests.support.rod_cases import paper_model
+
+RATE = 250.0  # 1/s
+STIFF = denim(length=0.3, bending_length=0.15)  # for a strip that hangs over an edge
+WEIGHT = 0.4 * 0.05 * LENGTH * 9.81  # N
+
+
+def _block(model: StripModel, segments: int = 40) -> Block:
+    batch = laid_flat([model], segments)
+    state, nature = batch.state[0], batch.nature[0]
+    return Block(nature, state, batch.work, batch.band, batch.last, batch.terms)
+
+
+def _displacement(name: str, path: str = "triangular", **values: float) -> float:
+    """How far the effect moves d [m]."""
+    with_it, without = folds([affected(name, **values), bare()], path, 100)
+    assert with_it.touch is not None
+    assert without.touch is not None
+    return with_it.touch.displacement - without.touch.displacement
+
+
+@numba.njit(error_model="numpy")
+def _blown(block: Block, out: Array) -> None:
+    for r in range(at.FIRST, block.last + 1):
+        resist(block, r, RATE)
+        (out[r, 0], out[r, 1]), _ = air(block, r, RATE)
+
+
+@pytest.mark.parametrize(("moved", "share"), [((0.0, 1.0), 1.0), ((1.0, 1.0), 0.5)])
+def test_drag_is_that_of_a_plate_and_only_of_its_motion_across(
+    moved: tuple[float, float], share: float
+) -> None:
+    speed, drag = 0.5, 1.7
+    block = _block(affected("air_drag", coefficient=drag))
+    velocity = speed * np.array(moved) / np.hypot(*moved)
+    block.work[:, at.BASE_X] = block.state[:, at.X] - velocity[0] / RATE
+    block.work[:, at.BASE_Z] = block.state[:, at.Z] - velocity[1] / RATE
+    force = np.zeros((len(block.state), 2))
+    _blown(block, force)
+    spans = block.nature[:, at.SPAN]
+    free = 0.5 * (spans[1 : block.last] + spans[2 : block.last + 1]).sum()
+    plate = 0.5 * 1.2 * drag * 0.05 * free * share * speed**2
+    np.testing.assert_allclose(force.sum(axis=0), [0.0, plate], atol=1e-12)
+
+
+@numba.njit(error_model="numpy")
+def _lagging(block: Block, r: int, change: float) -> tuple[float, float]:
+    return lagging(block, r, change, RATE)
+
+
+@pytest.mark.parametrize("speed", [-3.0, 2.0])
+def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(speed: float) -> None:
+    coefficient, row = 1e-3, 12
+    block = _block(affected("quadratic_damping", coefficient=coefficient))
+    span = block.nature[row, at.SPAN]
+    moment, slope = _lagging(block, row, speed * span / RATE)
+    law = denim().rigidity * coefficient * abs(speed) * speed
+    assert moment == pytest.approx(law, rel=1e-9)
+    assert slope == pytest.approx(2 * abs(law / speed) / span * RATE, rel=1e-9)
+
+
+def test_relaxed_strip_hangs_as_one_of_what_rigidity_is_left() -> None:
+    relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
+    left = replace(straight, mechanics=straight.mechanics.stiffened(np.full(600, 0.6)))
+    hung, expected, before = overhang([relaxed, left, straight])
+    np.testing.assert_allclose(hung, expected, atol=1e-6)
+    assert np.abs(hung - before).max() > 0.01
+
+
+def test_fast_relaxation_is_a_softer_strip_and_slow_relaxation_none() -> None:
+    fast, slow = (affected("relaxation", ratio=0.3, time=time) for time in (0.01, 100.0))
+    soft = replace(bare(), mechanics=replace(bare().mechanics.stiffened(np.full(600, 0.7))))
+    moved = [m.touch.displacement for m in folds([fast, slow, soft, bare()]) if m.touch]
+    assert moved[1] == pytest.approx(moved[3], abs=1e-4)
+    assert moved[0] - moved[3] < -1e-3
+    assert moved[0] - moved[3] == pytest.approx(moved[2] - moved[3], abs=4e-3)
+
+
+def test_stretched_strip_pulls_with_its_stiffness_times_its_strain() -> None:
+    stiffness, error = 5.0, -0.003
+    effects = {"length_error": {"error": error}, "stretch": {"stiffness": stiffness}}
+    rod = Rod(60)
+    rod.reset([describe(denim(effects=effects))])
+    seen = rod.step(np.array([[LENGTH, 0.0, 0.0]]), 0.005)
+    expected = stiffness * -error / (LENGTH + error)
+    assert -seen.holding_force[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("error", [-0.004, 0.0005, 0.008])
+def test_strip_starts_between_its_edges_whatever_its_length(error: float) -> None:
+    rod = Rod(100)
+    rod.reset([affected("length_error", error=error), bare()])
+    for _ in range(100):
+        rod.step(np.tile([LENGTH, 0.0, 0.0], (2, 1)), 0.005)
+    shape = rod.shapes()[0]
+    np.testing.assert_allclose(shape[[0, -1]], [[0.0, 0.0], [LENGTH, 0.0]], atol=1e-12)
+    lengths = np.linalg.norm(np.diff(shape, axis=0), axis=1)
+    assert rod.arc()[0, -1] == pytest.approx(LENGTH + error)
+    assert lengths.sum() == pytest.approx(LENGTH + max(error, 0.0), rel=1e-5)
+    assert (shape[:, 1].max() > 0.002) == (error > 0)
+    assert (shape[shape[:, 0] < 0.4, 1] < 1e-4).all()
+    np.testing.assert_allclose(rod.shapes()[1][:, 1], 0.0, atol=1e-12)
+
+
+def test_loose_edge_holds_no_more_than_its_friction_and_slides_to_the_pull() -> None:
+    friction = 0.4
+    rod = Rod(100)
+    rod.reset([affected("end_slip", friction=friction), bare()])
+    path = way(PATHS["circular"])
+    poses = np.stack([path.poses] * 2, axis=1)
+    seen = rod.follow(poses[1:], 0.01)
+    assert np.abs(seen.holding_force[:, 1]).max() > WEIGHT
+    assert np.abs(seen.holding_force[:, 0]).max() < friction * WEIGHT * 1.1
+    edges = rod.shapes()[:, 0, 0]
+    assert edges[0] > 0.02
+    assert edges[1] == 0.0
+    touch = rod.touch[0]
+    assert touch is not None
+    assert touch.to_fixed == pytest.approx(touch.x - edges[0])
+
+
+def test_grip_lets_go_of_what_is_pulled_harder() -> None:
+    motions = folds([affected("grip_slip", force=0.3), bare()], "circular", 100)
+    pulls = [-motion.holding_force.min() for motion in motions]
+    assert pulls[1] > 1.0
+    assert 0.2 < pulls[0] < 0.3 + WEIGHT
+
+
+def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:
+    compliance, pose = 500.0, np.array([[0.45, 0.12, np.pi / 2]])
+    pitches, moments = [], []
+    for model in (bare(), affected("gripper_compliance", compliance=compliance)):
+        rod = Rod(200)
+        rod.reset([model], pose)
+        points = rod.shapes()[0]
+        ends = np.arctan2(*np.diff(points[-4:], axis=0).T[::-1])
+        spans = np.linalg.norm(np.diff(points[-4:], axis=0), axis=1)
+        bends = np.diff(ends) / (0.5 * (spans[1:] + spans[:-1]))
+        moments.append(denim().rigidity * (1.5 * bends[1] - 0.5 * bends[0]))
+        pitches.append(ends[-1] + 0.5 * spans[-1] * bends[1])
+    assert pitches[0] == pytest.approx(np.pi / 2, abs=2e-3)
+    assert abs(pitches[1] - pitches[0]) > 0.005
+    assert pitches[1] - np.pi / 2 == pytest.approx(-compliance * moments[1], abs=2e-3)
+
+
+def test_higher_desk_is_a_lower_grip() -> None:
+    high, low = folds(
+        [affected("desk_height", height=0.004), affected("tcp_offset", x=0.0, z=-0.004)]
+    )
+    np.testing.assert_array_equal(high.contact_x, low.contact_x)
+    assert high.touch == low.touch
+
+
+def test_late_report_moves_the_fold_in_time_alone() -> None:
+    late, sharp = folds([affected("control_delay", time=0.04), bare()])
+    assert late.touch is not None
+    assert sharp.touch is not None
+    assert sharp.touch.time - late.touch.time == pytest.approx(0.04, abs=1e-9)
+    assert late.touch.displacement == pytest.approx(sharp.touch.displacement, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "expected"),
+    [
+        ("seam", {"factor": 5.0, "position": 0.3, "width": 0.04}, -0.021),
+        ("desk_tilt", {"angle": 0.02}, -0.004),
+        ("stretch", {"stiffness": 1.0}, -0.005),
+    ],
+)
+def test_effect_is_as_large_as_measured_elsewhere(
+    name: str, values: Mapping[str, float], expected: float
+) -> None:
+    assert _displacement(name, **values) == pytest.approx(expected, rel=0.35)
+
+
+def test_even_curl_moves_nothing_between_clamped_ends() -> None:
+    assert abs(_displacement("pre_curl", curvature=10.0)) < 2e-4
+    straight, curled = overhang([describe(STIFF), affected("pre_curl", STIFF, curvature=2.0)])
+    assert curled[-1, 1] > straight[-1, 1] + 0.01
+
+
+def test_crease_up_lifts_and_crease_down_presses() -> None:
+    angles = (-0.3, 0.0, 0.3)
+    tips = overhang([affected("crease", STIFF, angle=a, position=0.1) for a in angles])[:, -1, 1]
+    assert tips[0] + 0.01 < tips[1] < tips[2] - 0.01
+
+
+CONVERGING = [
+    ("quadratic_damping", {"coefficient": 3e-4}),
+    ("relaxation", {"ratio": 0.3, "time": 0.3}),
+    ("stretch", {"stiffness": 5.0}),
+    ("air_drag", {"coefficient": 2.0}),
+    ("end_slip", {"friction": 0.4}),
+    ("grip_slip", {"force": 0.15}),
+    ("gripper_compliance", {"compliance": 1000.0}),
+    ("length_error", {"error": 0.003}),
+    ("crease", {"angle": 0.5, "position": 0.3}),
+]
+
+
+@pytest.mark.parametrize("path", ["triangular", "circular"])
+def test_effects_converge_in_elements_and_step(path: str) -> None:
+    models = [affected(name, **values) for name, values in CONVERGING]
+    coarse, fine = folds(models, path, 100), folds(models, path, 300, 0.0025)
+    for (name, _), one, two in zip(CONVERGING, coarse, fine, strict=True):
+        assert one.touch is not None
+        assert two.touch is not None
+        assert one.touch.displacement == pytest.approx(two.touch.displacement, abs=6e-4), name
+        assert one.touch.time == pytest.approx(two.touch.time, abs=0.02), name
+
+
+def test_effects_stay_finite_on_the_strips_of_the_paper() -> None:
+    effects = {"relaxation": {"ratio": 0.5, "time": 0.2}, "air_drag": {"coefficient": 3.0}}
+    models = [paper_model(k, b, effects) for k in (0.02, 0.3) for b in (1.0, 50.0)]
+    for path in PATHS:
+        assert all(motion.touch is not None for motion in folds(models, path))

@@ -1,0 +1,264 @@
+"""The rod keeps the seam of every engine, and strips side by side do not know of each other."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.engine import Stepper, simulate
+from drivers.strip.model import Boundary, StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import KNOWN
+from drivers.strip.rod.motions import GripperPath, simulate_all
+from policies.path import circular, triangular
+from tests.support.rod_cases import for_all, paper_grid, paper_model, steady
+
+DT = 0.005
+PATH = triangular(0.6)
+
+
+def test_rod_is_a_stepper() -> None:
+    engine: Stepper = Rod(60)
+    motion = simulate(engine, paper_model(0.1), np.array([0.0, 8.0]), _two(PATH.poses(0.0)))
+    assert motion.touch is None
+    assert len(motion.t) == 1600
+
+
+def test_strip_at_rest_does_not_move_at_all() -> None:
+    rod = Rod(60)
+    rod.reset([paper_model(0.05)])
+    before = rod.shapes()
+    rod.advance(np.repeat([[[0.6, 0.0, 0.0]]], 100, axis=0), DT)
+    np.testing.assert_allclose(rod.shapes(), before, atol=1e-12)
+    np.testing.assert_allclose(before[0, :, 0], rod.arc()[0], atol=1e-15)
+
+
+def test_grasped_edge_stands_exactly_on_the_commanded_pose() -> None:
+    rod = Rod(60)
+    rod.reset([paper_model(0.05), paper_model(0.2)])
+    for pose in steady(PATH, DT)[:400:40]:
+        rod.step(np.tile(pose, (2, 1)), DT)
+        np.testing.assert_array_equal(rod.shapes()[:, -1], np.tile(pose[:2], (2, 1)))
+
+
+def test_segments_keep_their_length() -> None:
+    rod = Rod(100)
+    rod.reset([paper_model(0.1)])
+    rod.advance(for_all(steady(PATH, DT)[:900], 1), DT)
+    lengths = np.linalg.norm(np.diff(rod.shapes()[0], axis=0), axis=1)
+    np.testing.assert_allclose(lengths, np.diff(rod.arc()[0]), rtol=2e-5)
+
+
+def test_strip_moves_bit_for_bit_alike_alone_and_among_others() -> None:
+    models = paper_grid()
+    poses = steady(PATH, DT)
+    together = Rod(40)
+    together.reset(models)
+    seen = together.follow(for_all(poses, len(models)), DT, every=50)
+    for i in (0, 7, 24):
+        alone = Rod(40)
+        alone.reset([models[i]])
+        mine = alone.follow(for_all(poses, 1), DT, every=50)
+        np.testing.assert_array_equal(mine.contact_x[:, 0], seen.contact_x[:, i])
+        np.testing.assert_array_equal(mine.shapes[:, 0], seen.shapes[:, i])
+        assert alone.touch[0] == together.touch[i]
+
+
+def test_order_and_call_lengths_change_nothing() -> None:
+    models = paper_grid()
+    poses = for_all(steady(PATH, DT), len(models))
+    once, often = Rod(40), Rod(40)
+    once.reset(models)
+    once.advance(poses, DT)
+    often.reset(models[::-1])
+    for start in range(0, len(poses), 7):
+        often.advance(poses[start : start + 7], DT)
+    there = [t.displacement for t in once.touch if t]
+    back = [t.displacement for t in often.touch[::-1] if t]
+    assert there == back
+    assert len(there) == len(models)
+
+
+def test_strip_that_touched_keeps_its_shape_and_what_it_showed() -> None:
+    rod = Rod(60)
+    models = [paper_model(0.02), paper_model(0.3)]
+    rod.reset(models)
+    poses = for_all(steady(PATH, DT), 2)
+    seen = rod.follow(poses, DT)
+    first, second = (touch.time for touch in rod.touch if touch)
+    ended = int(np.ceil(min(first, second) / DT))
+    i = int(first > second)
+    assert np.ptp(seen.contact_x[ended:, i]) == 0.0
+    shape = rod.shapes()[i]
+    rod.advance(poses[:3], DT)
+    np.testing.assert_array_equal(rod.shapes()[i], shape)
+    assert not rod.living.any()
+
+
+def test_batch_closes_up_without_changing_anything() -> None:
+    models = paper_grid()
+    poses = for_all(steady(PATH, DT), len(models))
+    plain, thinned = Rod(40), Rod(40)
+    kept = np.arange(len(models)) % 6 == 2
+    for rod in (plain, thinned):
+        rod.reset(models)
+        rod.advance(poses[:300], DT)
+    thinned.retire(~kept)
+    np.testing.assert_array_equal(thinned.living, kept)
+    for rod in (plain, thinned):
+        rod.advance(poses[300:700], DT)
+    np.testing.assert_array_equal(thinned.shapes()[kept], plain.shapes()[kept])
+    assert not np.array_equal(thinned.shapes()[~kept], plain.shapes()[~kept])
+
+
+def test_strip_hung_from_a_gripper_is_at_rest() -> None:
+    models = [paper_model(0.02, 50), paper_model(0.1), paper_model(0.3)]
+    start = np.array([[0.53, 0.10, np.pi / 2]] * 3)
+    rod = Rod(60)
+    rod.reset(models, start)
+    hung = rod.shapes()
+    rod.advance(np.repeat(start[None], 200, axis=0), DT)
+    np.testing.assert_allclose(rod.shapes(), hung, atol=1e-5)
+    assert (hung[:, :, 1].max(axis=1) < 0.11).all()
+
+
+def test_start_in_which_the_layers_touch_is_refused() -> None:
+    rod = Rod(40)
+    with pytest.raises(Unsupported, match="strip 0 at which its layers touch"):
+        rod.reset([paper_model(0.02)], np.array([[0.3, 0.10, np.pi / 2]]))
+
+
+def test_gripper_that_jerks_wildly_finds_shapes_or_says_so() -> None:
+    rng = np.random.default_rng(3)
+    count, steps = 24, 800
+    models = [paper_model(*pair) for pair in zip(
+        np.exp(rng.uniform(np.log(0.02), np.log(0.3), count)),
+        np.exp(rng.uniform(0.0, np.log(50.0), count)), strict=True)]  # fmt: skip
+    turns = np.repeat(rng.normal(2.6, 1.2, (steps // 40, count)), 40, axis=0)
+    speed = np.repeat(rng.uniform(0.02, 0.3, (steps // 40, count)), 40, axis=0)
+    x = 0.55 + np.cumsum(speed * np.cos(turns), axis=0) * DT
+    z = 0.10 + np.abs(np.cumsum(speed * np.sin(turns), axis=0) * DT)
+    reach = np.minimum(1.0, 0.6 / np.hypot(x, z))
+    poses = np.stack([x * reach, z * reach, np.full_like(x, np.pi / 2)], axis=-1)
+    rod = Rod(60)
+    rod.reset(models, np.array([[0.55, 0.10, np.pi / 2]] * count))
+    rod.advance(poses, DT)
+    assert np.isfinite(rod.shapes()).all()
+
+
+def test_pose_that_is_no_number_is_a_named_fault() -> None:
+    rod = Rod(40)
+    rod.reset([paper_model(0.1)])
+    with pytest.raises(SimulationNotFinite, match="rod left the finite numbers"):
+        rod.step(np.array([[np.nan, 0.0, 0.0]]), DT)
+
+
+def test_strip_torn_from_its_grip_is_a_named_fault() -> None:
+    rod = Rod(40)
+    rod.reset([paper_model(0.1)] * 3)
+    poses = np.array([[0.59, 0.01, 0.1], [5.0, 4.0, 9.0], [0.59, 0.01, 0.1]])
+    with pytest.raises(SimulationNotConverged, match="strip 1"):
+        rod.step(poses, DT)
+
+
+def test_lenient_rod_ends_only_the_strip_that_failed() -> None:
+    models = [paper_model(0.1)] * 3
+    poses = for_all(steady(PATH, DT), 3)
+    sound, lenient = Rod(40), Rod(40, strict=False)
+    for rod in (sound, lenient):
+        rod.reset(models)
+        rod.advance(poses[:200], DT)
+    broken = poses[200:].copy()
+    broken[0, 1] = np.nan
+    sound.advance(poses[200:], DT)
+    lenient.advance(broken, DT)
+    np.testing.assert_array_equal(lenient.failed, [False, True, False])
+    assert lenient.touch[1] is None
+    assert [lenient.touch[i] for i in (0, 2)] == [sound.touch[i] for i in (0, 2)]
+
+
+@pytest.mark.parametrize("poses", [np.zeros((2, 3)), np.zeros((3, 2))])
+def test_poses_of_another_count_are_refused(poses: np.ndarray) -> None:
+    rod = Rod(40)
+    rod.reset([paper_model(0.1)] * 3)
+    with pytest.raises(ValueError, match="expected"):
+        rod.step(poses, DT)
+
+
+@pytest.mark.parametrize("wrong", [{"segments": 5}, {"order": 3}])
+def test_rod_that_cannot_be_is_refused(wrong: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match="allowed"):
+        Rod(**wrong)
+
+
+def test_descriptions_beyond_the_rod_are_refused() -> None:
+    model = paper_model(0.1)
+    with pytest.raises(Unsupported, match="the rod cannot simulate"):
+        Rod(40).reset([_with_gravity(model, (0.0, 1.0))])
+
+
+def test_part_of_a_description_that_the_rod_does_not_know_is_refused_unless_null(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    @dataclass(frozen=True)
+    class Magnetic(Boundary):
+        field: float = 0.0
+
+    model = paper_model(0.1)
+    rod = Rod(40)
+    monkeypatch.setitem(KNOWN, Magnetic, KNOWN[Boundary])
+    rod.reset([replace(model, boundary=Magnetic())])
+    with pytest.raises(Unsupported, match="the rod cannot simulate field"):
+        rod.reset([replace(model, boundary=Magnetic(field=1.0))])
+
+
+def test_circular_path_folds_too_far_and_triangular_too_short() -> None:
+    for path, sign in ((circular(0.6), 1), (PATH, -1)):
+        rod = Rod(60)
+        rod.reset([paper_model(0.1)])
+        rod.advance(for_all(steady(path, DT), 1), DT)
+        touch = rod.touch[0]
+        assert touch is not None
+        assert sign * touch.displacement > 0.02
+
+
+def test_description_of_a_strip_file_folds() -> None:
+    denim = load_strip(Path(__file__).parents[3] / "configs/strips/denim.yaml")
+    rod = Rod(60)
+    rod.reset([describe(denim)])
+    rod.advance(for_all(steady(triangular(denim.length), DT), 1), DT)
+    assert rod.touch[0] is not None
+
+
+def _two(pose: np.ndarray) -> np.ndarray:
+    return np.tile(pose, (2, 1))
+
+
+def _with_gravity(model: StripModel, gravity: tuple[float, float]) -> StripModel:
+    return replace(model, boundary=replace(model.boundary, gravity=gravity))
+
+
+def test_motions_in_a_batch_are_those_of_one_at_a_time() -> None:
+    models = [paper_model(0.05), paper_model(0.2), paper_model(0.1)]
+    t = np.linspace(2.0, 10.0, 1601)
+    full = GripperPath(t, PATH.poses(0.1 * (t - 2.0)))
+    short = GripperPath(t[:500], full.poses[:500])
+    hung = np.array([0.55, 0.10, np.pi / 2])
+    lifted = GripperPath(
+        t, hung + np.linspace(0.0, 1.0, len(t))[:, None] * [-0.1, 0.1, 0.0], hanging=True
+    )
+    ways = [full, short, lifted]
+    motions = simulate_all(Rod(40), models, ways, dt=DT, every=10)
+    for motion, model, way in zip(motions[:2], models, ways, strict=False):
+        alone = simulate(Rod(40), model, way.t, way.poses, dt=DT, shapes=True)
+        np.testing.assert_allclose(motion.t, alone.t)
+        np.testing.assert_allclose(motion.contact_x, alone.contact_x, atol=1e-9)
+        np.testing.assert_allclose(motion.shapes, alone.shapes[9::10], atol=1e-9)
+        assert (motion.touch is None) == (alone.touch is None)
+    assert motions[0].touch is not None
+    assert motions[0].touch.time > 7.0
+    assert len(motions[2].t) == 1600
+    assert np.ptp(motions[2].shapes[:2, :, 1], axis=0).max() < 0.003

@@ -1,0 +1,100 @@
+"""What the rod's compiled code measures is what `drivers.strip.shape` defines."""
+
+import math
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.strip import shape as definition
+from drivers.strip.rod import measures as compiled
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.path import Path, circular, triangular
+from tests.support.rod_cases import for_all, paper_grid, steady
+
+DT = 0.005
+OPENING = 0.002  # m
+PATHS = {
+    "triangular": triangular(0.6),
+    "shifted": triangular(0.6, 0.045),
+    "circular": circular(0.6),
+}
+
+
+@numba.njit
+def _measured(x: Array, z: Array, height: float, opening: float) -> tuple[float, ...]:
+    contact = compiled.desk_contact(x, z, height)
+    tip = compiled.rightmost(x)
+    tip_x, tip_z = compiled.fold_tip(x, z, tip)
+    gap, index = compiled.layer_gap(x, z, tip, opening)
+    return contact, tip_x, tip_z, gap, compiled.along(x, index), index
+
+
+def _agree(points: Array) -> bool:
+    """Whether compiled code and definition agree on a shape; whether it has a gap."""
+    x, z = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
+    contact, tip_x, tip_z, height, gap_x, index = _measured(x, z, 0.001, OPENING)
+    assert contact == definition.desk_contact(points, 0.001)
+    assert (tip_x, tip_z) == definition.fold_tip(points)
+    gap = definition.layer_gap(points, np.arange(len(points), dtype=np.float64), OPENING)
+    if gap is None:
+        assert math.isinf(height)
+        return False
+    assert (height, gap_x, index) == pytest.approx((gap.height, gap.x, gap.s), abs=1e-12)
+    return True
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
+def test_measures_of_folds_are_as_defined(path: Path) -> None:
+    rod = Rod(60)
+    rod.reset(paper_grid()[::3])
+    seen = rod.follow(for_all(steady(path, DT), 9), DT, every=20)
+    shapes = [s for many in seen.shapes for s in many if np.isfinite(s).all()]
+    assert sum(_agree(shape) for shape in shapes) > 20
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    angles=st.lists(st.floats(-0.7, 0.7), min_size=6, max_size=30),
+    start=st.floats(-0.5, 3.5),
+)
+def test_measures_of_any_curve_are_as_defined(angles: list[float], start: float) -> None:
+    direction = start + np.cumsum(angles)
+    steps = 0.01 * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
+    points = np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
+    tip = int(np.argmax(points[:, 0]))
+    if (np.diff(points[: tip + 1, 0]) > 0).all():
+        _agree(points)
+
+
+@pytest.mark.parametrize("path", PATHS.values(), ids=PATHS)
+def test_touches_are_as_defined(path: Path) -> None:
+    rod = Rod(60)
+    models = paper_grid()[::3]
+    rod.reset(models)
+    shapes = rod.follow(for_all(steady(path, DT), len(models)), DT, every=1).shapes
+    for i, touch in enumerate(rod.touch):
+        assert touch is not None
+        last = math.ceil(touch.time / DT)
+        gaps = [
+            (k * DT, definition.layer_gap(shapes[k - 1, i], rod.arc()[i], OPENING))
+            for k in (last - 1, last)
+        ]
+        defined = definition.touch_between(gaps[0], gaps[1], 0.001, 0.6)
+        assert defined is not None
+        assert touch.time == pytest.approx(defined.time, abs=1e-9)
+        assert touch.displacement == pytest.approx(defined.displacement, abs=1e-9)
+
+
+def test_stretched_index_reads_between_nodes() -> None:
+    values = np.array([0.0, 1.0, 4.0])
+    for index, value in ((0.0, 0.0), (0.5, 0.5), (1.5, 2.5), (2.0, 4.0)):
+        assert _along(values, index) == value
+
+
+@numba.njit
+def _along(values: Array, index: float) -> float:
+    return compiled.along(values, index)

@@ -1,0 +1,181 @@
+"""The rod against theory, against itself refined, and against the numbers of the paper's range."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp
+
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod import follow as of
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.batch import laid_flat, midlines
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import lattice, nature
+from drivers.strip.rod.static import overhang, settle
+from drivers.types import Array
+from policies.path import Path, circular, triangular
+from tests.support.rod_cases import STIFFNESS, for_all, paper_grid, paper_model, soft_start, steady
+
+BENDING_LENGTHS = (0.0135, 0.02, 0.0333)
+
+
+def _fabric(bending_length: float, length: float, retardation: float = 0.05) -> StripFile:
+    return StripFile(
+        name="fabric",
+        length=length,
+        width=0.05,
+        areal_density=0.4,
+        bending_length=bending_length,
+        retardation_time=retardation,
+    )
+
+
+def _heavy_elastica(c: float, s: Array) -> Array:
+    """Cantilever under its weight: c^3 theta'' = (L - s) cos(theta), points (n, 2)."""
+    length = s[-1]
+    guess = np.stack([np.expm1(-s / c), -np.exp(-s / c) / c])
+    solution = solve_bvp(
+        lambda s, y: np.stack([y[1], (length - s) * np.cos(y[0]) / c**3]),
+        lambda a, b: np.array([a[0], b[1]]),
+        s,
+        guess,
+        tol=1e-7,
+        max_nodes=50000,
+    )
+    middle = solution.sol(0.5 * (s[1:] + s[:-1]))[0]
+    steps = np.diff(s)[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
+    return np.concatenate([[[0.0, 0.0]], np.cumsum(steps, axis=0)])
+
+
+@pytest.mark.parametrize("length", [0.1, 0.25])
+def test_cantilever_hangs_along_the_heavy_elastica(length: float) -> None:
+    shapes = overhang([describe(_fabric(c, length)) for c in BENDING_LENGTHS])
+    arc, fine = lattice(length, 100), np.linspace(0.0, length, 2001)
+    for shape, c in zip(shapes, BENDING_LENGTHS, strict=True):
+        exact = _heavy_elastica(c, fine)
+        there = np.stack([np.interp(arc, fine, exact[:, i]) for i in range(2)], axis=-1)
+        assert np.linalg.norm(shape - there, axis=1).max() < 0.002 * length
+
+
+def test_folded_height_is_that_of_theory() -> None:
+    models = [paper_model(k) for k in (0.02, 0.05, 0.1, 0.2, 0.3)]
+    batch = laid_flat(models, 100)
+    batch.known[:, of.TOUCH_GAP] = -np.inf
+    u = np.linspace(0.0, 1.0, 200)[1:]
+    way = np.stack([0.6 - 0.45 * u, 0.3 * np.sin(np.pi * u), np.pi * u], axis=-1)
+    settle(batch, for_all(way, len(models)))
+    height = midlines(batch)[:, :, 1].max(axis=1)
+    bending_length = np.array(
+        [(m.mechanics.rigidity[0] / (1.65 * 9.81)) ** (1 / 3) for m in models]
+    )
+    np.testing.assert_allclose(height, 0.9066 * bending_length, rtol=0.03)
+    np.testing.assert_allclose(height, [0.0122, 0.0166, 0.0209, 0.0264, 0.0302], rtol=0.03)
+
+
+def _displacements(path: Path, segments: int, dt: float, order: int = 2) -> Array:
+    rod = Rod(segments, order)
+    rod.reset(paper_grid())
+    rod.advance(for_all(steady(path, dt), 25), dt)
+    return np.array([touch.displacement for touch in rod.touch if touch])
+
+
+@pytest.mark.parametrize(
+    ("path", "mean", "low", "high"),
+    [(triangular(0.6), -0.040, -0.054, -0.029), (circular(0.6), 0.066, 0.046, 0.087)],
+    ids=["triangular", "circular"],
+)
+def test_displacements_are_those_of_the_paper_and_converged(
+    path: Path, mean: float, low: float, high: float
+) -> None:
+    exact = _displacements(path, 300, 0.0025)
+    assert exact.mean() == pytest.approx(mean, abs=0.001)
+    assert exact.min() == pytest.approx(low, abs=0.001)
+    assert exact.max() == pytest.approx(high, abs=0.001)
+    error = np.abs(_displacements(path, 100, 0.005) - exact)
+    assert error.mean() < 0.0003
+    assert error.max() < 0.0008
+
+
+def _taut_lift(segments: int) -> Array:
+    """contact_x (k, n) on the first third of the circle, from 1.3 s on."""
+    angle = np.linspace(0.0, np.pi, 20001)
+    circle = Path.through(0.3 * np.stack([1 + np.cos(angle), np.sin(angle)], axis=-1))
+    models = [paper_model(k, b) for k in STIFFNESS[::2] for b in (1.0, 50.0)]
+    rod = Rod(segments)
+    rod.reset(models)
+    seen = rod.follow(for_all(soft_start(circle, 0.005, 3.2), len(models)), 0.005)
+    return seen.contact_x[260:]
+
+
+def test_contact_on_a_taut_lift_converges_in_second_order() -> None:
+    exact = _taut_lift(400)
+    error = {n: float(np.sqrt(np.mean((_taut_lift(n) - exact) ** 2))) for n in (40, 80, 160)}
+    assert error[160] < 0.0003
+    assert error[80] < 0.35 * error[40]
+    assert error[160] < 0.35 * error[80]
+
+
+def _after_a_shake(order: int, dt: float) -> Array:
+    """(displacement [m], touch [s]) of two strips shaken at z = 0.14 m, 10 mm at 2 Hz."""
+    t = np.arange(1, round(8.5 / dt) + 1) * dt
+    shake = 0.01 * np.sin(4 * np.pi * (t - 2.0)) * ((t > 2.0) & (t < 3.0))
+    path = triangular(0.6)
+    travel = 0.1 * np.minimum(t, 2.0) + 0.1 * np.clip(t - 3.0, 0.0, None) + shake
+    rod = Rod(60, order)
+    strips = [StripFile.model_validate(_fabric(c, 0.6, 0.015)) for c in (0.0184, 0.0333)]
+    rod.reset([describe(strip) for strip in strips])
+    rod.advance(for_all(path.poses(np.minimum(travel, path.length)), 2), dt)
+    return np.array([(touch.displacement, touch.time) for touch in rod.touch if touch])
+
+
+def test_touch_after_a_shake_converges_in_second_order_in_time() -> None:
+    exact = _after_a_shake(2, 0.0005)
+    coarse, fine = (np.abs(_after_a_shake(2, dt) - exact).max(axis=0) for dt in (0.008, 0.004))
+    assert (fine < 0.4 * coarse).all()
+    assert fine[0] < 0.0001
+    assert fine[1] < 0.002
+
+
+def _swing(order: int, dt: float) -> tuple[Array, Array]:
+    """Energy [J] (k,) of a hanging strip pushed for 0.4 s, and what viscosity took, from 0.5 s."""
+    model, segments = describe(_fabric(0.0233, 0.6, 0.004)), 60
+    hung = np.array([0.45, 0.25, np.pi / 2])
+    rod = Rod(segments, order)
+    rod.reset([model], hung[None])
+    t = np.arange(1, round(1.5 / dt) + 1) * dt
+    push = 0.04 * np.sin(np.pi * np.clip(t / 0.4, 0.0, 1.0)) ** 2
+    poses = hung + push[:, None] * np.array([1.0, 0.0, 0.0])
+    shapes = rod.follow(poses[:, None], dt, every=1).shapes[:, 0]
+    rows, v = nature(model, segments)[1:-1], np.gradient(shapes, dt, axis=0)
+    strain = _strains(shapes)
+    energy = (
+        rows[:, at.MASS] * (0.5 * (v**2).sum(axis=-1) + 9.81 * shapes[:, :, 1])
+        + 0.5 * rows[:, at.BEND] * strain**2
+    ).sum(axis=-1)
+    power = (rows[:, at.DAMP] * np.gradient(strain, dt, axis=0) ** 2).sum(axis=-1)
+    begin = round(0.5 / dt)
+    return energy[begin:], np.cumsum(power[begin:]) * dt
+
+
+def _strains(shapes: Array) -> Array:
+    """4 tan(theta / 4) at every node (k, nodes), the ends clamped flat and upright."""
+    edges = np.diff(shapes, axis=1)
+    flat, upright = (np.broadcast_to(u, (len(shapes), 1, 2)) for u in ([1.0, 0.0], [0.0, 1.0]))
+    edges = np.concatenate([flat, edges, upright], axis=1)
+    angle = np.unwrap(np.arctan2(edges[:, :, 1], edges[:, :, 0]), axis=1)
+    return np.asarray(4 * np.tan(np.diff(angle, axis=1) / 4))
+
+
+def test_free_swing_loses_what_viscosity_takes() -> None:
+    energy, taken = _swing(2, 0.0005)
+    assert energy[0] - energy[-1] == pytest.approx(taken[-1], rel=0.06)
+    assert np.diff(energy).max() < 0.01 * (energy[0] - energy[-1])
+
+
+def test_second_order_steps_do_not_damp_like_fabric() -> None:
+    lost = {}
+    for name, order, dt in (("exact", 2, 0.0005), ("bdf2", 2, 0.005), ("euler", 1, 0.005)):
+        energy, _ = _swing(order, dt)
+        lost[name] = energy[0] - energy[-1]
+    assert lost["bdf2"] == pytest.approx(lost["exact"], rel=0.08)
+    assert lost["euler"] > 1.2 * lost["exact"]

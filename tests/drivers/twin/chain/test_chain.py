@@ -1,0 +1,176 @@
+"""The chain engine against the paper's numbers and against itself."""
+
+from collections.abc import Callable
+from pathlib import Path as File
+
+import numpy as np
+import pytest
+
+from drivers.errors import SimulationNotFinite
+from drivers.strip.describe import describe
+from drivers.strip.effects import registry
+from drivers.strip.engine import StripMotion
+from drivers.strip.file import paper_damping_minimum, paper_strip
+from drivers.twin.chain.engine import Chain
+from drivers.twin.chain.lumps import places
+from policies.path import circular, triangular
+from tests.support.chain_moves import LENGTH, SPEED, H, carry, displacement, fold, middling, settle
+
+
+@pytest.fixture(scope="module")
+def triangle() -> StripMotion:
+    return fold(middling(), triangular(LENGTH))
+
+
+def test_flat_strip_stays_flat_and_still() -> None:
+    chain = Chain(20)
+    chain.reset([describe(middling())])
+    shape = settle(chain, np.array([LENGTH, 0.0, 0.0]), 1.0)
+    assert np.abs(shape[:, 1]).max() < 1e-6
+    assert chain.step(np.array([[LENGTH, 0.0, 0.0]]), H).contact_x[0] == pytest.approx(LENGTH)
+
+
+def test_tip_follows_its_path_within_two_hundredths_of_a_millimetre() -> None:
+    """After the jerk with which a triangular path takes up a taut strip."""
+    chain, path = Chain(60), triangular(LENGTH)
+    chain.reset([describe(middling())])
+    for travel in np.arange(0.0, 0.40, SPEED * H)[1:]:
+        pose = path.poses(float(travel))
+        chain.step(pose[None], H)
+        if travel > 0.08:
+            assert np.abs(chain.shapes()[0, -1] - pose[:2]).max() < 2e-5
+
+
+def test_links_keep_their_length() -> None:
+    chain = Chain(20)
+    chain.reset([describe(middling())])
+    carry(chain, 0.2, triangular(LENGTH))
+    shape, arc = chain.shapes()[0], chain.arc()[0]
+    np.testing.assert_allclose(np.hypot(*np.diff(shape, axis=0).T), np.diff(arc), rtol=1e-12)
+    assert arc[-1] == pytest.approx(LENGTH)
+
+
+def test_links_grow_shorter_towards_the_grip_alone() -> None:
+    spans = np.diff(places(LENGTH, 200))
+    np.testing.assert_allclose(spans[:190], spans[0], rtol=1e-9)
+    assert (np.diff(spans[189:]) < 0).all()
+    assert spans[-1] == pytest.approx(spans[0] / 4, rel=0.1)
+
+
+def test_triangle_and_circle_miss_by_what_a_fine_chain_misses(triangle: StripMotion) -> None:
+    """300 links at 5 ms and 240 at 2.5 ms agree on -39.95 and +68.9 mm."""
+    assert displacement(triangle) == pytest.approx(-0.0400, abs=0.0025)
+    assert displacement(fold(middling(), circular(LENGTH))) == pytest.approx(0.0689, abs=0.0025)
+
+
+@pytest.mark.parametrize(
+    ("k", "factor", "triangle", "circle"),
+    [(0.02, 1, -0.0291, 0.0587), (0.3, 50, -0.0502, 0.0613)],
+)
+def test_corners_of_the_papers_range_agree_with_a_fine_chain(
+    k: float, factor: float, triangle: float, circle: float
+) -> None:
+    strip = paper_strip(k, factor * paper_damping_minimum(k))
+    assert displacement(fold(strip, triangular(LENGTH))) == pytest.approx(triangle, abs=0.0025)
+    assert displacement(fold(strip, circular(LENGTH))) == pytest.approx(circle, abs=0.0025)
+
+
+def test_displacement_hardly_changes_with_links_or_step(triangle: StripMotion) -> None:
+    path = triangular(LENGTH)
+    finer = displacement(fold(middling(), path, links=90))
+    assert displacement(triangle) == pytest.approx(finer, abs=0.0015)
+    quicker = displacement(fold(middling(), path, dt=H / 2))
+    assert displacement(triangle) == pytest.approx(quicker, abs=0.0005)
+
+
+def test_light_fabric_folds_like_its_heavy_twin(triangle: StripMotion) -> None:
+    light = fold(middling(areal_density=0.4), triangular(LENGTH))
+    assert displacement(light) == pytest.approx(displacement(triangle), abs=1e-6)
+    share = 0.4 * 0.05 / 1.65
+    np.testing.assert_allclose(
+        light.holding_force[100:], triangle.holding_force[100:] * share, rtol=1e-3, atol=1e-6
+    )
+
+
+def test_long_step_is_several_short_ones() -> None:
+    chains = (Chain(20), Chain(20))
+    for chain in chains:
+        chain.reset([describe(middling())])
+        pose = carry(chain, 0.2, triangular(LENGTH))
+    one, two = chains
+    move = np.array([-0.001, 0.0, 0.0])
+    one.step((pose + move)[None], 2 * H)
+    two.step((pose + move / 2)[None], H)
+    two.step((pose + move)[None], H)
+    np.testing.assert_allclose(one.shapes(), two.shapes(), atol=1e-9)
+
+
+def test_strips_of_a_batch_do_not_know_each_other() -> None:
+    models = [describe(middling()), describe(middling(bending_length=0.02))]
+    poses = triangular(LENGTH).poses(np.arange(H, 1.0, H) * SPEED)
+    shapes = []
+    for batch in (models, models[:1], models[1:]):
+        chain = Chain(20)
+        chain.reset(batch)
+        for pose in poses:
+            chain.step(np.tile(pose, (len(batch), 1)), H)
+        shapes.append(chain.shapes())
+    np.testing.assert_array_equal(shapes[0], np.concatenate(shapes[1:]))
+
+
+LAWS = ("bending_hysteresis", "nonlinear_bending")
+
+
+def lawful() -> list[tuple[str, float]]:
+    """Low, middle and high values of every effect that changes the strip's law."""
+    cases = []
+    for effect in registry().values():
+        switch = effect.parameters[0]
+        if effect.name in LAWS:
+            middle = 0.5 * (switch.low + switch.high)
+            cases += [(effect.name, value) for value in (switch.low, middle, switch.high)]
+    return cases
+
+
+@pytest.mark.parametrize(("name", "value"), lawful())
+def test_effect_of_the_strip_changes_the_fold_and_keeps_it_finite(
+    name: str, value: float, triangle: StripMotion
+) -> None:
+    effect = registry()[name]
+    switch = effect.parameters[0]
+    strip = middling(effects={name: effect.complete({switch.name: value})})
+    motion = fold(strip, triangular(LENGTH))
+    changed = not np.array_equal(motion.contact_x, triangle.contact_x)
+    assert changed == (value != switch.null)
+
+
+@pytest.mark.parametrize("spoil", [np.nan, np.inf])
+def test_divergence_is_a_fault_with_a_name_and_leaves_no_log(
+    spoil: float, tmp_path: File, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    chain = Chain(20)
+    chain.reset([describe(middling())])
+    with pytest.raises(SimulationNotFinite) as fault:
+        chain.step(np.array([[LENGTH, spoil, 0.0]]), H)
+    assert fault.value.name == "simulation_not_finite"
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr().err == ""
+
+
+def test_law_that_softens_without_end_diverges_by_name() -> None:
+    strip = middling(effects={"nonlinear_bending": {"cubic": -1e-2}})
+    with pytest.raises(SimulationNotFinite):
+        fold(strip, triangular(LENGTH), links=30)
+
+
+def test_strip_too_soft_and_undamped_for_its_pull_diverges_by_name_instead_of_nonsense() -> None:
+    strip = middling(bending_length=0.012, retardation_time=0.004)
+    with pytest.raises(SimulationNotFinite):
+        fold(strip, circular(LENGTH), links=80)
+
+
+@pytest.mark.parametrize("call", [lambda: Chain(4), lambda: Chain().step(np.zeros((1, 3)), H)])
+def test_wrong_calls_are_refused(call: Callable[[], object]) -> None:
+    with pytest.raises(ValueError, match=r"expected|allowed"):
+        call()

@@ -1,0 +1,174 @@
+"""What the twin's camera draws stands where its optics say, to fractions of a pixel."""
+
+from dataclasses import replace
+from math import radians
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.twin.board import board_frame, facing
+from drivers.twin.renderer.curve import smoothed, through_nodes
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.settings import CameraSettings
+from tests.support.rendered_cell import empty, midline, scene
+
+CLEAN = CameraSettings(noise=0.0, texture=0.0, shadow=0.0)
+OPTICS = Optics.of(CLEAN)
+RED = (220, 40, 40)
+SLIVER = 1e-6  # m of width: the cut edge and nothing behind it
+
+
+def difference(look: StripLook, scenes: list) -> np.ndarray:
+    """How strongly the strip shows in each pixel: the image with it against the one without."""
+    renderer = Renderer(CLEAN, look, seed=0)
+    bare = [replace(s, strip=False) for s in scenes]
+    with_strip, without = (renderer.render(s, 0).astype(np.float32) for s in (scenes, bare))
+    return np.abs(with_strip - without).sum(axis=-1)
+
+
+def band(seen: np.ndarray, points: np.ndarray, reach: float = 5.0) -> tuple[np.ndarray, np.ndarray]:
+    """Offset of the band's centre from `points` (n, 2) [m] across the curve, and its sum [px]."""
+    centre = OPTICS.plane(points)
+    along = np.gradient(centre, axis=0)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=-1) / np.hypot(*along.T)[:, None]
+    offsets = np.arange(-reach, reach + 0.01, 0.1)
+    places = (centre[:, None] + offsets[None, :, None] * normal[:, None]).astype(np.float32)
+    values = cv2.remap(seen, places[..., 0], places[..., 1], cv2.INTER_LINEAR)
+    return (values * offsets).sum(axis=1) / values.sum(axis=1), values.sum(axis=1) * 0.1
+
+
+@pytest.mark.parametrize("thickness", [0.0003, 0.001, 0.002])
+@pytest.mark.parametrize("kind", ["flat", "lifted", "high"])
+def test_near_edge_is_centred_on_the_projected_midline(kind: str, thickness: float) -> None:
+    seen = difference(StripLook(RED, thickness, SLIVER), [scene(kind)])
+    points, _ = midline(kind)
+    shown = OPTICS.plane(points)[:, 1] > 10
+    offsets, _ = band(seen, points[20:-20][shown[20:-20]])
+    assert np.abs(offsets).mean() < 0.02
+    assert np.abs(offsets).max() < 0.1
+
+
+def test_near_edge_is_as_thick_as_the_strip() -> None:
+    points = midline("flat")[0][250:350]
+    sums = [
+        band(difference(StripLook(RED, thickness, SLIVER), [scene("flat")]), points, 8)[1].mean()
+        for thickness in (0.001, 0.002, 0.004)
+    ]
+    full = difference(StripLook(RED, 0.004, SLIVER), [scene("flat")])[:, 600:680].max()
+    expected = np.array([0.001, 0.002, 0.004]) * CLEAN.focal / CLEAN.distance
+    assert sums / full == pytest.approx(expected, rel=0.06)
+
+
+def test_motion_blur_leaves_the_near_edge_centred_on_the_middle_of_the_exposure() -> None:
+    look = StripLook(RED, 0.001, SLIVER)
+    moving = [scene("lifted", shift=(dx, 0.0)) for dx in (-0.001, 0.0, 0.001)]
+    frames = [difference(look, scenes) for scenes in (moving[1:2], moving)]
+    points = midline("lifted")[0][480:580:4]
+    (still, still_sum), (blurred, blurred_sum) = (band(frame, points) for frame in frames)
+    assert np.abs(blurred - still).mean() < 0.05
+    assert blurred_sum.mean() == pytest.approx(still_sum.mean(), rel=0.03)
+    u, v = OPTICS.plane(points).T.round().astype(int)
+    assert frames[1][v, u].mean() < 0.75 * frames[0][v, u].mean()
+
+
+def test_hand_does_not_hide_the_near_edge_beside_it() -> None:
+    seen = difference(StripLook((250, 250, 250), 0.001, 0.05), [scene("lifted")])
+    points = midline("lifted")[0][-8:-2]
+    u, v = OPTICS.plane(points).T.round().astype(int)
+    assert seen[v, u].min() > 100
+
+
+def test_chain_nodes_are_rounded_without_a_bias_of_desk_contact() -> None:
+    fine, arc = midline("lifted", nodes=2401)
+    links, coarse = fine[::40], arc[::40]
+    s = np.linspace(0, 0.6, 6001)
+    crossings = []
+    for height in np.linspace(0.0005, 0.03, 60):
+        round_, _ = through_nodes(smoothed(links, coarse), coarse, s)
+        drawn = np.interp(height, round_[3500:, 1], round_[3500:, 0])
+        crossings.append(drawn - np.interp(height, links[35:, 1], links[35:, 0]))
+    hermite, _ = through_nodes(links, coarse, s)
+    assert abs(np.mean(crossings)) < 1e-4
+    assert np.abs(hermite - fine[np.searchsorted(arc, s).clip(0, 2400)]).max() < 5e-4
+
+
+@pytest.mark.parametrize("place", [(0.05, 0.02), (0.31, 0.30), (0.6, 0.02), (0.62, 0.25)])
+def test_pointer_disc_is_centred_on_the_gripper_point(place: tuple[float, float]) -> None:
+    renderer = Renderer(CameraSettings(noise=0.0), StripLook(RED, 0.001, 0.05), seed=0)
+    image = renderer.render([empty(*place, pointer=True)], 0)
+    u, v = OPTICS.plane(np.array(place))
+    left, top = round(u) - 14, round(v) - 14
+    bright = image[top : top + 29, left : left + 29].min(axis=-1).astype(float)
+    share = np.clip(bright - 110, 0, None)
+    dv, du = np.mgrid[0:29, 0:29]
+    centre = np.array([(share * du).sum(), (share * dv).sum()]) / share.sum() + (left, top)
+    assert np.hypot(*(centre - (u, v))) < 0.05
+
+
+def test_rays_undo_the_lens_all_over_the_image() -> None:
+    u, v = np.meshgrid(np.linspace(0, 1279, 17), np.linspace(0, 719, 9))
+    rays = OPTICS.rays(u.astype(np.float32), v.astype(np.float32))
+    points = OPTICS.centre + 2.0 * np.stack(rays, axis=-1)
+    assert np.abs(OPTICS.project(points) - np.stack([u, v], axis=-1)).max() < 2e-3
+
+
+def test_camera_sees_the_whole_fold() -> None:
+    corners = np.array([(-0.06, -0.03), (0.66, -0.03), (0.66, 0.34), (-0.05, 0.34)])
+    u, v = OPTICS.plane(corners).T
+    assert (u.min(), v.min()) > (0, 0)
+    assert u.max() < 1279
+    assert v.max() < 719
+
+
+def test_camera_above_five_degrees_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="elevation"):
+        parse({"elevation": radians(5.5)}, CameraSettings, "cell.yaml: camera")
+
+
+def board() -> cv2.aruco.CharucoBoard:
+    words = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    return cv2.aruco.CharucoBoard((9, 7), 0.03, 0.022, words)
+
+
+def test_board_corners_are_seen_where_the_optics_put_them() -> None:
+    detector = cv2.aruco.CharucoDetector(board())
+    rng = np.random.default_rng(0)
+    errors = []
+    for k in range(4):
+        centre = np.array([0.31, -0.2, 0.16]) + rng.uniform(-0.1, 0.1, 3)
+        pose = facing(centre, *rng.uniform(-0.6, 0.6, 3))
+        frame = board_frame(CameraSettings(), board(), pose, seed=1, sequence=k)
+        corners, ids, _, _ = detector.detectBoard(frame.image)
+        assert len(ids) >= 40
+        printed = board().getChessboardCorners()[ids.ravel()] - (0.135, 0.105, 0.0)
+        errors.append(
+            corners.reshape(-1, 2) - OPTICS.project(printed @ pose[:3, :3].T + pose[:3, 3])
+        )
+    seen = np.concatenate(errors)
+    assert np.abs(seen.mean(axis=0)).max() < 0.03
+    assert np.sqrt((seen**2).mean()) < 0.12
+
+
+def test_board_leans_turns_and_rolls_as_its_pose_says() -> None:
+    top, right = np.array([0.0, -0.1, 0.0]), np.array([0.1, 0.0, 0.0])
+    centre = np.array([0.3, 0.0, 0.2])
+
+    def place(point: np.ndarray, tilt: float, turn: float, roll: float) -> np.ndarray:
+        pose = facing(centre, tilt, turn, roll)
+        return pose[:3, :3] @ point + pose[:3, 3] - centre
+
+    assert place(top, 0, 0, 0) == pytest.approx([0, 0, 0.1])
+    assert place(right, 0, 0, 0) == pytest.approx([0.1, 0, 0])
+    assert place(top, 0.3, 0, 0)[1] > 0.02
+    assert place(right, 0, 0.3, 0)[1] > 0.02
+    assert place(top, 0, 0, 0.3)[0] > 0.02
+
+
+def test_board_behind_the_camera_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="behind"):
+        board_frame(CameraSettings(), board(), facing(np.array([0.3, -3.0, 0.1]), 0, 0, 0), seed=0)

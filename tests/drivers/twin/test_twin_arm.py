@@ -1,0 +1,227 @@
+"""The twin's arm and hand on one clock with the real chain."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.installation import Installation, Mounting
+from drivers.settings import parse
+from drivers.strip.describe import load_strip
+from drivers.twin.open import Twin, open_twin
+from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
+from drivers.types import Pose, Velocity
+
+DENIM = load_strip(Path(__file__).parents[3] / "configs" / "strips" / "denim.yaml")
+L = DENIM.length
+EDGE = Pose(L, 0.0, 0.0)
+
+
+def twin_with(
+    seed: int = 0, world: WorldSettings | None = None, mounting: Mounting | None = None, **arm
+) -> Twin:
+    settings = TwinSettings(
+        arm=ArmSettings(**arm),
+        world=world or WorldSettings(),
+        camera=CameraSettings(width=320, height=240),
+    )
+    installation = Installation(mounting=mounting or Mounting())
+    twin = open_twin(settings, DENIM, None, seed, installation=installation)
+    twin.arm.connect()
+    return twin
+
+
+def wait(twin: Twin, seconds: float) -> None:
+    twin.clock.wait_until(twin.clock.now() + seconds)
+
+
+def move(twin: Twin, pose: Pose) -> None:
+    twin.arm.move_to(pose)
+    while twin.arm.state().moving:
+        wait(twin, 0.01)
+
+
+def grasp(twin: Twin) -> None:
+    move(twin, EDGE)
+    twin.hand.grasp()
+    while twin.hand.state().moving:
+        wait(twin, 0.01)
+    assert twin.hand.state().grasped
+
+
+def drive(twin: Twin, velocity: Velocity, seconds: float) -> None:
+    for _ in range(round(seconds / 0.01)):
+        twin.arm.set_velocity(velocity)
+        wait(twin, 0.01)
+
+
+def lift(twin: Twin) -> None:
+    """The first 0.10 m of the triangle at 0.1 m/s, and the climb after it."""
+    v = 0.1 / np.sqrt(2)
+    drive(twin, Velocity(-v, v, np.pi / 2), 1.0)
+    drive(twin, Velocity(-v, v, 0.0), 1.0)
+
+
+@pytest.fixture(scope="module")
+def lifted() -> Twin:
+    twin = twin_with()
+    grasp(twin)
+    lift(twin)
+    return twin
+
+
+def test_twin_begins_at_rest_above_the_edge_with_a_flat_strip() -> None:
+    twin = twin_with()
+    wait(twin, 0.1)
+    assert twin.arm.state().pose.as_array() == pytest.approx([L, 0.15, 0.0], abs=5e-4)
+    scene = twin.world.scene(0.05)
+    assert np.abs(scene.points[:, 1]).max() < 1e-9
+    assert scene.points[-1, 0] == pytest.approx(L)
+
+
+def test_strip_tip_is_on_the_true_gripper_path_in_steady_motion(lifted: Twin) -> None:
+    truth = lifted.truth()
+    steady = truth.t > truth.t[-1] - 0.7
+    off = truth.shapes[steady, -1] - truth.edge[steady, :2]
+    assert np.abs(np.hypot(*off.T)).max() < 1e-4
+
+
+def test_strip_follows_the_true_pose_and_the_arm_measures_it_with_its_noise() -> None:
+    twin = twin_with(noise=2e-4, pitch_noise=1e-3)
+    errors = []
+    for _ in range(400):
+        wait(twin, 0.005)
+        true = twin.world.gripper.as_array()
+        errors.append(twin.arm.state().pose.as_array() - true)
+    spread = np.std(errors, axis=0)
+    assert spread == pytest.approx([2e-4, 2e-4, 1e-3], rel=0.15)
+    assert np.abs(np.mean(errors, axis=0)) == pytest.approx(np.zeros(3), abs=2e-4)
+
+
+def test_arm_without_noise_measures_the_truth_through_the_robots_frame() -> None:
+    for mounting in (Mounting(), Mounting(x=-0.4, y=0.2, z=0.35, yaw=-2.0)):
+        twin = twin_with(noise=0.0, pitch_noise=0.0, mounting=mounting)
+        drive(twin, Velocity(-0.1, 0.05, 0.4), 0.5)
+        measured = twin.arm.state().pose.as_array()
+        assert measured == pytest.approx(twin.world.gripper.as_array(), abs=1e-12)
+        assert measured[0] < L - 0.03
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.004, 0.03])
+def test_true_pose_trails_the_command_by_the_lag(lag: float) -> None:
+    twin = twin_with(lag=lag, noise=0.0, pitch_noise=0.0)
+    drive(twin, Velocity(-0.1, 0.0, 0.0), 1.0)
+    state = twin.arm.state()
+    behind = (state.pose.x - state.commanded.x) / 0.1
+    assert behind == pytest.approx(lag, abs=6e-4)
+    assert state.velocity.vx == pytest.approx(-0.1, rel=1e-3)
+
+
+def test_motion_has_ended_only_when_the_arm_is_where_it_was_sent() -> None:
+    twin = twin_with(lag=0.05, noise=0.0, pitch_noise=0.0)
+    move(twin, Pose(0.4, 0.2, 0.5))
+    assert twin.arm.state().pose.as_array() == pytest.approx([0.4, 0.2, 0.5], abs=2e-5)
+
+
+def test_arm_that_is_let_go_in_motion_brakes_in_the_world() -> None:
+    twin = twin_with()
+    with twin.arm:
+        drive(twin, Velocity(-0.1, 0.0, 0.0), 0.5)
+    wait(twin, 0.3)
+    rest = twin.world.gripper
+    wait(twin, 0.3)
+    assert twin.world.gripper.as_array() == pytest.approx(rest.as_array(), abs=1e-9)
+    assert rest.x > L - 0.08
+
+
+def test_desk_contact_moves_with_the_lift(lifted: Twin) -> None:
+    truth = lifted.truth()
+    assert truth.contact_x[0] > L - 0.02
+    assert 0.2 < truth.contact_x[-1] < truth.contact_x[0] - 0.1
+    assert truth.touch is None
+
+
+def test_scenes_of_a_fold_match_its_truth(lifted: Twin) -> None:
+    truth = lifted.truth()
+    assert np.array_equal(lifted.world.scene(truth.t[-20]).points, truth.shapes[-20])
+    middle = lifted.world.scene(0.5 * (truth.t[-20] + truth.t[-19])).points
+    assert middle == pytest.approx(0.5 * (truth.shapes[-20] + truth.shapes[-19]), abs=1e-9)
+
+
+def test_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
+    def run(seed: int) -> tuple[bytes, bytes]:
+        twin = twin_with(seed)
+        grasp(twin)
+        drive(twin, Velocity(-0.07, 0.07, 1.5), 0.5)
+        return twin.truth().shapes.tobytes(), twin.arm.state().pose.as_array().tobytes()
+
+    first, again, other = run(3), run(3), run(4)
+    assert first == again
+    assert first[1] != other[1]
+
+
+def test_how_often_the_arm_is_read_does_not_change_the_world() -> None:
+    def run(reads: int) -> tuple[Pose, bytes]:
+        twin = twin_with()
+        grasp(twin)
+        for _ in range(20):
+            twin.arm.set_velocity(Velocity(-0.05, 0.05, 0.0))
+            for _ in range(reads):
+                twin.arm.state()
+            wait(twin, 0.01)
+        return twin.arm.state().pose, twin.truth().shapes.tobytes()
+
+    assert run(0) == run(3)
+
+
+def test_size_of_the_waits_does_not_change_the_world() -> None:
+    def run(parts: int) -> bytes:
+        twin = twin_with()
+        grasp(twin)
+        twin.arm.move_to(Pose(0.4, 0.2, 1.5))
+        start = twin.clock.now()
+        for part in range(1, parts + 1):
+            twin.clock.wait_until(start + 0.6 * part / parts)
+        return twin.truth().shapes.tobytes()
+
+    assert run(1) == run(137)
+
+
+def test_hand_with_a_pointer_finds_no_edge() -> None:
+    twin = twin_with()
+    twin.world.hold_pointer(True)
+    move(twin, EDGE)
+    twin.hand.grasp()
+    wait(twin, 1.0)
+    assert not twin.hand.state().grasped
+
+
+def test_hand_takes_half_a_second_to_close() -> None:
+    twin = twin_with()
+    twin.hand.grasp()
+    wait(twin, 0.25)
+    assert twin.hand.state().width == pytest.approx(0.02)
+    wait(twin, 0.24)
+    assert twin.hand.state().moving
+    wait(twin, 0.02)
+    assert not twin.hand.state().moving
+
+
+def test_untold_latency_of_the_camera_shows_the_world_that_much_earlier(monkeypatch) -> None:
+    settings = TwinSettings(camera=CameraSettings(width=320, height=240))
+    twin = open_twin(settings, DENIM, {"camera_latency": {"time": 0.04}}, 0)
+    twin.camera.connect()
+    wait(twin, 0.3)
+    asked = []
+    scene = twin.world.scene
+    monkeypatch.setattr(twin.world, "scene", lambda t: asked.append(t) or scene(t))
+    frame = twin.camera.read(0.0, 0.0)
+    assert frame is not None
+    assert np.mean(asked) == pytest.approx(frame.stamp - 0.04, abs=1e-6)
+
+
+def test_camera_faster_than_the_world_is_refused() -> None:
+    camera = {"transport_delay": 0.004, "exposure": 0.004}
+    with pytest.raises(ConfigurationError, match=r"at least exposure / 2 \+ world.step"):
+        parse({"camera": camera}, TwinSettings, "cell.yaml")

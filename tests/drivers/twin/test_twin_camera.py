@@ -1,0 +1,148 @@
+"""The twin's camera keeps the camera's times and shows the world at them."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import Fault
+from drivers.strip.model import Observation
+from drivers.twin.camera import TwinCamera
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from tests.support.rendered_cell import scene
+
+SETTINGS = CameraSettings(width=320, height=240)
+LOOK = StripLook((40, 60, 110), 0.001, 0.05)
+ALWAYS = -1.0
+
+
+class FixedClock:
+    """A clock that a test sets."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+
+    def now(self) -> float:
+        return self.time
+
+    def wait_until(self, time: float) -> None:
+        raise AssertionError("a camera must not advance the world")
+
+
+class RecordedWorld:
+    """A strip whose end rises at 0.1 m/s; remembers the moments that it was asked for."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
+
+    def scene(self, stamp: float) -> Scene:
+        self.asked.append(stamp)
+        return scene("lifted", stamp, shift=(0.0, 0.1 * stamp))
+
+
+@pytest.fixture
+def clock() -> FixedClock:
+    return FixedClock()
+
+
+@pytest.fixture
+def world() -> RecordedWorld:
+    return RecordedWorld()
+
+
+def connected(world: RecordedWorld, clock: FixedClock, latency: float = 0.0) -> TwinCamera:
+    camera = TwinCamera(world, clock, SETTINGS, LOOK, 1, Observation(camera_latency=latency))
+    camera.connect()
+    return camera
+
+
+def test_frame_is_known_a_transport_delay_after_its_stamp(world, clock) -> None:
+    camera = connected(world, clock)
+    clock.time = 0.0199
+    assert camera.read(ALWAYS, 0.0) is None
+    clock.time = 0.0200
+    frame = camera.read(ALWAYS, 0.0)
+    assert (frame.sequence, frame.stamp, frame.arrival) == (0, 0.0, 0.02)
+
+
+def test_stamps_are_multiples_of_the_period_however_late_one_reads(world, clock) -> None:
+    camera = connected(world, clock)
+    for k in range(1, 400, 7):
+        clock.time = k / 60 + SETTINGS.transport_delay + 1e-6
+        frame = camera.read(ALWAYS, 0.0)
+        assert frame.sequence == k
+        assert frame.stamp == pytest.approx(k / 60, abs=1e-9)
+        assert frame.arrival <= clock.now()
+
+
+def test_only_the_newest_frame_later_than_asked_is_given(world, clock) -> None:
+    camera = connected(world, clock)
+    clock.time = 0.5
+    newest = camera.read(ALWAYS, 0.0)
+    assert newest.sequence == 28
+    assert camera.read(newest.stamp, 0.0) is None
+    clock.time += 1 / 60
+    assert camera.read(newest.stamp, 0.0).sequence == 29
+
+
+def test_frames_that_nobody_reads_are_not_rendered(world, clock) -> None:
+    camera = connected(world, clock)
+    clock.time = 2.0
+    first = camera.read(ALWAYS, 0.0)
+    assert camera.read(ALWAYS, 0.0) is first
+    assert len(world.asked) == SETTINGS.sub_shapes
+
+
+def test_stamp_is_the_middle_of_the_exposure(world, clock) -> None:
+    camera = connected(world, clock)
+    clock.time = 1.0
+    frame = camera.read(ALWAYS, 0.0)
+    assert np.mean(world.asked) == pytest.approx(frame.stamp)
+    spread = SETTINGS.exposure * (1 - 1 / SETTINGS.sub_shapes)
+    assert max(world.asked) - min(world.asked) == pytest.approx(spread)
+
+
+def test_latency_shows_an_earlier_world_under_the_same_stamp(world, clock) -> None:
+    clock.time = 1.0
+    prompt, late = connected(world, clock), connected(world, clock, latency=0.05)
+    frame = prompt.read(ALWAYS, 0.0)
+    shown = np.mean(world.asked)
+    world.asked.clear()
+    delayed = late.read(ALWAYS, 0.0)
+    assert (delayed.stamp, delayed.arrival) == (frame.stamp, frame.arrival)
+    assert shown - np.mean(world.asked) == pytest.approx(0.05)
+    assert not np.array_equal(frame.image, delayed.image)
+
+
+def test_negative_latency_never_asks_for_the_future(world, clock) -> None:
+    camera = connected(world, clock, latency=-0.1)
+    clock.time = 0.119
+    assert camera.read(ALWAYS, 0.0) is None
+    for clock.time in (0.12, 0.3, 0.777):
+        frame = camera.read(ALWAYS, 0.0)
+        assert max(world.asked) <= clock.time
+        assert np.mean(world.asked[-SETTINGS.sub_shapes :]) > frame.stamp
+
+
+def test_same_seed_gives_the_same_images(clock) -> None:
+    clock.time = 0.4
+    images = [connected(RecordedWorld(), clock).read(ALWAYS, 0.0).image for _ in range(2)]
+    assert np.array_equal(*images)
+
+
+def test_image_cannot_be_written_to(world, clock) -> None:
+    camera = connected(world, clock)
+    clock.time = 0.1
+    with pytest.raises(ValueError, match="read-only"):
+        camera.read(ALWAYS, 0.0).image[0, 0] = 0
+
+
+def test_camera_that_is_not_connected_faults(world, clock) -> None:
+    camera = TwinCamera(world, clock, SETTINGS, LOOK, seed=1)
+    with pytest.raises(Fault, match="camera_closed"):
+        camera.read(ALWAYS, 0.0)
+    camera.connect()
+    camera.close()
+    camera.close()
+    with pytest.raises(Fault, match="camera_closed"):
+        camera.read(ALWAYS, 0.0)

@@ -1,0 +1,237 @@
+"""The twin's world: a strip that follows stamped poses, its past, its truth."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import Fault, SimulationNotFinite
+from drivers.strip.describe import describe
+from drivers.strip.engine import Observables
+from drivers.strip.file import StripFile
+from drivers.strip.shape import Touch
+from drivers.twin.fingers import Fingers
+from drivers.twin.grip import Grip
+from drivers.twin.settings import WorldSettings
+from drivers.twin.world import World
+from drivers.types import Pose
+
+STRIP = StripFile.model_validate(
+    {
+        "schema": 1,
+        "name": "ribbon",
+        "length": 0.6,
+        "width": 0.05,
+        "areal_density": 0.4,
+        "bending_length": 0.017,
+        "retardation_time": 0.03,
+    }
+)
+EDGE = Pose(0.6, 0.0, 0.0)
+STEP = 0.005
+
+
+class Ruler:
+    """A plant without physics: a straight line from the fixed edge to the gripper."""
+
+    def __init__(self, touch_after: int = 10**9, break_after: int = 10**9) -> None:
+        self.touch_after = touch_after
+        self.break_after = break_after
+        self.steps: list[np.ndarray] = []
+        self.released = False
+
+    def reset(self, models) -> None:
+        self._points = np.linspace([0.0, 0.0], [models[0].stated_length, 0.0], 7)
+
+    def step(self, poses, dt) -> Observables:
+        self.steps.append(poses[0].copy())
+        time = len(self.steps) * dt
+        if len(self.steps) > self.break_after:
+            raise SimulationNotFinite("ruler", time)
+        if not self.released:
+            self._points = np.linspace([0.0, 0.0], poses[0, :2], 7)
+        touched = len(self.steps) >= self.touch_after
+        touch = Touch(self.touch_after * dt, 0.2, 0.3, 0.25) if touched else None
+        one = np.array([time])
+        return Observables(time, one, np.array([[time, 0.1]]), one, (touch,))
+
+    def shapes(self):
+        return self._points[None]
+
+    def arc(self):
+        return np.linspace(0.0, 0.6, 7)[None]
+
+    def release(self) -> None:
+        self.released = True
+
+
+def world_with(plant: Ruler, start: Pose = EDGE, **settings) -> World:
+    return World(describe(STRIP), plant, WorldSettings(**settings), start, opening=0.04)
+
+
+def carry(world: World, poses, start: float, dt: float = 0.001) -> float:
+    """Follow `poses` at every `dt` from `start` on, advancing at each; the time at the end."""
+    time = start
+    for number, pose in enumerate(poses, start=1):
+        time = start + number * dt
+        world.follow(time, pose)
+        world.advance(time)
+    return time
+
+
+def line(start: Pose, end: Pose, count: int) -> list[Pose]:
+    return [Pose(*p) for p in np.linspace(start.as_array(), end.as_array(), count + 1)[1:]]
+
+
+def test_strip_lies_flat_until_it_is_grasped() -> None:
+    plant = Ruler()
+    world = world_with(plant)
+    carry(world, line(EDGE, Pose(0.5, 0.1, 0.0), 100), 0.0)
+    assert plant.steps == []
+    scene = world.scene(0.1)
+    assert np.array_equal(scene.points[:, 1], np.zeros(7))
+    assert not scene.holds_strip
+    assert world.truth().t.shape == (0,)
+
+
+def test_grasped_strip_steps_every_5_ms_to_where_the_gripper_was_then() -> None:
+    plant = Ruler()
+    world = world_with(plant)
+    world.attach()
+    carry(world, line(EDGE, Pose(0.5, 0.1, 1.0), 100), 0.0)
+    expected = [[0.6 - 0.005 * k, 0.005 * k, 0.05 * k] for k in range(1, 21)]
+    assert np.array(plant.steps) == pytest.approx(np.array(expected), abs=1e-12)
+
+
+def test_sparse_poses_are_interpolated_at_their_stamps_and_never_outrun() -> None:
+    plant = Ruler()
+    world = world_with(plant)
+    world.attach()
+    world.follow(0.008, Pose(0.592, 0.008, 0.0))
+    world.advance(1.0)
+    assert world.time == STEP
+    world.follow(0.021, Pose(0.579, 0.021, 0.0))
+    world.advance(1.0)
+    assert world.time == 0.02
+    assert np.array(plant.steps)[:, 0] == pytest.approx([0.595, 0.59, 0.585, 0.58])
+
+
+def test_pose_with_an_old_stamp_changes_nothing() -> None:
+    world = world_with(Ruler())
+    world.follow(0.01, Pose(0.5, 0.1, 0.0))
+    world.follow(0.01, Pose(0.1, 0.1, 0.0))
+    world.follow(0.004, Pose(0.1, 0.1, 0.0))
+    assert world.gripper == Pose(0.5, 0.1, 0.0)
+
+
+def test_scene_between_steps_is_interpolated() -> None:
+    world = world_with(Ruler())
+    world.attach()
+    carry(world, line(EDGE, Pose(0.5, 0.1, 1.0), 100), 0.0)
+    scene = world.scene(0.0425)
+    assert scene.stamp == 0.0425
+    assert scene.points[-1] == pytest.approx([0.5575, 0.0425])
+    assert scene.gripper.as_array() == pytest.approx([0.5575, 0.0425, 0.425])
+    assert scene.arc == pytest.approx(np.linspace(0.0, 0.6, 7))
+    assert world.scene(0.04).points[-1] == pytest.approx([0.56, 0.04])
+    assert scene.holds_strip
+
+
+def test_scene_outside_the_memory_is_a_fault() -> None:
+    world = world_with(Ruler(), memory=0.5)
+    carry(world, line(EDGE, EDGE, 800), 0.0)
+    assert world.scene(0.31).stamp == 0.31
+    for unknown in (0.2, 0.801):
+        with pytest.raises(Fault, match="known are") as caught:
+            world.scene(unknown)
+        assert caught.value.name == "world_unknown"
+
+
+def test_scene_shows_fingers_pointer_and_absence_of_a_strip() -> None:
+    world = world_with(Ruler(), strip=False)
+    world.move_fingers(Fingers(0.04, 0.0, start=0.0, speed=0.1))
+    world.hold_pointer(True)
+    carry(world, line(EDGE, EDGE, 200), 0.0)
+    scene = world.scene(0.1)
+    assert scene.finger_width == pytest.approx(0.03)
+    assert scene.pointer
+    assert not scene.strip
+    assert not world.edge_within(0.005, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("hand", "within"),
+    [
+        (Pose(0.603, 0.002, 0.1), True),
+        (Pose(0.606, 0.0, 0.0), False),
+        (Pose(0.6, 0.006, 0.0), False),
+        (Pose(0.6, 0.0, 0.5), False),
+    ],
+)
+def test_edge_is_in_reach_within_a_few_millimetres_and_degrees(hand: Pose, within: bool) -> None:
+    assert world_with(Ruler(), start=hand).edge_within(0.005, 0.3) is within
+
+
+def test_edge_keeps_its_place_between_the_fingers() -> None:
+    plant, hand = Ruler(), Pose(0.597, 0.002, 0.1)
+    world = world_with(plant, start=hand)
+    world.attach()
+    carry(world, line(hand, hand, 10), 0.0)
+    assert plant.steps[-1] == pytest.approx(EDGE.as_array(), abs=1e-12)
+    carry(world, line(hand, Pose(0.4, 0.2, 0.1 + np.pi / 2), 50), 0.01)
+    assert plant.steps[-1] == pytest.approx([0.4 + 0.002, 0.2 + 0.003, np.pi / 2], abs=1e-9)
+
+
+def test_grip_inverts_itself() -> None:
+    hand, edge = Pose(0.3, 0.2, 0.7), Pose(0.31, 0.19, 0.9)
+    assert Grip.between(hand, edge).edge(hand).as_array() == pytest.approx(edge.as_array())
+
+
+def test_released_strip_stays_while_the_hand_goes() -> None:
+    plant = Ruler()
+    world = world_with(plant)
+    world.attach()
+    time = carry(world, line(EDGE, Pose(0.1, 0.05, 1.5), 50), 0.0)
+    world.detach()
+    assert not world.holds_strip
+    carry(world, line(Pose(0.1, 0.05, 1.5), Pose(0.0, 0.3, 1.5), 50), time)
+    assert plant.released
+    truth = world.truth()
+    assert truth.shapes[-1, -1] == pytest.approx([0.1, 0.05])
+    assert truth.edge[-1, :2] == pytest.approx([0.1, 0.05])
+    assert truth.gripper[-1, :2] == pytest.approx([0.0, 0.3])
+    assert not world.scene(0.1).holds_strip
+
+
+def test_second_grasp_is_refused_by_name() -> None:
+    world = world_with(Ruler())
+    world.attach()
+    world.detach()
+    with pytest.raises(Fault, match="once") as caught:
+        world.attach()
+    assert caught.value.name == "grasp_not_simulated"
+
+
+def test_truth_is_in_run_time_and_scores_the_edges() -> None:
+    world = world_with(Ruler(touch_after=10))
+    carry(world, line(EDGE, EDGE, 300), 0.0)
+    world.attach()
+    assert world.truth().touch is None
+    carry(world, line(EDGE, Pose(-0.02, 0.0, 3.0), 100), 0.3)
+    truth = world.truth()
+    assert truth.t == pytest.approx(0.305 + STEP * np.arange(20))
+    assert truth.touch is not None
+    assert truth.touch.time == pytest.approx(0.35)
+    assert truth.touch.displacement == pytest.approx(0.05)
+    assert truth.edge_offset == pytest.approx(0.02)
+    assert truth.gripper[-1] == pytest.approx([-0.02, 0.0, 3.0])
+    assert truth.shapes.shape == (20, 7, 2)
+    assert truth.tip.shape == (20, 2)
+    with pytest.raises(ValueError, match="read-only"):
+        truth.contact_x[0] = 1.0
+
+
+def test_strip_that_diverges_is_a_named_fault() -> None:
+    world = world_with(Ruler(break_after=3))
+    world.attach()
+    with pytest.raises(Fault, match="finite") as caught:
+        carry(world, line(EDGE, Pose(0.5, 0.1, 0.0), 50), 0.0)
+    assert caught.value.name == "simulation_not_finite"

@@ -1,0 +1,136 @@
+"""However a run ends, the devices are let go and the record says so."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+import cell.operations.fold
+from cell.config.places import BESIDE
+from cell.devices.devices import DeviceSelection
+from cell.operations.fold import Request, conduct, fold
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.recorder import Recorder
+from cell.record.files import is_under_way
+from cell.record.run import read_run
+from cell.record.writer import RunWriter
+from drivers.errors import Fault
+from tests.cell.conftest import HEADER
+from tests.cell.operations.test_calibration_kept import made
+
+DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
+
+
+class Devices:
+    """Counts what is taken hold of and let go; `wrong` says what fails."""
+
+    def __init__(self, wrong: str = "") -> None:
+        self.clock = SimpleNamespace(now=lambda: 3.5)
+        self._wrong = wrong
+        self.closed = 0
+
+    def connect(self) -> None:
+        if self._wrong == "connect":
+            raise Fault("arm_refused", "the brakes are closed")
+
+    def close(self) -> None:
+        self.closed += 1
+        if self._wrong == "close":
+            raise Fault("arm_closed", "it was gone already")
+
+
+def running(end: Outcome | BaseException) -> SimpleNamespace:
+    def execute() -> Outcome:
+        if isinstance(end, BaseException):
+            raise end
+        return end
+
+    return SimpleNamespace(execute=execute)
+
+
+@pytest.fixture
+def recorder(tmp_path: Path) -> Recorder:
+    recorder = Recorder(RunWriter.create(tmp_path, HEADER, "none"))
+    recorder.folder = next(tmp_path.iterdir())
+    return recorder
+
+
+def test_a_run_that_ended_is_recorded(recorder: Recorder) -> None:
+    devices = Devices()
+    assert conduct(running(DONE), devices, recorder) == DONE
+    assert devices.closed == 1
+    run = read_run(recorder.folder)
+    assert run.result.outcome == "path_done"
+    assert run.result.duration == 9.0
+
+
+def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:
+    devices = Devices("connect")
+    outcome = conduct(running(DONE), devices, recorder)
+    assert (outcome.name, outcome.reason) == ("arm_refused", "the brakes are closed")
+    assert (outcome.exit_code, outcome.duration) == (4, 3.5)
+    assert devices.closed == 1
+    assert read_run(recorder.folder).result.outcome == "arm_refused"
+
+
+def test_devices_that_cannot_be_let_go_do_not_hide_how_the_run_ended(recorder: Recorder) -> None:
+    assert conduct(running(DONE), Devices("close"), recorder) == DONE
+    assert read_run(recorder.folder).result.outcome == "path_done"
+
+
+def test_the_second_ctrl_c_is_recorded(recorder: Recorder) -> None:
+    devices = Devices()
+    outcome = conduct(running(KeyboardInterrupt()), devices, recorder)
+    assert (outcome.name, outcome.exit_code) == ("interrupted", 130)
+    assert devices.closed == 1
+    assert read_run(recorder.folder).result.outcome == "interrupted"
+
+
+def test_a_ctrl_c_while_the_record_ends_leaves_it_whole(recorder: Recorder, monkeypatch) -> None:
+    from cell.record import writer
+
+    write_tables, pressed = writer.write_tables, []
+
+    def impatient(*arguments) -> None:
+        if not pressed:
+            pressed.append(True)
+            raise KeyboardInterrupt
+        write_tables(*arguments)
+
+    monkeypatch.setattr(writer, "write_tables", impatient)
+    with pytest.raises(KeyboardInterrupt):
+        conduct(running(DONE), Devices(), recorder)
+    assert read_run(recorder.folder).result.outcome == "path_done"
+
+
+def test_a_disk_that_fills_up_at_the_end_is_the_outcome(recorder: Recorder, monkeypatch) -> None:
+    from cell.record import writer
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(writer, "write_tables", full)
+    outcome = conduct(running(DONE), Devices(), recorder)
+    assert (outcome.name, outcome.exit_code) == ("record", 4)
+    assert "No space left" in outcome.reason
+    assert read_run(recorder.folder).result is None
+    assert not is_under_way(recorder.folder)
+
+
+def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> None:
+    seen: list[SimpleNamespace] = []
+
+    def blind(devices: SimpleNamespace, *_: object) -> SimpleNamespace:
+        seen.append(devices)
+        return SimpleNamespace(execute=lambda: DONE)
+
+    monkeypatch.setattr(cell.operations.fold, "Run", blind)
+    facts = {"frames": "none", "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
+    request = Request(
+        strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts
+    )
+    result = fold(request, calibration=made())
+    assert (result.outcome, result.exit_code) == ("path_done", 1)
+    assert seen[0].plant is None
+    assert seen[0].aids is None
+    assert (Path(result.run) / "truth.yaml").exists()

@@ -1,0 +1,186 @@
+"""What goes wrong stops the arm, is named, and is recorded."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cell.operations.fold
+from cell.devices.devices import Devices
+from cell.operations.fold import fold
+from cell.record.run import read_run
+from cell.report.page import write_report
+from drivers.errors import SimulationNotFinite
+from drivers.types import Frame
+from tests.end_to_end.folded import request_for
+
+STOP_TIME = 0.35  # s of the cell's time to brake from the fold's speed and settle
+
+
+class SpoiledCamera:
+    """A camera whose frames pass through `spoil` once the strip has been lifted for a while."""
+
+    def __init__(self, camera, clock, spoil, start: float) -> None:
+        self._camera, self._clock, self._spoil, self._start = camera, clock, spoil, start
+        self._kept: Frame | None = None
+        self.rate = camera.rate
+
+    def connect(self) -> None:
+        self._camera.connect()
+
+    def close(self) -> None:
+        self._camera.close()
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        frame = self._camera.read(after, timeout)
+        if self._clock.now() < self._start or frame is None:
+            self._kept = frame or self._kept
+            return frame
+        return self._spoil(frame, self._kept)
+
+
+def frozen(frame: Frame, kept: Frame) -> Frame:
+    return replace(frame, image=kept.image)
+
+
+def silent(frame: Frame, kept: Frame) -> None:
+    return None
+
+
+def black(frame: Frame, kept: Frame) -> Frame:
+    noise = np.random.default_rng(frame.sequence).integers(0, 8, frame.image.shape, np.uint8)
+    return replace(frame, image=noise)
+
+
+def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
+    open_cell = cell.operations.fold.open_cell
+    monkeypatch.setattr(
+        cell.operations.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k))
+    )
+    result = fold(request_for("denim", "triangular", runs))
+    return result, read_run(Path(result.run))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "fault", "within"),
+    [
+        (frozen, "image_frozen", 0.15),
+        (silent, "image_stale", 0.35),
+        (black, "low_confidence", 0.55),
+    ],
+)
+def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within) -> None:
+    begin = 6.0
+
+    def change(devices: Devices) -> Devices:
+        camera = SpoiledCamera(devices.camera, devices.clock, spoil, begin)
+        return replace(devices, camera=camera)
+
+    result, run = spoiled_fold(monkeypatch, tmp_path, change)
+    assert result.outcome == fault
+    assert result.exit_code == 4
+    events = {event.kind: event for event in run.events()}
+    origin = next(e.t for e in run.events() if e.facts.get("state") == "PREFLIGHT")
+    assert events["fault"].t - origin - begin < within
+    assert result.duration - begin < within + STOP_TIME
+    ticks = run.ticks
+    assert np.hypot(np.diff(ticks.x[-3:]), np.diff(ticks.z[-3:])).max() < 2e-4
+    assert "FAULT" in [event.facts.get("state") for event in run.events()]
+
+
+def test_a_strip_that_leaves_the_finite_numbers_is_a_named_fault(monkeypatch, tmp_path) -> None:
+    def change(devices: Devices) -> Devices:
+        world = devices.plant.twin.world
+        step = world._step_strip
+
+        def diverge(hand) -> None:
+            if world.time > 5.0:
+                raise SimulationNotFinite("chain", world.time)
+            step(hand)
+
+        monkeypatch.setattr(world, "_step_strip", diverge)
+        return devices
+
+    result, _ = spoiled_fold(monkeypatch, tmp_path, change)
+    assert result.outcome == "simulation_not_finite"
+    assert result.exit_code == 4
+
+
+def test_grasping_nothing_is_a_named_fault(monkeypatch, tmp_path) -> None:
+    def change(devices: Devices) -> Devices:
+        monkeypatch.setattr(devices.plant.twin.world, "edge_within", lambda reach, lean: False)
+        return devices
+
+    result, _ = spoiled_fold(monkeypatch, tmp_path, change)
+    assert result.outcome == "grasp_missed"
+    assert result.exit_code == 4
+
+
+def test_no_strip_on_the_desk_is_refused_before_the_grasp(monkeypatch, tmp_path) -> None:
+    def change(devices: Devices) -> Devices:
+        twin = devices.plant.twin
+        scene = twin.world.scene
+        monkeypatch.setattr(twin.world, "scene", lambda t: replace(scene(t), strip=False))
+        return devices
+
+    result, run = spoiled_fold(monkeypatch, tmp_path, change)
+    assert result.outcome == "preflight_refused"
+    assert result.exit_code == 3
+    assert len(run.ticks.t) == 0
+
+
+def start(runs: Path, *words: str) -> subprocess.Popen:
+    command = [sys.executable, "-m", "cell", "fold", "--strip", "denim", "--policy", "triangular"]
+    return subprocess.Popen(
+        [*command, "--runs", str(runs), "--json", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for_fold(runs: Path, process: subprocess.Popen) -> Path:
+    """The run's folder, once it stands in the state FOLD."""
+    end = time.monotonic() + 120
+    while time.monotonic() < end and process.poll() is None:
+        for events in runs.glob("*/events.jsonl"):
+            if '"FOLD"' in events.read_text():
+                return events.parent
+        time.sleep(0.02)
+    raise AssertionError(f"no fold began: {process.communicate()}")
+
+
+def test_a_killed_process_leaves_a_run_that_the_report_explains(tmp_path) -> None:
+    process = start(tmp_path)
+    folder = wait_for_fold(tmp_path, process)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    run = read_run(folder)
+    assert run.died
+    assert run.result is None
+    assert len(run.ticks.t) > 100
+    page = write_report(folder).read_text()
+    assert "FOLD" in page
+    assert "died" in page or "ended without" in page
+
+
+def test_ctrl_c_stops_under_control_and_is_recorded(tmp_path) -> None:
+    process = start(tmp_path)
+    folder = wait_for_fold(tmp_path, process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    line = json.loads(out)
+    assert line["outcome"] == "interrupted"
+    assert line["exit_code"] == 130
+    run = read_run(folder)
+    assert run.result.outcome == "interrupted"
+    ticks = run.ticks
+    assert np.hypot(np.diff(ticks.x[-3:]), np.diff(ticks.z[-3:])).max() < 2e-4

@@ -1,0 +1,226 @@
+"""A strip is folded end to end through images, and what they say agrees with what happened."""
+
+import json
+import shutil
+import struct
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.cli.app import app
+from cell.devices.devices import DeviceSelection
+from cell.operations.batch import side_by_side
+from cell.operations.replay import replay
+from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
+from cell.record.frames import INDEX
+from drivers.errors import ConfigurationError
+from policies.checkpoint import load_checkpoint, save_checkpoint
+from policies.feedback import COMMITTED
+from tests.end_to_end.folded import Folded, fold_and_keep, request_for
+from tests.support.resimulate import resimulate
+
+MASKED = 0.13  # m of travel in which a taut lift makes the contact jump
+
+
+def test_the_triangle_ends_short_of_the_fixed_edge(denim: Folded) -> None:
+    assert denim.result.outcome == "layer_touch"
+    assert denim.result.exit_code == 0
+    assert -0.060 < denim.result.displacement < -0.020
+
+
+def test_displacement_and_touch_are_seen_as_they_were(denim: Folded) -> None:
+    truth = denim.truth.touch
+    assert denim.result.displacement == pytest.approx(truth.displacement, abs=0.003)
+    assert denim.result.layer_touch == pytest.approx(truth.time - denim.origin, abs=0.05)
+
+
+def test_desk_contact_is_seen_within_its_bar(denim: Folded) -> None:
+    sights, ticks = denim.run.sights(), denim.run.ticks
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))])
+    begin = float(np.interp(MASKED, travel, ticks.t))
+    end = denim.result.layer_touch - 0.15
+    inside = (sights.stamp > begin) & (sights.stamp < end)
+    true = np.interp(sights.stamp[inside] + denim.origin, denim.truth.t, denim.truth.contact_x)
+    errors = sights.contact_x[inside] - true
+    assert inside.sum() > 100
+    assert np.isfinite(errors).all()
+    assert np.sqrt(np.mean(errors**2)) < 0.0015
+
+
+def test_profile_is_seen_within_its_bar(denim: Folded) -> None:
+    squares = []
+    for stamp, points in denim.run.profile.curves():
+        if stamp < 1.5 or stamp > denim.result.layer_touch - 0.15:
+            continue
+        squares.append(np.mean(distances(points, denim.true_shape(stamp)) ** 2))
+    assert len(squares) > 100
+    assert np.sqrt(np.mean(squares)) < 0.001
+
+
+def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Distance of each of `points` (m, 2) to the polyline `curve` (n, 2)."""
+    start, step = curve[:-1], np.diff(curve, axis=0)
+    along = np.einsum("mns,ns->mn", points[:, None] - start, step) / np.sum(step**2, axis=1)
+    foot = start + np.clip(along, 0, 1)[..., None] * step
+    return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1)
+
+
+def test_an_independent_simulation_of_the_path_gives_the_same_displacement(denim: Folded) -> None:
+    assert abs(resimulate(Path(denim.result.run)).difference) < 0.003
+
+
+def test_measured_time_begins_flat_still_and_held(denim: Folded) -> None:
+    ticks = denim.run.ticks
+    assert ticks.t[0] == 0.0
+    assert abs(ticks.x[0] - 0.6) < 2e-4
+    assert abs(ticks.z[0]) < 2e-4
+    assert abs(ticks.pitch[0]) < 2e-3
+    assert np.diff(ticks.t).max() < 0.0101
+
+
+def test_pitch_grows_with_the_path_over_its_first_ten_centimetres(denim: Folded) -> None:
+    ticks = denim.run.ticks
+    travel = np.cumsum(np.hypot(np.diff(ticks.x, prepend=0.6), np.diff(ticks.z, prepend=0.0)))
+    lifting = ticks.t < 1.3
+    wanted = np.pi / 2 * np.clip(travel / 0.10, 0, 1)
+    assert np.abs(ticks.pitch - wanted)[lifting].max() < 0.12
+
+
+def test_replay_decides_the_same_from_the_stored_images(denim: Folded) -> None:
+    again = replay(Path(denim.result.run))
+    assert again.differences == ()
+    assert again.images > 200
+    assert again.decisions > 200
+
+
+def most_images(_folder: str, names: list[str]) -> list[str]:
+    """All but the first and every twentieth."""
+    images = sorted(name for name in names if name.endswith(".png"))
+    return [name for i, name in enumerate(images) if i % 20]
+
+
+def test_replay_notices_another_calibration(denim: Folded, tmp_path: Path) -> None:
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
+    path = copy / "run.yaml"
+    header = yaml.safe_load(path.read_text())
+    header["config"]["perception"]["contact_height"] = 0.002
+    path.write_text(yaml.safe_dump(header))
+    assert replay(copy).differences
+
+
+def test_replay_without_images_decides_again_on_what_was_seen(
+    denim: Folded, tmp_path: Path
+) -> None:
+    pictures = shutil.ignore_patterns("*.png")
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=pictures)
+    again = replay(copy)
+    assert (again.images, again.differences) == (0, ())
+    assert again.decisions > 200
+    events = copy / EVENTS
+    events.write_text(events.read_text().replace('"done": false', '"done": true', 1))
+    assert len(replay(copy).differences) == 1
+    events.write_text(events.read_text().replace('"direction"', '"dire', 1))
+    assert replay(copy).decisions == again.decisions - 1
+    events.write_text(events.read_text().replace('"direction"', '"turn"', 1))
+    with pytest.raises(ConfigurationError, match=r"events\.jsonl: the decision at"):
+        replay(copy)
+
+
+def test_replay_does_not_take_lost_images_for_images_not_kept(
+    denim: Folded, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(denim.result.run, tmp_path / "run", ignore=most_images)
+    (copy / INDEX).write_text("")
+    with pytest.raises(ConfigurationError, match="lists no image"):
+        replay(copy)
+
+
+def test_the_head_of_a_run_holds_its_preflight(denim: Folded) -> None:
+    checks = denim.run.header.preflight
+    assert {check["name"] for check in checks} >= {"contrast", "length"}
+    assert all(check["passed"] for check in checks)
+
+
+@pytest.fixture(scope="module")
+def secret(tmp_path_factory: pytest.TempPathFactory) -> Folded:
+    """Another strip lies there than the controller believes, and the weights are not our own."""
+    place = tmp_path_factory.mktemp("secret")
+    plant = place / "secret.yaml"
+    content = yaml.safe_load(Path("configs/strips/denim.yaml").read_text())
+    content |= {"name": "zebrafish", "bending_length": 0.0213}
+    plant.write_text(yaml.safe_dump(content))
+    weights = load_checkpoint(COMMITTED)
+    scaled = tuple(0.95 * weight for weight in weights.weights)
+    save_checkpoint(place / "own.json", weights.model_copy(update={"weights": scaled}))
+    asked = {"truth": False, "viz": "save", "choice": DeviceSelection(plant=plant)}
+    asked |= {"checkpoint": place / "own.json"}
+    return fold_and_keep(request_for("denim", "feedback", place / "r", **asked))
+
+
+def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
+    folded, folder = secret, Path(secret.result.run)
+    assert (folder / RECORDING).exists()
+    assert not (folder / TRUTH).exists()
+    assert len(folded.run.header.plant_sha256) == 64
+    for path in folder.rglob("*"):
+        if path.is_file():
+            held = path.read_bytes()
+            assert b"zebrafish" not in held, path
+            assert b"0.0213" not in held, path
+            for number in ("<d", ">d", "<f", ">f"):
+                assert struct.pack(number, 0.0213) not in held, path
+            assert b"secret.yaml" not in held, path
+    stiffer = folded.truth.touch.displacement
+    assert folded.result.displacement == pytest.approx(stiffer, abs=0.003)
+
+
+def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Path) -> None:
+    folder = Path(secret.result.run)
+    assert replay(folder).same
+    copy = shutil.copytree(folder, tmp_path / "run")
+    header = yaml.safe_load((copy / "run.yaml").read_text())
+    assert len(header.pop("checkpoint")["sha256"]) == 64
+    (copy / "run.yaml").write_text(yaml.safe_dump(header))
+    assert replay(copy).differences
+
+
+def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
+    requests = [
+        request_for("denim", "triangular", tmp_path / "again"),
+        request_for("denim", "triangular", tmp_path / "again", choice=DeviceSelection(seed=4)),
+    ]
+    same, other = side_by_side(requests, jobs=2)
+    lines = [denim.result.line(), same.line(), other.line()]
+    for line in lines:
+        line.pop("run")
+        line.pop("wall")
+    assert lines[1] == lines[0]
+    assert lines[2] != lines[0]
+    for name in ("ticks.parquet", "profile.parquet"):
+        first = (Path(denim.result.run) / name).read_bytes()
+        assert (Path(same.run) / name).read_bytes() == first, name
+        assert (Path(other.run) / name).read_bytes() != first, name
+
+
+def test_record_keeps_the_contract(denim: Folded) -> None:
+    folder = Path(denim.result.run)
+    ticks = pq.read_table(folder / "ticks.parquet")
+    assert {"t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x"} <= set(ticks.column_names)
+    assert ticks.schema.metadata[b"schema"] == b"1"
+    result = yaml.safe_load((folder / "result.yaml").read_text())
+    assert result["displacement"] == pytest.approx(result["l1"] - result["l2"], abs=1e-12)
+    header = yaml.safe_load((folder / "run.yaml").read_text())
+    assert header["strip"] == "denim"
+    assert set(header["sigma"]) >= {"contact_x", "profile", "gripper", "displacement"}
+    assert (folder / CALIBRATION).exists()
+
+
+def test_json_line_has_what_programs_read(denim: Folded) -> None:
+    line = json.loads(json.dumps(denim.result.line()))
+    keys = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
+    keys += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
+    assert keys == list(line)
+    assert app.info.name == "cell"

@@ -1,0 +1,115 @@
+"""What the policies reach in the rod: the paper's signs and numbers, and the committed weights."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.engine import Stepper
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.twin.chain.engine import Chain
+from drivers.types import Array
+from policies.checkpoint import load_checkpoint
+from policies.domain import grid
+from policies.feedback import COMMITTED
+from policies.registry import make_policy
+from policies.rollout import Folds, Rollout, roll_out
+from policies.train.folding import evaluate_piece, evaluator, validate
+from policies.train.settings import TrainingSettings
+from policies.train.start import first_weights
+
+CONFIGS = Path(__file__).parents[2] / "configs" / "strips"
+STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]
+SMALL = TrainingSettings(population=14, strips=2, segments=40, generations=2, validate_every=1)
+
+
+def fold(name: str, strips: list[StripFile], seed: int = 0, engine: Stepper | None = None) -> Folds:
+    models = [describe(strip) for strip in strips]
+    rng = np.random.default_rng(seed)
+    policy, judge = make_policy(name), engine or Rod()
+    return roll_out(policy, judge, strips[0], models, settings=Rollout(), rng=rng)
+
+
+def candidates(count: int) -> Array:
+    rng = np.random.default_rng(0)
+    start = first_weights(rng)
+    return start + 0.05 * rng.normal(size=(count, len(start)))
+
+
+def test_ten_fabrics_lie_in_the_papers_range_and_say_where_they_come_from() -> None:
+    assert len(STRIPS) == 10
+    assert "denim" in {strip.name for strip in STRIPS}
+    for strip in STRIPS:
+        assert 0.0135 <= strip.bending_length <= 0.0333
+        sources = {entry.key: entry.source for entry in strip.provenance}
+        assert "2011" in sources["bending_length"]
+        assert "2011" in sources["areal_density"]
+        assert sources["retardation_time"] == "assumed"
+
+
+def test_triangle_falls_short_and_circle_reaches_past_on_every_fabric_as_in_the_paper() -> None:
+    short = fold("triangular", STRIPS).displacement
+    past = fold("circular", STRIPS).displacement
+    assert np.all(short < 0)
+    assert np.all(past > 0)
+    assert short.mean() == pytest.approx(-0.0368, abs=0.010)
+    assert past.mean() == pytest.approx(0.0627, abs=0.010)
+
+
+def test_committed_feedback_beats_every_open_loop_over_the_papers_range() -> None:
+    strips = grid(12)
+    feedback = np.abs(fold("feedback", strips, seed=5).displacement)
+    baseline = np.abs(fold("shifted", strips).displacement)
+    assert feedback.mean() < 0.007
+    assert feedback.max() < 0.016
+    assert feedback.mean() < baseline.mean() < 0.008
+    assert feedback.max() < baseline.max() < 0.018
+
+
+def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
+    folds = fold("feedback", STRIPS, engine=Chain())
+    assert np.abs(folds.displacement).max() < 0.014
+
+
+def test_feedback_is_gentler_than_the_circle() -> None:
+    strips = grid(4)
+    assert (
+        fold("feedback", strips).holding_force.mean()
+        < 0.3 * fold("circular", strips).holding_force.mean()
+    )
+
+
+def test_costs_do_not_depend_on_how_many_workers_there_are() -> None:
+    asked = candidates(SMALL.population)
+    with ThreadPoolExecutor(1) as one, ThreadPoolExecutor(2) as two:
+        alone = evaluator(SMALL, one)(asked, 3)
+        together = evaluator(SMALL, two)(asked, 3)
+    np.testing.assert_array_equal(alone, together)
+    assert len(set(alone.cost)) == SMALL.population
+    assert np.all(alone.miss < alone.cost)
+
+
+def test_generations_meet_other_strips_but_a_generation_always_the_same() -> None:
+    asked = candidates(2)
+    first = evaluate_piece(SMALL, asked, 0)
+    np.testing.assert_array_equal(first, evaluate_piece(SMALL, asked, 0))
+    assert np.all(first.cost != evaluate_piece(SMALL, asked, 1).cost)
+
+
+def test_validation_strips_are_the_same_for_every_generation() -> None:
+    weights = candidates(1)[0]
+    assert validate(SMALL, weights) == validate(SMALL, weights)
+
+
+def test_committed_weights_come_with_the_journal_of_their_training() -> None:
+    training = load_checkpoint(COMMITTED).training
+    header, *lines = map(json.loads, COMMITTED.with_suffix(".jsonl").read_text().splitlines())
+    settings = TrainingSettings(**header["settings"])
+    assert len(lines) == training.generations == settings.generations
+    assert training.folds == training.generations * settings.folds_per_generation
+    assert training.seed == settings.seed
+    assert lines[-1]["best"] < lines[0]["best"]

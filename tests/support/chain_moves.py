@@ -1,0 +1,48 @@
+"""Motions of chains that several tests make."""
+
+import numpy as np
+
+from drivers.strip.describe import describe
+from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
+from drivers.twin.chain.engine import Chain
+from drivers.types import Array
+from policies.path import Path
+
+H = 0.005  # s
+SPEED = 0.1  # m/s
+LENGTH = 0.6  # m
+
+
+def middling(**changes: object) -> StripFile:
+    """A strip in the middle of the paper's range."""
+    return paper_strip(0.0775, 7 * paper_damping_minimum(0.0775)).model_copy(update=changes)
+
+
+def fold(strip: StripFile, path: Path, links: int = 60, dt: float = H) -> StripMotion:
+    """A whole fold along `path` at 0.1 m/s, up to its layer_touch."""
+    t = np.arange(0.0, path.length / SPEED, H)
+    motion = simulate(Chain(links), describe(strip), t, path.poses(t * SPEED), dt=dt)
+    assert motion.touch is not None
+    return motion
+
+
+def displacement(motion: StripMotion) -> float:
+    """d [m] of a motion that ended with layer_touch."""
+    assert motion.touch is not None
+    return motion.touch.displacement
+
+
+def carry(chain: Chain, travel: float, path: Path) -> Array:
+    """Moves the gripper along `path` from its start to `travel` [m]; the pose (3,) there."""
+    poses = path.poses(np.arange(H, travel / SPEED, H) * SPEED)
+    for pose in poses:
+        chain.step(pose[None], H)
+    return np.asarray(poses[-1])
+
+
+def settle(chain: Chain, pose: Array, seconds: float) -> Array:
+    """Steps with the gripper at rest; the shape (nodes, 2) at the end."""
+    for _ in range(round(seconds / H)):
+        chain.step(pose[None], H)
+    return chain.shapes()[0]

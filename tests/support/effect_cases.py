@@ -1,0 +1,99 @@
+"""Strips, values and predictions that the tests of effects share."""
+
+from typing import Any
+
+import numpy as np
+
+from drivers.strip.describe import describe
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.engine import StripMotion
+from drivers.strip.file import StripFile
+from drivers.strip.grip_path import true_path
+from drivers.strip.model import StripModel
+from drivers.strip.observation import seen_contact, seen_points, seen_time, seen_touch
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.motions import GripperPath, simulate_all
+from drivers.types import Array
+from policies.path import Path, circular, triangular
+
+LENGTH = 0.6
+SPEED = 0.1
+EVERY = 20  # steps between shapes
+PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
+# What a parameter is while another one of its effect varies.
+USUAL = {
+    "factor": 5.0, "position": 0.3, "width": 0.03, "ratio": 0.3, "time": 0.5, "angle": 0.1,
+    "mass": 1e-3, "x": 0.003, "z": 0.003, "stiffness_ratio": 8.0, "yield_curvature": 12.0,
+    "cubic": 3e-5, "coefficient": 2.0, "fifth": 0.3, "slow": 0.03, "oblique": 0.3, "along": 0.1,
+    "softness": 0.3, "set": 0.4,
+}  # fmt: skip
+INDEX = 2  # runs that the specimen has been through before
+
+
+def denim(**changes: Any) -> StripFile:
+    """A strip of 60 cm about as heavy and stiff as denim."""
+    content = {
+        "schema": 1, "name": "denim", "length": LENGTH, "width": 0.05, "areal_density": 0.4,
+        "bending_length": 0.017, "retardation_time": 0.03,
+    }  # fmt: skip
+    return StripFile.model_validate(content | changes)
+
+
+def affected(name: str, strip: StripFile | None = None, **values: float) -> StripModel:
+    """The strip with one effect, its own or its cell's."""
+    own = {name: values} if registry()[name].of == "strip" else {}
+    rig = {} if own else {name: values}
+    affected = (strip or denim()).model_copy(update={"effects": own})
+    return describe(affected, rig, INDEX)
+
+
+def bare() -> StripModel:
+    """The strip without effects."""
+    return describe(denim(), index=INDEX)
+
+
+def levels(effect: Effect) -> list[dict[str, float]]:
+    """Low, middle and high of each parameter, the others as usual."""
+    cases = []
+    for parameter in effect.parameters:
+        low, high = parameter.low, min(parameter.high, LENGTH)
+        high = high if parameter.name == "position" else parameter.high
+        middle = np.sqrt(low * high) if parameter.null is None and low > 0 else (low + high) / 2
+        rest = {p.name: USUAL[p.name] for p in effect.parameters if p is not parameter}
+        cases += [{**rest, parameter.name: float(value)} for value in (low, middle, high)]
+    return cases
+
+
+def way(path: Path, speed: float = SPEED) -> GripperPath:
+    """The path as a 100 Hz record, its speed reached within 0.4 s."""
+    t = np.arange(0.0, path.length / speed + 0.3, 0.01)
+    share = np.clip(t / 0.4, 0.0, 1.0)
+    travel = speed * np.where(t < 0.4, 0.4 * (share**3 - share**4 / 2), t - 0.2)
+    return GripperPath(t, path.poses(np.minimum(travel, path.length)))
+
+
+def folds(
+    models: list[StripModel], path: str = "triangular", segments: int = 60, dt: float = 0.005
+) -> list[StripMotion]:
+    """The models along one path, all in one batch."""
+    ways = [way(PATHS[path])] * len(models)
+    return simulate_all(Rod(segments), models, ways, dt=dt, every=EVERY)
+
+
+def predicted(model: StripModel, motion: StripMotion) -> dict[str, Array]:
+    """What the cell would measure of a motion of `folds`, each value beside its stamp."""
+    path = way(PATHS["triangular"])
+    stamps = np.asarray(seen_time(model.observation, motion.t))
+    profile = seen_points(model, motion.shapes)
+    seen = {
+        "contact_x": np.stack([stamps, seen_contact(model.observation, motion.contact_x)]),
+        "profile": np.concatenate([stamps[EVERY - 1 :: EVERY], profile.ravel()]),
+        "force": np.stack([motion.t, motion.holding_force]),
+    }
+    if motion.touch is not None:
+        t, poses = true_path(model.rig, path.t, path.poses)
+        grip = np.array([np.interp(motion.touch.time, t, poses[:, c]) for c in range(3)])
+        place = seen_touch(model, motion.touch, grip, grip)
+        seen["layer_touch"] = np.array([place.time, place.x, place.displacement])
+    return seen

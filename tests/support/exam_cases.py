@@ -1,0 +1,62 @@
+"""Small cases and verdicts for the tests of the exam."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cell.exam.case import Case
+from cell.gap.verdict.schema import Gap, Interval, Measured, NamedEffect, Verdict
+from tests.support.gap_strip_cases import folds, written
+
+Numbers = tuple[float, float | None, float | None]
+
+
+def case(name: str, kind: Any, effects: dict[str, dict[str, float]], **changes: Any) -> Case:
+    """A case of denim; its effects are the answer."""
+    facts: dict[str, Any] = {"tier": "state", "strip": "denim", "seed": 1, "answer": (*effects,)}
+    return Case(name=name, kind=kind, effects=effects, **{**facts, **changes})
+
+
+def verdict(
+    said: Any,
+    effects: Sequence[NamedEffect] = (),
+    classes: Sequence[list[str]] = (),
+    base: dict[str, Numbers] | None = None,
+    unit: float = 1.0,
+    shrink: float = 0.0,
+) -> Verdict:
+    """A verdict; its base in units of `unit`."""
+    scaled = {
+        name: Interval(value=unit * v, low=unit * (low or 0), high=unit * (high or 0))
+        for name, (v, low, high) in (base or {}).items()
+    }
+    gap = Gap(
+        before={"excess": 2.5}, after={"excess": 0.1}, floor={"excess": 0.0},
+        shrink=shrink, shrink_low=shrink, shrink_high=shrink,
+    )  # fmt: skip
+    return Verdict(
+        verdict=said, effects=list(effects), ambiguous=list(classes), unexplained=None,
+        base=scaled, where=[], gap=gap, candidates=[], advice=[], detectable={}, held_out=["a"],
+        runtime=12.0, simulations=100,
+    )  # fmt: skip
+
+
+def named(
+    *names: str, parameters: dict[str, Numbers] | None = None, confidence: float = 0.9
+) -> Verdict:
+    """A verdict that names effects."""
+    values = {
+        key: Measured(value=v, low=low, high=high, unit="")
+        for key, (v, low, high) in (parameters or {}).items()
+    }
+    effects = [
+        NamedEffect(name=n, of="strip", parameters=values, confidence=confidence) for n in names
+    ]
+    return verdict("named", effects, shrink=0.95)
+
+
+def few_runs(case: Case, folder: Path) -> None:
+    """Two folds of the case's plant, made in the rod."""
+    if case.seed == 13:
+        raise RuntimeError("this one cannot be made")
+    written(folder, folds(("normal", "fast"), case.effects), seed=case.seed)

@@ -1,0 +1,73 @@
+"""Measured folds of denim, made by the rod with noise, for the tests of the strip subject."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
+from cell.gap.subject.strip.ways import way_of
+from cell.gap.subject.subject import Request, Residuals
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.file import StripFile
+from drivers.strip.model import Effects
+from drivers.types import Array
+from policies.standard import STANDARD
+
+STRIP = Path("configs/strips/denim.yaml")
+CELL = Instruments()
+SEGMENTS, STEP = 150, 0.004
+"""Of the plant's rod: neither the coarse nor the fine one of the model."""
+
+
+def denim() -> StripFile:
+    """The strip as the controller knows it."""
+    return load_strip(STRIP)
+
+
+def folds(names: Sequence[str], effects: Effects | None = None, **changes: float) -> list[Fold]:
+    """Standard motions of a denim that has `effects` and `changes`."""
+    plant = denim().model_copy(update=changes)
+    models = [describe(plant, effects or {}, i) for i in range(len(names))]
+    made = rod_folds(models, [way_of(STANDARD[n].of(0.6)) for n in names], SEGMENTS, STEP)
+    return [
+        replace(f, index=i, condition=n) for i, (f, n) in enumerate(zip(made, names, strict=True))
+    ]
+
+
+def written(root: Path, made: Sequence[Fold], by: Instruments = CELL, seed: int = 0) -> list[Path]:
+    """Run folders of folds, in their order."""
+    rng = np.random.default_rng(seed)
+    for fold in made:
+        write_fold(root / f"{fold.index:02d}-{fold.condition}", "denim", fold, by, rng)
+    return sorted(root.iterdir())
+
+
+def residuals(
+    strip: Strip, effects: dict[str, Array] | None = None, slack: float = 0.0
+) -> list[Residuals]:
+    """Residuals of every run at the stated base."""
+    base = np.array([p.start for p in strip.scope.base])
+    return strip.simulate(
+        [Request(run, base, effects or {}, np.array([slack])) for run in strip.runs]
+    )
+
+
+def in_noise(strip: Strip, found: Sequence[Residuals], channel: str) -> float:
+    """Root mean square residual of a channel, in standard deviations of its noise alone."""
+    rows = [
+        (r.mean / run.samples.noise)[run.samples.channel == channel]
+        for run, r in zip(strip.runs, found, strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(rows) ** 2)))
+
+
+def whitened(strip: Strip, found: Sequence[Residuals]) -> Array:
+    """All residuals in units of noise and floor (N,)."""
+    parts = [
+        r.mean / np.hypot(run.samples.noise, run.samples.floor)
+        for run, r in zip(strip.runs, found, strict=True)
+    ]
+    return np.concatenate(parts)

@@ -1,0 +1,148 @@
+"""A cell of plain devices: a servo without lag, a hand without strip, a camera that sees noise."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+from calibration.perception.measurement import StripMeasurement
+from cell.config.places import BESIDE, Configs
+from cell.devices.devices import Devices
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.run import Run
+from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
+from cell.orchestrator.vision import StripReader
+from drivers.limits import Workspace
+from drivers.motion import TICK, MotionProfile
+from drivers.twin.clock import Turn, TwinClock
+from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+from policies.fixed_paths import Triangular
+
+LIMITS = Configs(BESIDE).cell().installation.limits
+
+
+class PlainArm:
+    """A servo that is where it is commanded to be."""
+
+    def __init__(self, clock: TwinClock) -> None:
+        self._clock = clock
+        self.profile = MotionProfile(LIMITS, Workspace(), Pose(0.6, 0.1, math.pi / 2))
+        self.commands: list[object] = []
+        clock.every(TICK, lambda _: self.profile.tick(), Turn.SERVO)
+
+    def connect(self) -> None:
+        """Nothing to connect."""
+
+    def state(self) -> ArmState:
+        now, profile = self._clock.now(), self.profile
+        return ArmState(
+            stamp=now,
+            arrival=now,
+            source="plain",
+            pose=profile.pose,
+            velocity=profile.velocity,
+            commanded=profile.pose,
+            moving=profile.moving,
+            expired=profile.expired,
+        )
+
+    def move_to(self, pose: Pose) -> None:
+        self.commands.append(MoveTo(pose))
+        self.profile.move_to(pose)
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        self.commands.append(Drive(velocity))
+        self.profile.set_velocity(velocity)
+
+    def stop(self) -> None:
+        self.commands.append(Hold())
+        self.profile.stop()
+
+    def close(self) -> None:
+        self.profile.stop()
+
+
+class PlainHand:
+    def __init__(self, clock: TwinClock) -> None:
+        self._clock = clock
+        self.commands: list[object] = []
+        self.stopped = 0
+        self.moving = False
+
+    def open(self) -> None:
+        self.commands.append(OpenHand())
+
+    def grasp(self) -> None:
+        self.commands.append(CloseHand())
+
+    def state(self) -> HandState:
+        now = self._clock.now()
+        return HandState(now, now, "plain", width=0.001, grasped=True, moving=self.moving)
+
+    def stop(self) -> None:
+        self.stopped += 1
+
+
+class NoiseCamera:
+    """A frame at each look, each other than the last."""
+
+    rate = 100.0
+
+    def __init__(self, clock: TwinClock) -> None:
+        self._clock = clock
+        self._count = 0
+
+    def connect(self) -> None:
+        """Nothing to connect."""
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        now = self._clock.now()
+        if now <= after:
+            return None
+        self._count += 1
+        image = np.full((2, 2, 3), self._count % 251, np.uint8)
+        return Frame(now, now, "noise", self._count, image)
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+
+@dataclass
+class Bench:
+    clock: TwinClock
+    arm: PlainArm
+    hand: PlainHand
+    camera: NoiseCamera
+    record: NullRecorder = field(default_factory=NullRecorder)
+    observers: tuple = ()
+    interrupted: Callable[[], bool] = lambda: False
+
+    def run(self) -> Outcome:
+        settings = Configs(BESIDE).cell()
+        strip = Configs(BESIDE).strip("denim")
+        context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
+        touch = SimpleNamespace(tell=lambda measurement, gripper: None)
+        context.reader = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
+        devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
+        return Run(devices, context, self.record, self.observers, self.interrupted).execute()
+
+    @property
+    def at_rest(self) -> bool:
+        return not self.arm.profile.moving
+
+
+def sight_of(frame: Frame, gripper: Pose) -> StripMeasurement:
+    points = np.zeros((3, 2))
+    return StripMeasurement(
+        frame.stamp, frame.sequence, 0.3, 1.0, points, 1.0, (0.5, 0.0), math.nan, math.nan
+    )
+
+
+def plain_bench() -> Bench:
+    """All devices at rest on one clock."""
+    clock = TwinClock()
+    return Bench(clock, PlainArm(clock), PlainHand(clock), NoiseCamera(clock))

@@ -1,0 +1,43 @@
+"""Strips and gripper motions that the tests of the rod share."""
+
+import numpy as np
+
+from drivers.strip.describe import describe
+from drivers.strip.file import paper_damping_minimum, paper_strip
+from drivers.strip.model import StripModel
+from drivers.types import Array
+from policies.path import Path
+
+STIFFNESS = np.geomspace(0.02, 0.3, 5)
+DAMPING = np.geomspace(1.0, 50.0, 5)
+Effects = dict[str, dict[str, float]]
+
+
+def paper_model(k: float, times_minimum: float = 1.0, effects: Effects | None = None) -> StripModel:
+    """The paper's strip with joint stiffness k and a multiple of the least damping."""
+    damping = times_minimum * paper_damping_minimum(k)
+    return describe(paper_strip(k, damping, effects=effects or {}))
+
+
+def paper_grid(effects: Effects | None = None) -> list[StripModel]:
+    """The paper's range, 5 x 5 logarithmic, stiffness outermost."""
+    return [paper_model(k, b, effects) for k in STIFFNESS for b in DAMPING]
+
+
+def steady(path: Path, dt: float, speed: float = 0.1) -> Array:
+    """Poses (k, 3) along the whole path at constant speed from the first step on."""
+    steps = np.arange(1, int(path.length / speed / dt) + 1)
+    return path.poses(np.minimum(steps * dt * speed, path.length))
+
+
+def soft_start(path: Path, dt: float, duration: float, speed: float = 0.1) -> Array:
+    """Poses (k, 3) along the path, the speed reached within 0.4 s without a jump in anything."""
+    t = np.arange(1, round(duration / dt) + 1) * dt
+    share = np.clip(t / 0.4, 0.0, 1.0)
+    travel = speed * np.where(t < 0.4, 0.4 * (share**3 - share**4 / 2), t - 0.2)
+    return path.poses(np.minimum(travel, path.length))
+
+
+def for_all(poses: Array, count: int) -> Array:
+    """The same poses (k, 3) for each of `count` strips (k, count, 3)."""
+    return np.repeat(poses[:, None], count, axis=1)

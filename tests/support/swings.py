@@ -1,0 +1,109 @@
+"""Swings made on purpose, with hidden causes: the plant is MuJoCo, not the model's equations."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from cell.gap.subject.pendulum.file import PendulumFile
+from drivers.types import Array
+
+STEP = 0.0005  # s of the plant
+
+Law = Callable[[Array, Array, int], Array]
+"""Torques (n,) that oppose the joints, of their bend from hanging, their rate, the run's index."""
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A made run: times (m,) [s], noisy absolute angles from upright (n, m) [rad], its label."""
+
+    t: Array
+    angles: Array
+    condition: str
+
+
+def make_swings(
+    pendulum: PendulumFile,
+    lifts: Sequence[Array],
+    sigma: float,
+    rng: np.random.Generator,
+    law: Law | None = None,
+    span: float = 2.5,
+    rate: float = 100.0,
+) -> list[Made]:
+    """Releases from rest, the links `lifts` (n,) [rad] away from hanging; equal lifts repeat."""
+    model = mujoco.MjModel.from_xml_string(_xml(pendulum))
+    labels = [f"lift {' '.join(f'{v:.1f}' for v in lift)}" for lift in lifts]
+    runs = []
+    for index, (lift, label) in enumerate(zip(lifts, labels, strict=True)):
+        near = np.asarray(lift) * (1.0 + 0.02 * rng.standard_normal())
+        t, angles = _released(model, near, law, index, span, rate)
+        runs.append(Made(t, angles + sigma * rng.standard_normal(angles.shape), label))
+    return runs
+
+
+def write_swings(
+    folder: Path, pendulum: PendulumFile, runs: Sequence[Made], sigma: float
+) -> tuple[Path, Path]:
+    """The pendulum file and the folder of run folders, as a laboratory would hand them over."""
+    file = folder / "pendulum.yaml"
+    stated = pendulum.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    file.write_text(yaml.safe_dump({"schema": 1, **stated}, sort_keys=False), encoding="utf-8")
+    for index, made in enumerate(runs):
+        run = folder / "runs" / f"{index:02d}"
+        run.mkdir(parents=True)
+        head = {
+            "schema": 1,
+            "pendulum": pendulum.name,
+            "index": index,
+            "condition": made.condition,
+            "sigma": {"angle": sigma},
+        }
+        (run / "run.yaml").write_text(yaml.safe_dump(head, sort_keys=False), encoding="utf-8")
+        columns = {"t": made.t} | {f"theta_{i + 1}": a for i, a in enumerate(made.angles)}
+        pq.write_table(pa.table(columns), run / "angles.parquet")
+    return file, folder / "runs"
+
+
+def _xml(pendulum: PendulumFile) -> str:
+    """The chain as MuJoCo describes it: hinges about y, hanging at zero."""
+    opened, above = "", 0.0
+    for link in pendulum.links:
+        moments = " ".join(f"{link.inertia:.12g}" for _ in range(3))
+        opened += (
+            f"<body pos='0 0 {-above:.12g}'>"
+            f"<joint type='hinge' axis='0 -1 0' damping='{link.damping:.12g}'/>"
+            f"<inertial mass='{link.mass:.12g}' pos='0 0 {-link.com:.12g}' "
+            f"diaginertia='{moments}'/>"
+        )
+        above = link.length or 0.0
+    closed = "</body>" * len(pendulum.links)
+    return (
+        f"<mujoco><option integrator='RK4' timestep='{STEP}' "
+        f"gravity='0 0 {-pendulum.gravity:.12g}'/><worldbody>{opened}{closed}</worldbody></mujoco>"
+    )
+
+
+def _released(
+    model: mujoco.MjModel, lift: Array, law: Law | None, index: int, span: float, rate: float
+) -> tuple[Array, Array]:
+    """Times and absolute angles of one release; `lift` are absolute angles from hanging."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = -np.diff(lift, prepend=0.0)
+    every = round(1.0 / (rate * STEP))
+    seen = [lift]
+    for k in range(int(span * rate) * every):
+        if law is not None:
+            bend = -(data.qpos + 0.5 * STEP * data.qvel)  # in the middle of the step
+            turn = -(data.qvel + 0.5 * STEP * data.qacc)
+            data.qfrc_applied[:] = law(bend, turn, index)
+        mujoco.mj_step(model, data)
+        if (k + 1) % every == 0:
+            seen.append(-np.cumsum(data.qpos))
+    return np.arange(len(seen)) / rate, np.pi + np.array(seen).T

@@ -1,0 +1,67 @@
+"""A calibration of the twin's camera through its own images: boards, then touched points."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from calibration.board_views import BoardSettings, BoardViews, LensVerdict
+from calibration.calibration import Calibration, calibrated
+from calibration.lens import Lens
+from calibration.touched_points import TouchedPoints, TouchSettings, TouchVerdict
+from drivers.twin.board import board_frame, facing
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Frame, Pose
+
+NO_STRIP = StripLook((40, 60, 110), 0.001, 0.05)
+
+
+def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
+    """Every view that is asked for, shown to the twin's camera."""
+    views = BoardViews(settings)
+    sequence = 0
+    while (wanted := views.ask()) is not None:
+        centre = np.array([wanted.x, wanted.y, wanted.z])
+        pose = facing(centre, wanted.tilt, wanted.turn, wanted.roll)
+        views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
+        sequence += 1
+    return views.verdict()
+
+
+def pointer_frame(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
+    """The pin at `pose`, no strip in the cell."""
+    arc = np.linspace(0, 0.6, 7)
+    points = np.column_stack([arc, 0 * arc])
+    scene = Scene(0.0, points, arc, pose, 0.0, holds_strip=False, pointer=True, strip=False)
+    return Frame(0.0, 0.02, "test", sequence, renderer.render([scene], sequence))
+
+
+def touch_points(camera: CameraSettings, lens: Lens, settings: TouchSettings) -> TouchVerdict:
+    """Every point that is asked for, touched before the twin's camera."""
+    renderer = Renderer(camera, NO_STRIP, 0)
+    touched = TouchedPoints(lens, settings)
+    sequence = 0
+    while (pose := touched.ask()) is not None:
+        touched.tell(pointer_frame(renderer, pose, sequence), pose)
+        sequence += 1
+    return touched.verdict()
+
+
+@lru_cache
+def twin_calibration(camera: CameraSettings) -> Calibration:
+    """Lens and homography as images show them; refused verdicts raise AssertionError."""
+    lens = show_boards(camera, BoardSettings())
+    assert lens.passed, lens.reasons
+    assert lens.fit is not None
+    plane = touch_points(camera, lens.fit.lens, TouchSettings())
+    assert plane.passed, plane.reasons
+    assert plane.homography is not None
+    return calibrated(
+        lens.fit.lens,
+        plane.homography,
+        residual_mm=plane.residual_mm,
+        date="2026-01-01T00:00:00Z",
+        camera=camera.identity,
+    )
