@@ -48,7 +48,7 @@ class Disturbance:
             robot.press_user_stop()
             self._release = robot.time + 1000 * fault.duration
         elif isinstance(fault, NanFault):
-            self._nan_ends = robot.time + fault.ticks
+            self._nan_ends = robot.time + 1 + fault.ticks
         elif isinstance(fault, ContactFault):
             robot.pushed = np.array(fault.force)
             self._push_ends = robot.time + 1000 * fault.duration

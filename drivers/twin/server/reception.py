@@ -34,7 +34,8 @@ class Reception:
     def serve(self, descriptor: int) -> bool:
         """Attend to a readable descriptor; False unless it is the client's own connection."""
         if descriptor == self._listener.fileno():
-            self._accept()
+            while self._accept():
+                continue
         elif descriptor in self._guests:
             self._hear(self._guests[descriptor])
         return self.client is not None and descriptor == self.client.fileno()
@@ -55,16 +56,17 @@ class Reception:
         self._poll.unregister(self._listener)
         self._listener.close()
 
-    def _accept(self) -> None:
+    def _accept(self) -> bool:
         try:
             connection, _ = self._listener.accept()
         except OSError:
-            return
+            return False
         if len(self._guests) >= MOST_GUESTS:
             self._turn_away(next(iter(self._guests.values())))
         guest = Link(connection)
         self._guests[guest.fileno()] = guest
         self._poll.register(guest.fileno(), select.EPOLLIN)
+        return True
 
     def _hear(self, guest: Link) -> None:
         if not guest.read():

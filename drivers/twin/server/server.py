@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from threading import Thread
 from typing import Self
 
+from drivers.errors import ConfigurationError
 from drivers.twin.server.address import bind_free
 from drivers.twin.server.arm_port import ArmPort
 from drivers.twin.server.disturbance import Disturbance
@@ -52,10 +53,14 @@ class RobotServer:
         self._lock_step = settings.lock_step
         self._disturbance = Disturbance(faults)
         self._on_command = on_command
+        try:
+            self.address, self._arm, self._hand_port = bind_free(settings.address, self._open)
+        except ConfigurationError:
+            self._poll.close()
+            raise
         self._waker, self._bell = socket.socketpair()
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
-        self.address, self._arm, self._hand_port = bind_free(settings.address, self._open)
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
         self._newest: RobotCommand | None = None
         self._in_time: deque[bool] = deque(maxlen=REMEMBERED)
@@ -89,6 +94,7 @@ class RobotServer:
     def inject(self, fault: Fault) -> None:
         """One more fault for the script, at its tick or at the next."""
         self._disturbance.add(fault)
+        self._bell.send(b"!")
 
     def serve(self) -> None:
         """Serve until `close` is called from elsewhere."""
@@ -119,6 +125,7 @@ class RobotServer:
         if self._strict:
             self._wait_for_command()
         elif self._idle():
+            self._strike()
             self._attend(None)
             self._pace.restart()
         else:
@@ -182,8 +189,7 @@ class RobotServer:
     def _advance(self) -> None:
         """One millisecond of robot time is over: the hand moves, faults strike, states go out."""
         robot = self.robot
-        for fault in self._disturbance.strike(robot):
-            self._suffer(fault)
+        self._strike()
         robot.time += 1
         self.hand.advance()
         self._hand_port.answer()
@@ -193,6 +199,10 @@ class RobotServer:
             self._in_time.clear()
         rate = sum(self._in_time) / len(self._in_time) if self._in_time else 0.0
         self._arm.publish(rate, self._disturbance.is_nan(robot.time))
+
+    def _strike(self) -> None:
+        for fault in self._disturbance.strike(self.robot):
+            self._suffer(fault)
 
     def _suffer(self, fault: Fault) -> None:
         if isinstance(fault, DropFault):
@@ -214,8 +224,11 @@ class RobotServer:
             select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
             seconds = 0
         events = self._poll.poll(seconds)
-        for port in (self._hand_port, self._arm):
-            for descriptor, _ in events:
-                port.serve(descriptor)
+        for descriptor, _ in events:
+            self._hand_port.serve(descriptor)
+        for descriptor, _ in events:
+            self._arm.serve(descriptor)
+            if descriptor == self._waker.fileno() and not self._stopping:
+                self._waker.recv(64)
         self._hand_port.discard()
         return bool(events)
