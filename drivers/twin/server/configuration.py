@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from drivers.franka.kinematics import FLANGE_TO_TIP
-from drivers.twin.server.wire import Command, Status
+from drivers.twin.server.wire import Command, Status, usable
 from drivers.types import Array, frozen
 
 JOINT_STIFFNESS = (0.0, 14250.0)  # N m/rad
@@ -75,7 +75,7 @@ def configure(
         return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT
     numbers = np.frombuffer(payload, "<f8").astype(np.float64)
     changed = None
-    if np.isfinite(numbers).all():
+    if usable(numbers):
         changed = _SETTERS[command](configuration, numbers)
     if changed is None:
         return configuration, Status.INVALID_ARGUMENT

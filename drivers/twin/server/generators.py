@@ -21,7 +21,7 @@ from drivers.twin.server.limits import (
 )
 from drivers.twin.server.posture import Posture
 from drivers.twin.server.reflex import Reflex, Violation
-from drivers.twin.server.wire import Generator, RobotCommand
+from drivers.twin.server.wire import Generator, RobotCommand, usable
 from drivers.types import Array
 
 Follow = Callable[[Posture, RobotCommand, Array], Posture]
@@ -46,10 +46,10 @@ def follow(
     return new
 
 
-def finite(generator: Generator, command: RobotCommand) -> bool:
-    """Whether what the generator reads of a command is made of numbers."""
-    fits = bool(np.isfinite(_READ[generator](command)).all())
-    return fits and (command.elbow is None or bool(np.isfinite(command.elbow).all()))
+def readable(generator: Generator, command: RobotCommand) -> bool:
+    """Whether what the generator reads of a command is made of usable numbers."""
+    fits = usable(_READ[generator](command))
+    return fits and (command.elbow is None or usable(command.elbow))
 
 
 def extrapolated(old: Posture, message_id: int) -> RobotCommand:

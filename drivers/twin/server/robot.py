@@ -15,7 +15,7 @@ from drivers.franka.inverse import manipulability
 from drivers.franka.kinematics import HOME
 from drivers.twin.server.configuration import SETTERS, Configuration, configure
 from drivers.twin.server.contact import NOTHING, Contact
-from drivers.twin.server.generators import extrapolated, finite, follow
+from drivers.twin.server.generators import extrapolated, follow, readable
 from drivers.twin.server.limits import Box
 from drivers.twin.server.posture import Posture
 from drivers.twin.server.reflex import Reflex, Violation
@@ -32,7 +32,7 @@ from drivers.twin.server.wire import (
 )
 from drivers.types import Array
 
-SINGULAR = 0.02  # smallest singular value of a Jacobian from which a Cartesian motion may start
+SINGULAR = 0.01  # smallest singular value of a Jacobian from which a Cartesian motion may start
 PATIENCE = 20  # ticks in a row without a command
 
 
@@ -159,8 +159,9 @@ class Robot:
         motion = self.motion
         if motion is None or motion.stopping:
             return
-        if not finite(motion.generator, command):
+        if not readable(motion.generator, command):
             self._finish(MoveStatus.INPUT_ERROR_ABORTED)
+            self._brake()
             return
         tool, first = self.configuration.tool, not motion.started
         self.ticks += 1
@@ -170,6 +171,7 @@ class Robot:
             self.box.check(posture.reached)
         except Violation as violation:
             self.reflex(violation.reflex)
+            self._brake()
             return
         self.posture, motion.started = posture, True
         self._feel()
@@ -191,13 +193,17 @@ class Robot:
 
     def rest(self) -> None:
         """One tick without commands: brake what moves, answer once the arm stands."""
-        if not self.moving and not self.posture.at_rest:
-            self.posture = self.posture.braked(self.configuration.tool)
+        if not self.moving:
+            self._brake()
         self._feel()
         if self.motion is not None and self.motion.stopping and self.posture.at_rest:
             self._finish(MoveStatus.PREEMPTED)
         if self.motion is None and self.posture.at_rest:
             self._answer()
+
+    def _brake(self) -> None:
+        if not self.posture.at_rest:
+            self.posture = self.posture.braked(self.configuration.tool)
 
     def _feel(self) -> None:
         force = self.pushed

@@ -16,6 +16,7 @@ CONNECT = Struct("<HH")  # version, UDP port of the client
 CONNECTED = Struct("<BH")  # status, version of the server
 MOVE = Struct("<II6dB7d")
 COMMAND = Struct("<Q38dBB7dB")
+LARGEST = 1e6  # in any unit; nothing that an arm is told is near it
 
 
 class Command(IntEnum):
@@ -163,6 +164,11 @@ class RobotCommand:
             (values[36], values[37]) if values[38] else None,
             bool(values[39]),
         )
+
+
+def usable(numbers: Array | tuple[float, ...]) -> bool:
+    """Whether numbers are finite and small enough to be computed with."""
+    return bool(np.abs(numbers).max() < LARGEST)
 
 
 def take_request(buffer: bytearray) -> Request | None:
