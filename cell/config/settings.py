@@ -10,6 +10,7 @@ from calibration.touched_points import TouchSettings
 from cell.config.fold import FoldSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.record.frames import Keep
+from drivers.arm.settings import FciSettings
 from drivers.installation import Installation
 from drivers.settings import Settings
 
@@ -45,6 +46,7 @@ class CellSettings(Settings):
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
     installation: Installation = Installation()
+    fci: FciSettings = FciSettings()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()
     perception: PerceptionSettings = PerceptionSettings()

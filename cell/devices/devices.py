@@ -1,6 +1,7 @@
 """The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,6 +9,14 @@ from typing import Any, Protocol
 from calibration.board_views import BoardPose
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
+
+
+class Closable(Protocol):
+    """Something that is let go in the end."""
+
+    def close(self) -> None:
+        """Let go; allowed twice."""
+        ...
 
 
 class CalibrationAids(Protocol):
@@ -24,7 +33,10 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What the orchestrator drives. `camera_identity` is what a calibration must belong to."""
+    """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
+
+    `others` is what else has to be let go in the end.
+    """
 
     clock: Clock
     arm: Arm
@@ -33,6 +45,7 @@ class Devices:
     camera_identity: str
     aids: CalibrationAids | None
     plant: "Plant | None"
+    others: tuple[Closable, ...] = ()
 
     def connect(self) -> None:
         """Take hold of arm and camera."""
@@ -41,10 +54,9 @@ class Devices:
 
     def close(self) -> None:
         """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
-        try:
-            self.arm.close()
-        finally:
-            self.camera.close()
+        with ExitStack() as left:
+            for device in (*reversed(self.others), self.camera, self.arm):
+                left.callback(device.close)
 
 
 class Plant(Protocol):

@@ -40,12 +40,17 @@ class FciArm:
         self._connected = True
 
     def hold(self) -> None:
-        """Hold the arm still where it is; what else moves in the robot's time needs it."""
+        """Hold the arm still where it is."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if self._bridge is None:
             self._bridge = self._start()
             self._begun = self._clock.now()
+
+    def join(self) -> None:
+        """Hold the arm and bring it to the clock's time, for what moves in the robot's time."""
+        self.hold()
+        self.catch_up()
 
     def state(self) -> ArmState:
         """The newest measured state."""

@@ -39,6 +39,7 @@ class FciHand:
         self._received = bytearray()
         self._number = 0
         self._motion: int | None = None
+        self._ended = -1  # number of the state after which the last motion's end was heard
         self._fingers = wire.Fingers(0, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
@@ -61,8 +62,8 @@ class FciHand:
             arrival=self._clock.now(),
             source=SOURCE,
             width=self._fingers.width,
-            grasped=self._fingers.grasped and self._motion is None,
-            moving=self._motion is not None,
+            grasped=self._fingers.grasped and not self._moving,
+            moving=self._moving,
         )
 
     def stop(self) -> None:
@@ -70,6 +71,11 @@ class FciHand:
         self._hear()
         if self._motion is not None:
             self._send(lambda n: wire.request(wire.Command.STOP, n))
+
+    @property
+    def _moving(self) -> bool:
+        """Until a state shows what came of a motion: replies are told at once, states are not."""
+        return self._motion is not None or self._fingers.number == self._ended
 
     def close(self) -> None:
         """Let go of the device; allowed twice."""
@@ -108,7 +114,7 @@ class FciHand:
     def _end(self, reply: wire.Reply) -> None:
         if reply.number != self._motion:
             return
-        self._motion = None
+        self._motion, self._ended = None, self._fingers.number
         if reply.status == wire.Status.FAIL:
             raise Fault("hand_failed", "the hand could not do what it was told; look at Desk")
 

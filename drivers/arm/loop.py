@@ -47,7 +47,6 @@ class Loop:
         robot: Driven,
         settings: FciSettings,
         installation: Installation,
-        plane: StripPlane,
         orders: Latest[Order],
         reports: Latest[Report],
         now: Callable[[], float],
@@ -55,7 +54,6 @@ class Loop:
         self._robot = robot
         self._settings = settings
         self._installation = installation
-        self._plane = plane
         self._orders = orders
         self._reports = reports
         self._now = now
@@ -70,7 +68,7 @@ class Loop:
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
         pose = state.O_T_EE_c
-        require_in_plane(self._plane, pose)
+        self._plane = plane_of(self._installation, pose)
         self._plane.take_over(pose)
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
@@ -173,8 +171,11 @@ class Loop:
         return x, z, pitch
 
 
-def require_in_plane(plane: StripPlane, pose: list[float]) -> None:
-    """Refuse, as Failed, a hand that stands beside the strip's plane or leans out of it."""
+def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
+    """The strip's plane with the hand turned in it as it is at `pose`; Failed where it is not."""
+    frame = installation.mounting.transform()
+    planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
+    plane = min(planes, key=lambda plane: plane.aside(pose)[1])
     beside, leaning = plane.aside(pose)
     if beside > BESIDE or leaning > LEANING:
         raise Failed(
@@ -185,3 +186,4 @@ def require_in_plane(plane: StripPlane, pose: list[float]) -> None:
                 f"{degrees(LEANING):.1f} deg",
             )
         )
+    return plane

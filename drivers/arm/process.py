@@ -10,7 +10,6 @@ from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_li
 from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
-from drivers.arm.plane import StripPlane
 from drivers.arm.robot import Robot
 from drivers.arm.settings import FciSettings
 from drivers.arm.timing import Timing
@@ -25,7 +24,6 @@ class Task:
     address: str
     settings: FciSettings
     installation: Installation
-    turned: bool
     origin: float | None
 
     @property
@@ -55,7 +53,6 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
         robot,
         task.settings,
         task.installation,
-        StripPlane(task.installation.mounting.transform(), turned=task.turned),
         Latest(orders, Order, ORDER_LAYOUT),
         Latest(reports, Report, REPORT_LAYOUT),
         clock.now,

@@ -65,7 +65,8 @@ def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
     """
     ways = [way for turned in (False, True) for way in _ways(installation, path, speeds, turned)]
     if not ways:
-        first = Problem(*path[0].tolist(), "no posture of the arm brings the hand there")
+        x, z, pitch = path[0].tolist()
+        first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
     return max(ways, key=lambda way: (way.allowed, way.followed, way.margin))
 

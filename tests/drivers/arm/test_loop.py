@@ -55,13 +55,12 @@ def setup() -> Setup:
     return begun(columns(StripPlane(PLANE).matrix(*START)))
 
 
-def begun(pose: list[float], *, turned: bool = False) -> Setup:
+def begun(pose: list[float]) -> Setup:
     context = get_context("spawn")
     orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
     reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
     robot = FakeRobot(pose)
-    plane = StripPlane(PLANE, turned=turned)
-    loop = Loop(robot, FciSettings(), INSTALLATION, plane, orders, reports, lambda: 0.0)
+    loop = Loop(robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0)
     loop.begin()
     return Setup(robot, loop, orders, reports)
 
@@ -86,6 +85,13 @@ def test_turned_hand_is_half_a_turn_about_its_own_axis() -> None:
     straight, turned = (StripPlane(PLANE, turned=t).matrix(*START) for t in (False, True))
     assert np.linalg.solve(straight, turned) == pytest.approx(np.diag([-1, -1, 1, 1]), abs=1e-12)
     assert StripPlane(PLANE, turned=True).to_cell(columns(turned)) == pytest.approx(START)
+
+
+def test_hand_that_is_turned_is_taken_over_turned() -> None:
+    turned = columns(StripPlane(PLANE, turned=True).matrix(*START))
+    setup = begun(turned)
+    setup.loop.step()
+    assert setup.robot.written[0] == pytest.approx(turned, abs=1e-12)
 
 
 def test_plane_and_mounting_agree_on_where_the_hand_is() -> None:
