@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from drivers.errors import CellError
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, PARAMETERS, REACH, pose_and_jacobian
 from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
+from drivers.franka.tracking import rotation_vector
 from drivers.types import Array, frozen
 
 TOLERANCE = 1e-7  # m and rad
@@ -63,7 +63,7 @@ def solve(
 
 def twist_between(start: Array, end: Array) -> Array:
     """Displacement (6,) in the base that takes pose `start` (4, 4) to `end`: [m], then [rad]."""
-    turn = Rotation.from_matrix(end[:3, :3] @ start[:3, :3].T).as_rotvec()
+    turn = rotation_vector(end[:3, :3] @ start[:3, :3].T)
     return np.concatenate([end[:3, 3] - start[:3, 3], turn])
 
 

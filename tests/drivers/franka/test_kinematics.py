@@ -54,7 +54,7 @@ def test_batch_gives_each_posture_what_it_gets_alone() -> None:
 
 def test_inverse_brings_tool_to_nearly_every_pose_of_the_arm() -> None:
     found = 0
-    for target in forward(postures(40)):
+    for target in forward(postures(20)):
         try:
             q = solve(target)
         except Unreachable:
@@ -62,7 +62,7 @@ def test_inverse_brings_tool_to_nearly_every_pose_of_the_arm() -> None:
         found += 1
         assert margins(q).min() >= 0
         assert forward(q) == pytest.approx(target, abs=1e-6)
-    assert found >= 37
+    assert found >= 18
 
 
 def test_neighbouring_poses_get_neighbouring_postures() -> None:
