@@ -15,6 +15,7 @@ from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
 from cell.cli.train import train
+from cell.cli.twin import twin
 
 app = typer.Typer(
     name="cell",
@@ -35,6 +36,7 @@ app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")
 app.command()(train)
+app.add_typer(twin, name="twin")
 
 
 def _tell_version(wanted: bool) -> None:

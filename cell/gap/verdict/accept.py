@@ -9,10 +9,9 @@ from pathlib import Path
 
 import yaml
 
-from cell.config.cell import CellFile
 from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.verdict.schema import write_text
-from cell.gap.verdict.stored import Acceptance, CellPatch, FitRecord, read_stored
+from cell.gap.verdict.stored import Acceptance, CellEffects, CellPatch, FitRecord, read_stored
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.settings import load, parse, read_yaml
@@ -113,10 +112,9 @@ def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects of `patch` merged in."""
     added = load(patch, CellPatch, bare=True).effects
     check_effects(added, origin=str(patch), of="cell")
-    load(path, CellFile)
     content = read_yaml(path)
+    parse(content, CellEffects, str(path))
     merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
-    parse(merged, CellFile, str(path))
     return dumped(merged)
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.files import MEGABYTE
 from drivers.settings import Settings, parse, read_json
@@ -35,6 +35,12 @@ class CellPatch(Stored):
     """cell-patch.yaml: effects that belong into the cell file."""
 
     effects: dict[str, dict[str, float]]
+
+
+class CellEffects(Stored):
+    """Of a cell file what an acceptance changes; the command reads all of it before."""
+
+    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 S = TypeVar("S", bound=BaseModel)
