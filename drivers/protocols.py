@@ -72,6 +72,11 @@ class Hand(Protocol):
 class Camera(Protocol):
     """A source of stamped frames."""
 
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz] that it delivers; before `connect` those that it is asked for."""
+        ...
+
     def connect(self) -> None:
         """Start delivering frames."""
         ...

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe
 from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.follower import Follower
@@ -74,7 +75,7 @@ class Paths:
         self._speed = 0.0
 
     def reset(self, _: StripFile, speed: float, count: int) -> None:
-        """Begin at the paths' beginnings; `count` must be their number."""
+        """Begin at the paths' beginnings; ValueError unless `count` is their number."""
         if count != len(self._each):
             raise ValueError(f"{count} strips, but {len(self._each)} paths")
         self._followers = [Follower(path, 1) for path in self._each]
@@ -120,7 +121,7 @@ class Motions:
     def __init__(self, strip: StripFile, speed: float) -> None:
         self.dt = 0.0
         self._strip = strip
-        self._settings = Rollout(speed=speed, sensing=EXACT)
+        self._settings = Rollout(speed=speed, sensing=EXACT, profile=False)
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.perception.measurement import SeenTouch, StripMeasurement
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import SeenTouch, StripMeasurement
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 

@@ -41,6 +41,7 @@ def train(
     """
     from rich.console import Console
 
+    from cell.cli.table import wide_console
     from cell.train.run import train as train_in
     from cell.train.screen import show
     from policies.train.settings import TrainingSettings
@@ -54,17 +55,17 @@ def train(
     if as_json:
         sys.stdout.write(json.dumps(trained.line()) + "\n")
         return
-    show(trained.evaluations, Console())
+    show(trained.evaluations, wide_console())
     sys.stdout.write(f"  fold with it: cell fold --strip denim --checkpoint {trained.checkpoint}\n")
 
 
 def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
+    from cell.parallel import cores, workers
     from cell.train.cluster import cluster
-    from cell.train.here import cores, workers_here
     from drivers.errors import ConfigurationError
 
     if address is None:
-        return workers_here(jobs or cores())
+        return workers(jobs or cores())
     if jobs is not None:
         raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
     return cluster(address)

@@ -7,8 +7,9 @@ from pathlib import Path
 from cell.config.cell import CellFile
 from drivers.errors import ConfigurationError
 from drivers.settings import load
+from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.file import StripFile
 
 PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
 BESIDE = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
@@ -30,7 +31,10 @@ class Configs:
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
-        """The file of a strip given by name, or by path when it ends in .yaml."""
+        """The file of a strip given by name, or by path when it ends in .yaml.
+
+        Raises ConfigurationError for a name that no file has.
+        """
         if name.endswith((".yaml", ".yml")):
             return Path(name)
         path = self.folder / "strips" / f"{name}.yaml"
@@ -52,7 +56,10 @@ class Configs:
 
 
 def find_configs(given: Path | None) -> Configs:
-    """The folder named by `--configs`, else ./configs, else the package's own."""
+    """The folder named by `--configs`, else ./configs, else the package's own.
+
+    Raises ConfigurationError where it holds no cell.yaml.
+    """
     if given is not None:
         if not (given / "cell.yaml").is_file():
             raise ConfigurationError(

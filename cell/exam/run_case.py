@@ -19,7 +19,7 @@ from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
 from cell.record.documents import replace_file
 from drivers.errors import CellError, ConfigurationError
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]

@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -13,11 +14,11 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
+from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -31,8 +32,9 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
-from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.errors import CellError, Fault
 from drivers.settings import parse
+from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
 
@@ -75,21 +77,21 @@ def fold(
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
     calibration = calibration or calibration_of(settings)
-    _check_camera(calibration, devices)
+    check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
     begun = time.perf_counter()
-    header = run_header(request, settings, strip, calibration)
+    header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames
     writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
     save_calibration(calibration, writer.folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
     recorder = Recorder(writer)
-    knowledge = FoldContext(settings, strip, policy, calibration)
+    context = FoldContext(settings.controller, strip, policy, calibration)
     with watching(request.viz) as watch:
         watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
-        run = Run(blind, knowledge, recorder, watchers, interrupted)
+        run = Run(blind, context, recorder, watchers, interrupted)
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
@@ -142,9 +144,16 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
 
 
 def run_header(
-    request: Request, settings: CellFile, strip: StripFile, calibration: Calibration
+    request: Request,
+    settings: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    camera_rate: float,
 ) -> dict[str, Any]:
-    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash."""
+    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash.
+
+    `camera_rate` is that of the camera that is open [Hz].
+    """
     choice = request.choice
     return {
         "strip": strip.name,
@@ -153,7 +162,7 @@ def run_header(
         "index": choice.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,
-        "camera_hz": settings.twin.camera.rate,
+        "camera_hz": camera_rate,
         "contact_height": settings.perception.contact_height,
         "policy": request.policy,
         **_weights(request.checkpoint),
@@ -162,21 +171,12 @@ def run_header(
             "arm": choice.arm or settings.drivers.arm,
             "camera": choice.camera or settings.drivers.camera,
         },
-        "calibration": {"id": calibration.id, "error": calibration.residual_mm / 1e3},
+        "calibration": recorded(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),
         "plant_sha256": _plant_hash(choice, strip),
     }
-
-
-def _check_camera(calibration: Calibration, devices: Devices) -> None:
-    """A calibration serves the camera that it was made with and no other."""
-    if calibration.camera != devices.camera_identity:
-        raise ConfigurationError(
-            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
-            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
-        )
 
 
 def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:

@@ -10,8 +10,8 @@ from cell.config.places import find_configs
 from cell.operations.fold import Request
 from drivers.errors import ConfigurationError
 from drivers.limits import Workspace
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.registry import make_policy

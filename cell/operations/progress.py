@@ -32,14 +32,17 @@ class ProgressLine:
         pose = snapshot.arm.pose
         text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"
         text += f"   gripper x {1e3 * pose.x:4.0f}  z {1e3 * pose.z:4.0f} mm"
-        if snapshot.sight is not None and math.isfinite(snapshot.sight.contact_x):
-            text += f"   desk contact {1e3 * snapshot.sight.contact_x:4.0f} mm"
+        if snapshot.view.measurement is not None and math.isfinite(
+            snapshot.view.measurement.contact_x
+        ):
+            text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
         self._status.update(text)
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """One event; a fault stays on the screen."""
         if kind == "fault":
-            self._status.console.print(f"{time:.2f} s  {facts['name']}: {facts['reason']}")
+            text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
+            self._status.console.print(text, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -1,47 +1,59 @@
-"""What a run knows and learns: settings, strip, calibration, perception, touch."""
+"""What a run is given and what it finds out: one context for a fold, one for a calibration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from calibration.calibration import Calibration
+from calibration.landmarks import Landmarks
 from calibration.lens import Lens
-from calibration.perception.appearance import Appearance
-from calibration.perception.layer_touch import LayerTouch
-from calibration.perception.perception import Perception
-from calibration.perception.sight import SeenTouch
-from calibration.touched_points import TouchVerdict
-from cell.config.cell import CellFile
+from calibration.perception.measurement import SeenTouch
+from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.news import Watcher, nobody
+from calibration.wizard.touch_verdict import TouchVerdict
+from cell.config.settings import CellSettings
+from cell.orchestrator.operator import Operator, Unattended
+from cell.orchestrator.vision import StripReader
 from drivers.strip.file import StripFile
-from drivers.types import STILL, Velocity
+from drivers.types import Pose
 from policies.policy import Policy
 
 
 @dataclass(slots=True)
 class FoldContext:
-    """One run's knowledge. The strip is the controller's; the plant is nowhere in here.
+    """A fold: what the controller knows of cell and strip, and what it finds out on the way.
 
-    A run given a `lens` and no `calibration` calibrates, and leaves its `touches`; any other run
-    folds, and leaves `seen_touch` and `edge_offset` [m].
+    `reader` reads images from the moment preflight has judged the picture of the strip.
+    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] where the grasped edge was
+    let go. The plant is nowhere in here.
     """
 
-    settings: CellFile
+    settings: CellSettings
     strip: StripFile
     policy: Policy
-    calibration: Calibration | None = None
-    lens: Lens | None = None
-    touches: TouchVerdict | None = None
-    perception: Perception | None = None
-    touch: LayerTouch | None = None
+    calibration: Calibration
+    reader: StripReader | None = None
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
-    velocity: Velocity = STILL
 
-    @property
-    def latency(self) -> float:
-        """How much earlier than its stamp an image shows the world [s], as far as is known."""
-        return self.calibration.latency if self.calibration is not None else 0.0
 
-    def see_with(self, calibration: Calibration, appearance: Appearance) -> None:
-        """Start to read images of this strip in this light."""
-        settings = self.settings.perception
-        self.perception = Perception(calibration, settings, self.strip, appearance)
-        self.touch = LayerTouch(settings, self.strip)
+@dataclass(slots=True)
+class CalibrationContext:
+    """A calibration of the map to the plane: the lens it starts from, what it ends with.
+
+    The `operator` is asked before the arm moves, `watch` is told all that happens. `plan` are
+    other poses than those of the settings. Only a run that `remembers` leaves `landmarks`.
+    Nothing is read of a strip on the way, so that `reader` stays None.
+    """
+
+    settings: CellSettings
+    lens: Lens
+    operator: Operator = field(default_factory=Unattended)
+    watch: Watcher = nobody
+    plan: tuple[Pose, ...] | None = None
+    remembers: bool = False
+    touches: TouchVerdict | None = None
+    latency: LatencyVerdict | None = None
+    landmarks: Landmarks | None = None
+    reader: None = None
+
+
+Context = FoldContext | CalibrationContext

@@ -4,30 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field
 
+from cell.config.monitor_limits import MonitorLimits
 from cell.orchestrator.snapshot import Command, Drive, MoveTo, Snapshot
 from cell.orchestrator.states import TERMINAL, State
 from drivers.errors import Fault
 from drivers.limits import Workspace
-from drivers.settings import Settings
-
-
-class MonitorLimits(Settings):
-    """Limits of the monitors. Every one has a value; none can be switched off."""
-
-    arm_age: float = Field(0.05, gt=0, le=0.5)  # s
-    image_age: float = Field(0.25, gt=0, le=1.0)  # s
-    identical_images: int = Field(4, ge=2, le=30)
-    confidence: float = Field(0.3, gt=0, lt=1)
-    doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
-    overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
-    speed: float = Field(0.25, gt=0, le=1.0)  # m/s
-    tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
-    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
-    force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
-    duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
-    state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +54,9 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.frame is None:
+    if snapshot.view.frame is None:
         return "the camera has delivered no image"
-    age = snapshot.time - snapshot.frame.stamp
+    age = snapshot.time - snapshot.view.frame.stamp
     if abs(age) <= limits.image_age:
         return None
     return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
@@ -82,16 +64,19 @@ def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.identical < limits.identical_images:
+    if snapshot.view.identical < limits.identical_images:
         return None
-    return f"{snapshot.identical} images in a row are identical: the camera is frozen"
+    return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
 
 
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    if snapshot.doubtful_since is None or snapshot.time - snapshot.doubtful_since <= limits.doubt:
+    if (
+        snapshot.view.doubtful_since is None
+        or snapshot.time - snapshot.view.doubtful_since <= limits.doubt
+    ):
         return None
-    seen = snapshot.sight.confidence if snapshot.sight is not None else 0.0
+    seen = snapshot.view.measurement.confidence if snapshot.view.measurement is not None else 0.0
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
@@ -157,6 +142,15 @@ def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
     return f"the run lasts {snapshot.time:.0f} s, allowed {limits.duration:.0f} s"
 
 
+def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    spent = snapshot.time - snapshot.entered
+    if spent <= limits.calibration:
+        return None
+    return f"the calibration lasts {spent:.0f} s, allowed {limits.calibration:.0f} s"
+
+
+_WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
 _SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
 _FOLDING = frozenset({State.LIFT, State.FOLD})
@@ -174,8 +168,9 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_stale", _SEEING, _image_stale),
     Monitor("image_frozen", _SEEING, _image_frozen),
     Monitor("low_confidence", _FOLDING, _low_confidence),
-    Monitor("state_overtime", _ALIVE, _state_overtime),
-    Monitor("overtime", _ALIVE, _overtime),
+    Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
+    Monitor("overtime", _ALIVE - _WAITING, _overtime),
+    Monitor("calibration_overtime", _WAITING, _calibration_overtime),
 )
 
 

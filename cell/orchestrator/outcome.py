@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from calibration.perception.sight import SeenTouch
+from calibration.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
 
 

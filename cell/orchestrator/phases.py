@@ -1,74 +1,63 @@
 """What each state of a fold does."""
 
-from collections.abc import Callable, Generator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 
-from calibration.perception.preflight import Preflight, inspect
-from calibration.perception.sight import SeenTouch
-from calibration.touched_points import TouchedPoints
-from cell.orchestrator.context import FoldContext
+from calibration.landmarks import camera_shift
+from calibration.perception.checks import PreflightCheck, camera_check
+from calibration.perception.measurement import SeenTouch
+from calibration.perception.preflight import inspect
+from cell.orchestrator.calibrating import calibrate, go_calibrate
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
+from cell.orchestrator.snapshot import Command, Drive, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.steps import (
+    SETTLE,
+    Motion,
+    Phase,
+    close_hand,
+    move,
+    open_hand,
+    pause,
+    still_picture,
+    wait_for,
+)
+from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
-from drivers.types import Frame, Pose, Velocity
+from drivers.types import Pose, Velocity
 from policies.follower import Follower
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
+from policies.profile import seen_profile
 
-SETTLE = 0.3  # s for strip and image to come to rest
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
 
 
-@dataclass(frozen=True, slots=True)
-class Pictured:
-    """An image taken at rest: when it was looked at [s], and where the gripper stood."""
-
-    time: float
-    frame: Frame
-    gripper: Pose
-
-
-def preflight(cell: FoldContext, record: Record) -> Phase:
-    """Judge the picture of the strip before it is touched; without a calibration, make one."""
-    if cell.calibration is None:
-        yield from pause(0.0)
-        return Event.NEEDS_CALIBRATION
+def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+    """Judge the picture of the strip before it is touched; raises PreflightRefused."""
     fold = cell.settings.fold
+    before = yield from _camera_checks(cell)
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
-    frame = (yield from _still_picture()).frame
+    frame = (yield from still_picture()).frame
     seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
     record.frame(frame)
-    checks = [asdict(check) for check in seen.checks]
-    record.event(frame.stamp, "preflight", checks=checks)
-    record.describe(preflight=checks)
-    if seen.appearance is None or not seen.passed:
-        raise PreflightRefused(_failures(seen))
-    cell.see_with(cell.calibration, seen.appearance)
+    checks = (*before, *seen.checks)
+    facts = [asdict(check) for check in checks]
+    record.event(frame.stamp, "preflight", checks=facts)
+    record.describe(preflight=facts)
+    if seen.appearance is None or not all(check.passed for check in checks):
+        raise PreflightRefused(_failures(checks))
+    cell.reader = StripReader.of(cell.settings, cell.strip, cell.calibration, seen.appearance)
     return Event.CHECKED
 
 
-def calibrate(cell: FoldContext, record: Record) -> Phase:
-    """The map to the plane, from points that the pointer touches."""
-    if cell.lens is None:
-        raise PreflightRefused("there is no calibration; run `cell calibrate`")
-    points = TouchedPoints(cell.lens, cell.settings.touches)
-    while (pose := points.ask()) is not None:
-        yield from move(pose)
-        picture = yield from _still_picture()
-        refused = points.tell(picture.frame, picture.gripper)
-        if refused is not None:
-            record.event(picture.time, "touch_refused", reason=refused)
-    cell.touches = points.verdict()
-    return Event.CALIBRATED
-
-
-def grasp(cell: FoldContext, _: Record) -> Phase:
-    """Come from beyond the free edge, close the fingers on it, check that they hold it."""
+def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
+    """Come from beyond the free edge and close the fingers on it; a Fault where they miss it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -82,7 +71,7 @@ def grasp(cell: FoldContext, _: Record) -> Phase:
     return Event.GRASPED
 
 
-def lift(cell: FoldContext, _: Record) -> Phase:
+def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     """Follow the first stretch of the policy's own path while the pitch grows to hanging."""
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
@@ -98,15 +87,15 @@ def lift(cell: FoldContext, _: Record) -> Phase:
     return Event.LIFTED
 
 
-def fold(cell: FoldContext, record: Record) -> Phase:
+def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Decide on each new frame, command on each tick, until the layers are seen to touch."""
-    command = Drive(cell.velocity)
+    command = Drive(begin.velocity)
     while True:
         snapshot = yield command
-        if not snapshot.fresh or snapshot.sight is None:
+        if not snapshot.view.fresh or snapshot.view.measurement is None:
             continue
-        if snapshot.touch is not None:
-            cell.seen_touch = snapshot.touch
+        if snapshot.view.touch is not None:
+            cell.seen_touch = snapshot.view.touch
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
@@ -116,16 +105,16 @@ def fold(cell: FoldContext, record: Record) -> Phase:
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
-def touched(cell: FoldContext, record: Record) -> Phase:
+def touched(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Brake, let the picture settle, and take the measure of the touch."""
     snapshot = yield from pause(cell.settings.fold.touch_settle)
     snapshot = yield from wait_for(lambda now: not now.arm.moving)
-    cell.seen_touch = snapshot.touch or cell.seen_touch
+    cell.seen_touch = snapshot.view.touch or cell.seen_touch
     record.event(snapshot.time, "at_rest_after_touch", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: FoldContext, record: Record) -> Phase:
+def lay(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Lower the grasped edge to the desk, without pulling at the touch."""
     snapshot = yield from pause(0.0)
     path = lay_path(_seen(cell), snapshot.arm.pose, cell.strip.thickness)
@@ -134,7 +123,7 @@ def lay(cell: FoldContext, record: Record) -> Phase:
     return Event.LAID
 
 
-def release(cell: FoldContext, record: Record) -> Phase:
+def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Open the fingers, see where the edges ended, and retreat from the strip."""
     snapshot = yield from open_hand()
     cell.edge_offset = -snapshot.arm.pose.x
@@ -146,9 +135,9 @@ def release(cell: FoldContext, record: Record) -> Phase:
     return Event.RELEASED
 
 
-PHASES: dict[State, Callable[[FoldContext, Record], Phase]] = {
+PhaseFactory = Callable[[Record, Snapshot], Phase]
+_FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.PREFLIGHT: preflight,
-    State.CALIBRATE: calibrate,
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
@@ -156,21 +145,37 @@ PHASES: dict[State, Callable[[FoldContext, Record], Phase]] = {
     State.LAY: lay,
     State.RELEASE: release,
 }
+_CALIBRATION: dict[State, Callable[[CalibrationContext, Record, Snapshot], Phase]] = {
+    State.PREFLIGHT: go_calibrate,
+    State.CALIBRATE: calibrate,
+}
+
+
+def phases_of(context: Context) -> dict[State, PhaseFactory]:
+    """The phases of a run with this context; each starts from the snapshot that led to it."""
+    if isinstance(context, CalibrationContext):
+        return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    return {state: partial(phase, context) for state, phase in _FOLD.items()}
 
 
 def observe(snapshot: Snapshot) -> Observation:
-    """What the policy may know: the gripper now, the strip when the newest image was so."""
-    sight, pose = snapshot.sight, snapshot.arm.pose
-    if sight is None:
+    """What the policy may know: the gripper now, the strip as the newest image shows it.
+
+    Raises Fault without an image.
+    """
+    seen, pose = snapshot.view.measurement, snapshot.arm.pose
+    if seen is None:
         raise Fault("image_stale", "a policy was asked to decide without an image")
     return Observation(
         time=np.array([snapshot.time]),
         x=np.array([pose.x]),
         z=np.array([pose.z]),
-        stamp=np.array([sight.stamp]),
-        contact_x=np.array([sight.contact_x]),
-        tip_x=np.array([sight.tip[0]]),
-        tip_z=np.array([sight.tip[1]]),
+        stamp=np.array([seen.stamp]),
+        contact_x=np.array([seen.contact_x]),
+        tip_x=np.array([seen.tip[0]]),
+        tip_z=np.array([seen.tip[1]]),
+        profile=seen_profile(seen.profile, seen.gripper),
+        profile_confidence=np.array([seen.profile_confidence]),
     )
 
 
@@ -212,13 +217,18 @@ def _velocity(decision: Decision, pitch_rate: float) -> Velocity:
     return Velocity(speed * np.cos(phi), speed * np.sin(phi), pitch_rate)
 
 
-def _still_picture() -> Generator[Command, Snapshot, Pictured]:
-    """Wait until arm, strip and picture are at rest; the first image taken after that."""
-    still = (yield from pause(SETTLE)).time
-    while True:
-        snapshot = yield Hold()
-        if snapshot.fresh and snapshot.frame is not None and snapshot.frame.stamp > still:
-            return Pictured(snapshot.time, snapshot.frame, snapshot.arm.pose)
+def _camera_checks(
+    cell: FoldContext,
+) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+    """Whether the camera stands where it was calibrated, where its landmarks are known."""
+    calibration, landmarks = cell.calibration, cell.calibration.landmarks
+    if landmarks is None:
+        return ()
+    yield from open_hand()
+    yield from move(landmarks.pose)
+    frame = (yield from still_picture()).frame
+    shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
+    return (camera_check(shift, cell.settings.landmarks),)
 
 
 def _seen(cell: FoldContext) -> SeenTouch:
@@ -227,6 +237,6 @@ def _seen(cell: FoldContext) -> SeenTouch:
     return cell.seen_touch
 
 
-def _failures(seen: Preflight) -> str:
-    failed = [check for check in seen.checks if not check.passed]
+def _failures(checks: Sequence[PreflightCheck]) -> str:
+    failed = [check for check in checks if not check.passed]
     return "\n".join(f"{check.name}: {check.reason}; {check.remedy}" for check in failed)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any, Protocol
 
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
@@ -96,8 +96,8 @@ class Recorder:
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add what the policy decided on the newest sight, for `cell replay`."""
-        if snapshot.frame is not None:
-            facts = {"sequence": snapshot.frame.sequence, "x": snapshot.arm.pose.x}
+        if snapshot.view.frame is not None:
+            facts = {"sequence": snapshot.view.frame.sequence, "x": snapshot.arm.pose.x}
             facts |= {"z": snapshot.arm.pose.z, "time": snapshot.time - self.origin}
             facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
             self._writer.event(snapshot.time, "decision", **facts)

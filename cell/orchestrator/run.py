@@ -5,27 +5,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
-import numpy as np
-
-from calibration.perception.sanity import ImageSanity
-from calibration.perception.sight import SeenTouch, StripMeasurement
 from cell.devices.devices import Devices
-from cell.orchestrator.context import FoldContext
+from cell.orchestrator.arm_history import ArmHistory
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.monitors import Rules, check_all
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
-from cell.orchestrator.phases import PHASES
+from cell.orchestrator.phases import phases_of
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.safe_stop import SafeStop, suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
-from drivers.errors import Fault
-from drivers.types import ArmState, Frame, Pose
-
-HISTORY = 64  # arm states kept to know where the gripper was when an image was taken
-LOOKING = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
-SHOWN = frozenset({State.LAY, State.RELEASE})
-GLANCE = 0.1  # s between images where nothing is read from them
+from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
+from drivers.types import STILL
 
 
 class Observer(Protocol):
@@ -46,22 +38,22 @@ class Run:
     def __init__(
         self,
         devices: Devices,
-        knowledge: FoldContext,
+        context: Context,
         recorder: Record,
         observers: tuple[Observer, ...] = (),
         interrupted: Callable[[], bool] = lambda: False,
     ) -> None:
         self._devices = devices
-        self._cell = knowledge
+        self._context = context
+        self._phases = phases_of(context)
         self._recorder = recorder
         self._observers = observers
         self._interrupted = interrupted
-        settings = knowledge.settings
+        settings = context.settings
         self._rules = Rules(settings.monitors, settings.installation.workspace)
         self._machine = Machine()
         self._entered = 0.0
-        self._phase: Phase = _nothing()
-        self._started = False
+        self._phase: Phase | None = None
         self._rests = False
         self._command: Command | None = None
         self._stopped: StopReason | None = None
@@ -69,13 +61,9 @@ class Run:
             devices, round(settings.fold.stop_timeout * settings.fold.control_rate)
         )
         self._snapshot: Snapshot | None = None
-        self._sanity = ImageSanity()
-        self._arm_history: list[ArmState] = []
-        self._frame: Frame | None = None
-        self._identical = 1
-        self._sight: StripMeasurement | None = None
-        self._touch: SeenTouch | None = None
-        self._doubtful_since: float | None = None
+        self._arm_history = ArmHistory()
+        self._vision = Vision(devices.camera, settings.monitors.confidence)
+        self._velocity = STILL
 
     def execute(self) -> Outcome:
         """Run to DONE or FAULT, and until the arm says that it rests or has had its time for it.
@@ -83,7 +71,7 @@ class Run:
         Whatever goes wrong in a turn stops the arm first.
         """
         clock = self._devices.clock
-        period = 1.0 / self._cell.settings.fold.control_rate
+        period = 1.0 / self._context.settings.fold.control_rate
         start, tick = clock.now(), 0
         try:
             self._guarded(lambda: self._take(Event.START, start))
@@ -132,9 +120,9 @@ class Run:
     def _decide(self, snapshot: Snapshot) -> Command | None:
         """The phase's next command; an ended phase hands over to that of the next state."""
         try:
-            if self._started:
+            if self._phase is not None:
                 return self._phase.send(snapshot)
-            self._started = True
+            self._phase = self._phases[self._machine.state](self._recorder, snapshot)
             return next(self._phase)
         except StopIteration as end:
             self._take(end.value, snapshot.time)
@@ -144,8 +132,9 @@ class Run:
         """One turn of braking; recorded and shown as far as that is possible."""
         arm = self._safe_stop.turn(due)
         if arm is not None and self._snapshot is not None:
+            view = replace(self._snapshot.view, fresh=False)
             self._snapshot = snapshot = replace(
-                self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, fresh=False
+                self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
             suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
             self._show(lambda observer: observer.see(snapshot))
@@ -160,8 +149,7 @@ class Run:
         if state is State.LIFT:
             self._recorder.begin(now)
         self._note(now, "state", state=state, event=event)
-        if state in PHASES:
-            self._phase, self._started = PHASES[state](self._cell, self._recorder), False
+        self._phase = None
 
     def _stop(self, stopped: StopReason) -> None:
         """Brake now; a run that is over already only ends otherwise."""
@@ -183,70 +171,36 @@ class Run:
         self._observers = tuple(o for o in self._observers if suppressed(lambda: news(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
-        arm = self._devices.arm.state()
-        self._arm_history = [*self._arm_history[1 - HISTORY :], arm]
-        fresh = self._look()
+        """Read arm, camera and hand; what was read from a new image goes into the record."""
+        state, arm = self._machine.state, self._devices.arm.state()
+        self._arm_history.add(arm)
+        now = self._devices.clock.now()
+        view = self._vision.look(state, now, self._arm_history, self._context.reader)
+        if view.fresh:
+            self._record(view, state)
         self._snapshot = Snapshot(
-            time=self._devices.clock.now(),
-            state=self._machine.state,
+            time=now,
+            state=state,
             entered=self._entered,
             arm=arm,
             hand=self._devices.hand.state(),
-            frame=self._frame,
-            fresh=fresh,
-            identical=self._identical,
-            sight=self._sight,
-            touch=self._touch,
-            doubtful_since=self._doubtful_since,
+            view=view,
+            velocity=self._velocity,
         )
         return self._snapshot
 
-    def _look(self) -> bool:
-        """Take the newest image, if there is news, and read the strip in it."""
-        looking = self._machine.state in LOOKING
-        after = self._frame.stamp if self._frame is not None else -1.0
-        frame = self._devices.camera.read(after if looking else after + GLANCE, timeout=0.0)
-        if frame is None:
-            return False
-        self._frame = frame
-        self._identical = self._sanity.tell(frame, self._devices.clock.now()).identical
-        if looking:
-            self._read(frame.restamped(-self._cell.latency))
-        if looking or self._machine.state in SHOWN:
-            self._recorder.frame(frame)
-        return True
-
-    def _read(self, frame: Frame) -> None:
-        """What the image says of the strip, and whether the layers touch by now."""
-        cell = self._cell
-        if cell.perception is None or cell.touch is None:
-            raise Fault("no_perception", "images are to be read before a picture was judged")
-        gripper = self._pose_at(frame.stamp)
-        self._sight = cell.perception.look(frame, gripper)
-        self._recorder.sight(self._sight)
-        self._judge(self._sight)
-        if self._machine.state is not State.LIFT:
-            self._touch = cell.touch.tell(self._sight, gripper)
-
-    def _judge(self, sight: StripMeasurement) -> None:
-        """Remember since when the images have not deserved confidence."""
-        if sight.confidence >= self._cell.settings.monitors.confidence:
-            self._doubtful_since = None
-        elif self._doubtful_since is None:
-            self._doubtful_since = sight.stamp
-
-    def _pose_at(self, stamp: float) -> Pose:
-        """Where the gripper was at `stamp`, between the arm's own readings."""
-        times = np.array([state.stamp for state in self._arm_history])
-        poses = np.array([state.pose.as_array() for state in self._arm_history])
-        return Pose(*(float(np.interp(stamp, times, poses[:, axis])) for axis in range(3)))
+    def _record(self, view: View, state: State) -> None:
+        if state in MEASURED and view.measurement is not None:
+            self._recorder.sight(view.measurement)
+        if state in RECORDED and view.frame is not None:
+            self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
         """Give the command to its device; what is already under way is not repeated."""
         arm, hand = self._devices.arm, self._devices.hand
         if isinstance(command, Drive):
             arm.set_velocity(command.velocity)
-            self._cell.velocity = command.velocity
+            self._velocity = command.velocity
         elif command != self._command:
             match command:
                 case MoveTo(pose):
@@ -260,22 +214,22 @@ class Run:
         self._command = command
 
     def _outcome(self, duration: float) -> Outcome:
-        cell, origin = self._cell, self._recorder.origin
-        touch = cell.seen_touch
-        if touch is not None:
-            touch = replace(touch, time=touch.time - origin)
         if self._stopped is not None:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
-        elif touch is not None:
-            name, reason, code = "layer_touch", "the layers touch", 0
-        elif cell.touches is not None:
-            name, reason, code = "calibrated", "all points were touched", 0
         else:
-            name, reason, code = "path_done", "the path ended and no touch was seen", 1
-        return Outcome(name, reason, code, touch, cell.edge_offset, duration)
+            name, reason, code = _reached(self._context)
+        touch, edge_offset = None, None
+        if isinstance(self._context, FoldContext):
+            touch, edge_offset = self._context.seen_touch, self._context.edge_offset
+        if touch is not None:
+            touch = replace(touch, time=touch.time - self._recorder.origin)
+        return Outcome(name, reason, code, touch, edge_offset, duration)
 
 
-def _nothing() -> Phase:
-    """The phase of a state in which nothing is commanded."""
-    while True:
-        yield Hold()
+def _reached(context: Context) -> tuple[str, str, int]:
+    """Name, reason and exit code of a run that ended by itself."""
+    if isinstance(context, CalibrationContext):
+        return "calibrated", "all points were touched", 0
+    if context.seen_touch is not None:
+        return "layer_touch", "the layers touch", 0
+    return "path_done", "the path ended and no touch was seen", 1

@@ -2,19 +2,16 @@
 
 from dataclasses import dataclass
 
-from calibration.perception.sight import SeenTouch, StripMeasurement
 from cell.orchestrator.states import State
-from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+from cell.orchestrator.vision import View
+from drivers.types import STILL, ArmState, HandState, Pose, Velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """One tick's knowledge; times in seconds of the cell's clock.
+    """What the cell knows at one tick; times in seconds of the cell's clock.
 
-    `frame` is the newest image, `fresh` whether it arrived on this tick; `identical` counts the
-    images in a row that equal each other byte for byte; `doubtful_since` is when confidence fell
-    below its limit, None while it is good; `touch` the layer_touch once
-    it is seen; `entered` is when the state was entered.
+    `entered` is when the state was entered, `velocity` the last one that was commanded.
     """
 
     time: float
@@ -22,12 +19,8 @@ class Snapshot:
     entered: float
     arm: ArmState
     hand: HandState
-    frame: Frame | None
-    fresh: bool
-    identical: int
-    sight: StripMeasurement | None
-    touch: SeenTouch | None
-    doubtful_since: float | None
+    view: View
+    velocity: Velocity = STILL
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,13 @@
 """What stands at the head and at the end of a run: run.yaml and result.yaml."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
 from drivers.settings import Settings
 
 Positive = Annotated[float, Field(gt=0)]
+Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
 
 
 class Recorded(Settings):
@@ -18,7 +19,7 @@ class Recorded(Settings):
 
 
 class Sigma(Settings):
-    """One-sigma noise of what a run measures: [m], and `touch_time` [s]."""
+    """One-sigma noise of what a run measures: [m], `touch_time` [s], `force` [N]."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -27,33 +28,70 @@ class Sigma(Settings):
     gripper: Positive
     displacement: Positive
     touch_time: Positive | None = None
+    force: Positive | None = None
+
+
+class DriverNames(Settings):
+    """Which drivers a run was made with."""
+
+    model_config = ConfigDict(extra="allow")
+
+    arm: str = ""
+    camera: str = ""
+
+
+class CalibrationNote(Settings):
+    """Which calibration a run was made with, and its error [m]."""
+
+    model_config = ConfigDict(extra="allow")
+
+    id: str = ""
+    error: float | None = None
 
 
 class Header(Recorded):
-    """run.yaml: what every reader of a measured run needs; a run of the cell adds how it was made.
+    """run.yaml: what every reader of a measured run needs, and how a run of the cell was made.
 
-    Known additions, all optional: `policy`, `seed`, `drivers`, `versions`, `calibration`
-    ({id, error [m]}), `preflight` (list of checks), `config`, `plant_sha256`.
+    The fields from `policy` on are absent where a laboratory wrote the file. `strip_file` and
+    `config` are the files as they were resolved, read again by whoever needs them.
     """
 
     strip: str = Field(min_length=1)
     sigma: Sigma
     start: Literal["flat", "hanging"] = "flat"
-    index: int | None = None
+    index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | None = None
-    speed: Positive | None = None
-    camera_hz: Positive | None = None
-    contact_height: Positive = 0.001
+    speed: float | None = Field(None, gt=0, le=10.0)  # m/s, beyond any arm
+    camera_hz: float | None = Field(None, gt=0, le=100_000.0)  # beyond any camera
+    contact_height: float = Field(0.001, gt=0, le=0.05)  # m, a fold stands hardly higher
+    policy: str | None = None
+    checkpoint: dict[str, Any] | None = None
+    seed: int | None = None
+    drivers: DriverNames | None = None
+    calibration: CalibrationNote | None = None
+    versions: dict[str, str] | None = None
+    strip_file: dict[str, Any] | None = None
+    config: dict[str, Any] | None = None
+    plant_sha256: str | None = None
+    preflight: list[dict[str, Any]] | None = None
 
 
 class Result(Recorded):
-    """result.yaml: the outcome, and with layer_touch its time [s] and lengths [m]."""
+    """result.yaml: the outcome, and with layer_touch its time [s] and lengths [m].
+
+    A run of the cell adds why it ended, its `duration` [s], the `confidence` in the touch, and
+    `edge_offset` [m] of the grasped edge once laid.
+    """
 
     outcome: str = Field(min_length=1)
-    t_layer_touch: float | None = None
-    displacement: float | None = None
-    l1: float | None = None
-    l2: float | None = None
+    t_layer_touch: Number | None = None
+    displacement: Number | None = None
+    l1: Number | None = None
+    l2: Number | None = None
+    reason: str | None = None
+    duration: Number | None = None
+    confidence: Number | None = None
+    edge_offset: Number | None = None
 
     @model_validator(mode="after")
     def _touch_is_whole(self) -> Self:

@@ -20,26 +20,31 @@ SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
 LENGTHS |= {"contact_height", "contact_x", "error"}
 UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
-UNITS |= {"areal_density": "kg/m²"}
+UNITS |= {"areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
 
 def measures(run: Run) -> Rows:
     """The numbers of the run that one looks for first."""
     result, rows = run.result, Rows()
-    more = (result.model_extra or {}) if result is not None else {}
     if result is not None and result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
         rows.append(("lower layer l2", millimetres(result.l2)))
     if result is not None and result.t_layer_touch is not None:
         rows.append(("layers touched at", seconds(result.t_layer_touch)))
-    if isinstance(more.get("confidence"), int | float):
-        rows.append(("confidence in the touch", f"{100 * more['confidence']:.0f} %"))
-    if isinstance(more.get("edge_offset"), int | float):
-        rows.append(("edges apart once laid", millimetres(more["edge_offset"], signed=True)))
-    duration = more.get("duration", float(run.ticks.t[-1]) if run.ticks.t.size else None)
-    rows.append(("duration", seconds(duration, 1)))
+    if result is not None and result.confidence is not None:
+        rows.append(("confidence in the touch", f"{100 * result.confidence:.0f} %"))
+    if result is not None and result.edge_offset is not None:
+        rows.append(("edges apart once laid", millimetres(result.edge_offset, signed=True)))
+    rows.append(("duration", seconds(_duration(run), 1)))
     return [*rows, *_loop(run)]
+
+
+def _duration(run: Run) -> float | None:
+    """How long the run took [s], as stated or as far as its record goes."""
+    if run.result is not None and run.result.duration is not None:
+        return run.result.duration
+    return float(run.ticks.t[-1]) if run.ticks.t.size else None
 
 
 def facts(run: Run) -> Rows:
@@ -102,8 +107,7 @@ def advice(run: Run) -> list[str]:
 
 
 def _steps_at_the_arm(run: Run) -> list[str]:
-    drivers = (run.header.model_extra or {}).get("drivers")
-    if isinstance(drivers, Mapping) and drivers.get("arm") == "twin":
+    if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > 0.01
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
@@ -147,10 +151,10 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _text(key: str, value: Any) -> str:
     name = key.rpartition(".")[2]
-    if key.startswith("sigma.") and name != "touch_time":
+    if key.startswith("sigma.") and name not in UNITS and isinstance(value, float):
         return millimetres(value)
     if name.endswith("sha256"):
-        return f"{value:.12}…"
+        return f"{value!s:.12}…"
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
         return joined if len(joined) <= 100 else f"{len(value)} entries"

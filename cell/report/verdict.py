@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cell.record.files import is_under_way
+from cell.record.files import RESULT, is_under_way
 from cell.record.header import Result
 from cell.record.run import Run
 from cell.report.words import millimetres, outcome_title, seconds, side
@@ -40,6 +40,7 @@ class Verdict:
     sentences: tuple[str, ...]
     figure: str = ""
     error: str = ""
+    spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
 def accuracy_of(run: Run) -> Accuracy:
@@ -47,10 +48,8 @@ def accuracy_of(run: Run) -> Accuracy:
     calibration = run.calibration()
     if calibration is not None:
         return Accuracy(run.header.sigma.displacement, 1e-3 * calibration.residual_mm)
-    stated = (run.header.model_extra or {}).get("calibration")
-    error = stated.get("error") if isinstance(stated, Mapping) else None
-    known = float(error) if isinstance(error, int | float) else None
-    return Accuracy(run.header.sigma.displacement, known)
+    stated = run.header.calibration
+    return Accuracy(run.header.sigma.displacement, None if stated is None else stated.error)
 
 
 def verdict(run: Run) -> str:
@@ -64,6 +63,10 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
     """The verdict on `run`; `truth` is what the plant really did, where that is known."""
     if under_way:
         return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
+    if run.result is None and (run.folder / RESULT).exists():
+        sentences = (f"What {RESULT} holds cannot be read.", _last_seen(run, "at the last row"))
+        headline = "How the run ended cannot be read"
+        return Verdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
         return _dead(run)
     if run.result.displacement is None:
@@ -79,9 +82,8 @@ def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Ver
             f"The twin knows the true displacement, {millimetres(true, signed=True)}: "
             f"the camera was off by {millimetres(d - true, signed=True)}."
         )
-    offset = (result.model_extra or {}).get("edge_offset")
-    if isinstance(offset, int | float):
-        sentences.append(_laid(offset, truth.get("edge_offset")))
+    if result.edge_offset is not None:
+        sentences.append(_laid(result.edge_offset, truth.get("edge_offset")))
     headline = outcome_title(result.outcome)
     if result.outcome == "layer_touch":
         headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
@@ -124,8 +126,8 @@ def _dead(run: Run) -> Verdict:
 
 
 def _reason(result: Result) -> str:
-    reason = (result.model_extra or {}).get("reason")
-    return f"{str(reason)[:1].upper()}{str(reason)[1:].rstrip('.')}." if reason else ""
+    reason = result.reason
+    return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 
 def _last_seen(run: Run, when: str) -> str:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from drivers.errors import Fault, Unsupported
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 

@@ -7,7 +7,7 @@ from math import nan
 
 import numpy as np
 
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.record.run import Run
 from drivers.types import Array, Frame, Image
 

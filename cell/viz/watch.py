@@ -55,7 +55,7 @@ class Viz:
 
     def see(self, snapshot: Snapshot) -> None:
         """Take over one tick."""
-        sight = snapshot.sight
+        sight = snapshot.view.measurement
         if sight is not None and sight.sequence == self._sequence:
             sight = None
         if sight is not None:
@@ -87,12 +87,16 @@ class Viz:
 
     def _image(self, snapshot: Snapshot) -> Image | None:
         """The newest image, if it is time for one and the thread keeps up."""
-        if not snapshot.fresh or snapshot.frame is None or snapshot.time < self._next_image:
+        if (
+            not snapshot.view.fresh
+            or snapshot.view.frame is None
+            or snapshot.time < self._next_image
+        ):
             return None
         self._next_image = snapshot.time + IMAGE_PERIOD
         waiting = (item for item in self._waiting.copy() if isinstance(item, TickView))
         late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
-        return None if late else snapshot.frame.image
+        return None if late else snapshot.view.frame.image
 
     def _put(self, item: TickView | LogLine) -> None:
         if not self._thread.is_alive():

@@ -1,12 +1,10 @@
 """Strip files: what a person states about a fabric strip."""
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from drivers.errors import ConfigurationError
-from drivers.settings import Settings, load
+from drivers.settings import Settings
 
 GRAVITY = 9.81  # m/s^2
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
@@ -62,31 +60,19 @@ class StripFile(Settings):
         return self.areal_density * self.width
 
     @property
+    def mass(self) -> float:
+        """Mass of the whole strip [kg]."""
+        return self.linear_density * self.length
+
+    @property
+    def weight(self) -> float:
+        """Weight of the whole strip [N]."""
+        return self.linear_density * GRAVITY * self.length
+
+    @property
     def rigidity(self) -> float:
         """Bending rigidity EI = c^3 w of the whole width [N m^2], w the weight per length."""
         return self.bending_length**3 * self.linear_density * GRAVITY
-
-
-def load_strip(path: Path) -> StripFile:
-    """The strip or plant file at `path`, its effects checked against the registry."""
-    from drivers.strip.effects import check_effects
-    from drivers.strip.law import check_law
-
-    strip = load(path, StripFile)
-    check_effects(strip.effects, origin=str(path), of="strip")
-    check_law(strip.law, origin=str(path))
-    check_described(strip, origin=str(path))
-    return strip
-
-
-def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for effects whose values do not fit this strip."""
-    from drivers.strip.model import describe
-
-    try:
-        describe(strip)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{origin}: {error}") from None
 
 
 def paper_strip(k: float, b: float, **changes: Any) -> StripFile:

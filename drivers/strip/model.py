@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from drivers.errors import ConfigurationError
-from drivers.strip.file import GRAVITY, StripFile
+from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
@@ -207,26 +207,3 @@ class StripModel:
 
 
 Effects = Mapping[str, Mapping[str, float]]
-
-
-def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
-    """The description of `strip` in a cell, with the effects of both applied in registry order.
-
-    `index` counts the runs that this specimen has been through before.
-    """
-    from drivers.strip.effects import apply_effects
-    from drivers.strip.law import with_law
-
-    rigidity = np.full(CELLS, strip.rigidity)
-    mechanics = Mechanics(
-        length=strip.length,
-        width=strip.width,
-        thickness=strip.thickness,
-        rigidity=frozen(rigidity),
-        viscosity=frozen(rigidity * strip.retardation_time),
-        rest_curvature=frozen(np.zeros(CELLS)),
-        linear_density=frozen(np.full(CELLS, strip.linear_density)),
-    )
-    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=index)
-    whole = apply_effects(bare, {**strip.effects, **(cell_effects or {})})
-    return with_law(whole, strip.law) if strip.law else whole

@@ -36,17 +36,23 @@ class Gap:
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """x [m] where the midline first stands `height` above rest, from the fixed end.
+    """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
 
-    The whole strip below `height` gives the x of its grasped end.
+    Searched from the fold's rightmost point back to the desk: ripples that friction leaves in the
+    strip that lies do not count. A rightmost point that lies itself is searched from towards the
+    grasped end, whose x it is where nothing stands higher.
     """
-    above = np.flatnonzero(points[:, 1] > height)
-    if len(above) == 0:
-        return float(points[-1, 0])
-    j = int(above[0])
-    if j == 0:
+    tip = int(np.argmax(points[:, 0]))
+    lying = np.flatnonzero(points[: tip + 1, 1] <= height)
+    if len(lying) == 0:
         return float(points[0, 0])
-    (xa, za), (xb, zb) = points[j - 1], points[j]
+    j = int(lying[-1])
+    if j == tip:
+        above = np.flatnonzero(points[tip:, 1] > height)
+        if len(above) == 0:
+            return float(points[-1, 0])
+        j = tip + int(above[0]) - 1
+    (xa, za), (xb, zb) = points[j], points[j + 1]
     return float(xa + (xb - xa) * (height - za) / (zb - za))
 
 
@@ -69,9 +75,10 @@ def fold_tip(points: Array) -> tuple[float, float]:
 def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
 
-    The upper layer runs from the fold's rightmost point to the grasped edge. Beside that point
-    both layers meet by definition, so the gap counts from where it first exceeds `opening` [m],
-    and only once it has begun to close again: at a node that is a local minimum.
+    `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
+    rightmost point to the grasped edge. Beside that point both layers meet by definition, so the
+    gap counts from where it first exceeds `opening` [m], and only once it has begun to close
+    again: at a node that is a local minimum.
     """
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]

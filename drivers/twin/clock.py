@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from drivers.errors import CellError
+from drivers.protocols import Clock
 
 NANO = 1_000_000_000
 
@@ -62,7 +63,10 @@ class TwinClock:
         return self._now / NANO
 
     def every(self, period: float, action: Action, turn: Turn, start: float | None = None) -> Event:
-        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given."""
+        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given.
+
+        Raises CellError for a period under 1 ns.
+        """
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
         begin = self.now() if start is None else start
@@ -75,7 +79,8 @@ class TwinClock:
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; return at once when it is past.
 
-        An error of an event comes out here with the clock at that event's time.
+        An error of an event comes out here with the clock at that event's time. Raises CellError
+        when an event calls it.
         """
         if self._running:
             raise CellError("clock: an event cannot wait; it can only ask for a later event")
@@ -106,6 +111,25 @@ class TwinClock:
     def _push(self, event: Event) -> Event:
         heapq.heappush(self._queue, (event.due(), event.turn, event.number, event))
         return event
+
+
+class PacedClock(TwinClock):
+    """A simulated clock that keeps step with another one: the twin beside a robot's own time."""
+
+    def __init__(self, wall: Clock) -> None:
+        """In step with `wall`; between events its time is the wall's."""
+        super().__init__()
+        self._wall = wall
+
+    def now(self) -> float:
+        """Seconds since the run began."""
+        event = super().now()
+        return event if self._running else max(event, self._wall.now())
+
+    def wait_until(self, time: float) -> None:
+        """Wait until `time` [s] has come, then run every event up to now."""
+        self._wall.wait_until(time)
+        super().wait_until(max(time, self._wall.now()))
 
 
 def nanoseconds(time: float) -> int:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import GRAVITY, StripFile
-from drivers.strip.model import describe
 from drivers.types import Array
 from policies.feedback import Feedback
 from policies.rollout import Folds, Rollout, roll_out
@@ -29,7 +29,7 @@ def rollout_settings(settings: TrainingSettings) -> Rollout:
         contact_bias=settings.contact_bias,
         delay=(0.0, settings.delay),
     )
-    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing)
+    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing, profile=False)
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
@@ -74,7 +74,7 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Every strip folded by every candidate, candidates outermost."""
+    """Every strip folded by every one of `candidates` (p, WEIGHTS), candidates outermost."""
     models = [describe(strip) for strip in strips] * len(candidates)
     policy = Feedback(candidates)
     return roll_out(

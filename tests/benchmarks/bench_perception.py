@@ -12,7 +12,7 @@ from calibration.perception.layer_touch import LayerTouch
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from policies.path import triangular
 from tests.benchmarks.measure_perception import SPEED, STRIPS

@@ -15,7 +15,6 @@ import numpy as np
 import yaml
 
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
 from cell.devices.devices import DeviceSelection
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept, dumped
@@ -23,6 +22,7 @@ from cell.gap.verdict.schema import Verdict
 from cell.operations.fold import Request
 from cell.operations.result import FoldResult
 from cell.operations.standard_runs import check_empty, folded, standard_requests
+from drivers.strip.describe import load_plant
 from drivers.types import Array
 
 BEFORE, STANDARD, AFTER = 0, 1000, 2000  # first seeds: no noise is seen twice

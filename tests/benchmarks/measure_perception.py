@@ -12,11 +12,11 @@ import numpy as np
 
 from calibration.calibration import Calibration
 from calibration.perception.layer_touch import LayerTouch
+from calibration.perception.measurement import SeenTouch
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import SeenTouch
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.types import Array
 from policies.path import triangular
 from tests.support.twin_calibration import twin_calibration

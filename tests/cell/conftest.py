@@ -11,7 +11,7 @@ import pytest
 from calibration.calibration import Calibration, calibrated, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.record.files import CALIBRATION
 from cell.record.frames import Keep
 from cell.record.tick import Tick
@@ -58,6 +58,11 @@ HEADER: dict[str, Any] = {
 @pytest.fixture(scope="session")
 def calibration() -> Calibration:
     """A camera 1.5 m before the strip, looking straight at it."""
+    return straight_camera()
+
+
+def straight_camera() -> Calibration:
+    """The same outside of a test."""
     scale = 1250.0 / 1.5
     to_image = np.array([[scale, 0, 640 - 0.35 * scale], [0, -scale, 400 + 0.1 * scale], [0, 0, 1]])
     lens = Lens(

@@ -61,7 +61,7 @@ def test_a_run_that_ended_is_recorded(recorder: Recorder) -> None:
     assert devices.closed == 1
     run = read_run(recorder.folder)
     assert run.result.outcome == "path_done"
-    assert run.result.model_extra["duration"] == 9.0
+    assert run.result.duration == 9.0
 
 
 def test_devices_that_refuse_are_an_outcome(recorder: Recorder) -> None:

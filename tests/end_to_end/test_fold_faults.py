@@ -30,6 +30,7 @@ class SpoiledCamera:
     def __init__(self, camera, clock, spoil, start: float) -> None:
         self._camera, self._clock, self._spoil, self._start = camera, clock, spoil, start
         self._kept: Frame | None = None
+        self.rate = camera.rate
 
     def connect(self) -> None:
         self._camera.connect()

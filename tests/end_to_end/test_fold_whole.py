@@ -139,7 +139,7 @@ def test_replay_does_not_take_lost_images_for_images_not_kept(
 
 
 def test_the_head_of_a_run_holds_its_preflight(denim: Folded) -> None:
-    checks = denim.run.header.model_extra["preflight"]
+    checks = denim.run.header.preflight
     assert {check["name"] for check in checks} >= {"contrast", "length"}
     assert all(check["passed"] for check in checks)
 
@@ -164,7 +164,7 @@ def test_a_run_holds_nothing_of_the_plant_but_its_hash(secret: Folded) -> None:
     folded, folder = secret, Path(secret.result.run)
     assert (folder / RECORDING).exists()
     assert not (folder / TRUTH).exists()
-    assert len(folded.run.header.model_extra["plant_sha256"]) == 64
+    assert len(folded.run.header.plant_sha256) == 64
     for path in folder.rglob("*"):
         if path.is_file():
             held = path.read_bytes()

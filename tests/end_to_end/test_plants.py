@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.config.places import find_configs
-from cell.config.plant import load_plant
+from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 
 CONFIGS = find_configs(None)

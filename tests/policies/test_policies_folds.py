@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.engine import Stepper
-from drivers.strip.file import StripFile, load_strip
-from drivers.strip.model import describe
+from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array

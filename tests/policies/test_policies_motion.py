@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.strip.file import load_strip
-from drivers.strip.model import describe
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.rod.engine import Rod
 from policies.motion import Go, Rest, Shake, motion
 from policies.path import triangular

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import StripFile, paper_damping_minimum, paper_strip
-from drivers.strip.model import describe
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.path import Path

@@ -10,8 +10,9 @@ from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
 from cell.gap.subject.subject import Request, Residuals
-from drivers.strip.file import StripFile, load_strip
-from drivers.strip.model import Effects, describe
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.file import StripFile
+from drivers.strip.model import Effects
 from drivers.types import Array
 from policies.standard import STANDARD
 

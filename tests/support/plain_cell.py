@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
@@ -15,6 +15,7 @@ from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
+from cell.orchestrator.vision import StripReader
 from drivers.limits import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
@@ -89,6 +90,8 @@ class PlainHand:
 class NoiseCamera:
     """A frame at each look, each other than the last."""
 
+    rate = 100.0
+
     def __init__(self, clock: TwinClock) -> None:
         self._clock = clock
         self._count = 0
@@ -120,11 +123,12 @@ class Bench:
 
     def run(self) -> Outcome:
         settings = Configs(BESIDE).cell()
-        knowledge = FoldContext(settings, Configs(BESIDE).strip("denim"), Triangular())
-        knowledge.touch = SimpleNamespace(tell=lambda sight, gripper: None)
-        knowledge.perception = SimpleNamespace(look=sight_of)
+        strip = Configs(BESIDE).strip("denim")
+        context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
+        touch = SimpleNamespace(tell=lambda measurement, gripper: None)
+        context.reader = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
-        return Run(devices, knowledge, self.record, self.observers, self.interrupted).execute()
+        return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 
     @property
     def at_rest(self) -> bool:

@@ -10,9 +10,10 @@ from cell.devices.rig_correction import as_recorded
 from cell.record.run import Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
+from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 
 STEP = 0.005  # s
@@ -55,14 +56,14 @@ def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
 
 def _model(run: Run) -> StripModel:
     """The strip in the run's cell; a laboratory's run knows no cell."""
-    config = (run.header.model_extra or {}).get("config")
+    config = run.header.config
     if config is None:
         return describe(_strip(run))
     return as_recorded(parse(config, CellFile, f"{run.folder}/run.yaml: config"), _strip(run))
 
 
 def _strip(run: Run) -> StripFile:
-    content = (run.header.model_extra or {}).get("strip_file")
+    content = run.header.strip_file
     if content is None:
         raise ConfigurationError(f"{run.folder}/run.yaml: strip_file: is missing; add it")
     return parse(content, StripFile, f"{run.folder}/run.yaml: strip_file")

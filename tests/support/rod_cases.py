@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.file import paper_damping_minimum, paper_strip
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.types import Array
 from policies.path import Path
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.shape import Touch, desk_contact
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.look import StripLook

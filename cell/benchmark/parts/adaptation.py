@@ -7,7 +7,7 @@ import numpy as np
 from cell.benchmark.parts.evolution import curve
 from cell.benchmark.parts.paper_range import knowing
 from cell.benchmark.results import Adaptation
-from drivers.strip.model import describe
+from drivers.strip.describe import describe
 from drivers.strip.rod.engine import Rod
 from policies.domain import strip_at
 from policies.rollout import Rollout, roll_out

@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 
 from cell.benchmark.results import CriticalPoints
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
 from policies.domain import DAMPING, strip_at

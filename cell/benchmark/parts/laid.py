@@ -7,7 +7,7 @@ import numpy as np
 from cell.benchmark.parts.evolution import curve
 from cell.benchmark.results import Laid
 from drivers.errors import CellError
-from drivers.strip.model import describe
+from drivers.strip.describe import describe
 from drivers.strip.shape import Touch
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array

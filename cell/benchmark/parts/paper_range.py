@@ -8,9 +8,9 @@ import numpy as np
 
 from cell.benchmark.parts.recording_engine import RecordingEngine
 from cell.benchmark.results import RangeFolds
+from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from policies.domain import grid
 from policies.planned import Planned
 from policies.policy import Policy

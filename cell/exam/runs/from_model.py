@@ -11,9 +11,10 @@ from cell.exam.case import Case
 from cell.exam.runs.scatter import RunScatter
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.motions import GripperPath
 from drivers.twin.chain.engine import Chain
 from policies.registry import MOTION

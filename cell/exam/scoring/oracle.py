@@ -16,8 +16,8 @@ from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import with_effects
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
+from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
-from drivers.strip.file import load_strip
 from drivers.types import Array
 
 

@@ -13,8 +13,8 @@ from calibration.correction import corrected
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from drivers.strip.file import load_strip
-from drivers.strip.model import Observation, Rig, StripModel, describe
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.model import Observation, Rig, StripModel
 from drivers.strip.observation import seen_contact, seen_points, true_points
 from drivers.twin.camera import optics_now
 from drivers.twin.renderer.look import StripLook

@@ -9,7 +9,7 @@ import pytest
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.twin.settings import CameraSettings
 from drivers.types import Frame, Pose
 from policies.path import Path, circular, triangular

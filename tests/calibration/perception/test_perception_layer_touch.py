@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calibration.perception.layer_touch import LayerTouch
+from calibration.perception.measurement import SeenTouch, StripMeasurement
 from calibration.perception.settings import PerceptionSettings
-from calibration.perception.sight import SeenTouch, StripMeasurement
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.types import Array, Pose
 from tests.benchmarks.measure_perception import STRIPS
 

@@ -7,7 +7,8 @@ import pytest
 
 from calibration.perception.preflight import Preflight, inspect
 from calibration.perception.settings import PerceptionSettings
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cell.benchmark import claims
+from cell.benchmark import paper
 from cell.benchmark.figures.critical import table
 from cell.benchmark.figures.style import smooth
 from cell.benchmark.parts.adaptation import Adapted
@@ -47,7 +47,7 @@ def test_both_engines_fold_the_range_alike() -> None:
 def test_laid_strip_is_as_high_as_the_heavy_elastica() -> None:
     laid = LaidDown(0.5, "").measure()
     height = smooth(np.array(laid.shape))[:, 1].max()
-    assert height == pytest.approx(claims.FOLDED_HEIGHT * laid.bending_length, rel=0.03)
+    assert height == pytest.approx(paper.FOLDED_HEIGHT * laid.bending_length, rel=0.03)
 
 
 def test_shapes_of_a_level_motion_end_where_layers_touch() -> None:

@@ -6,7 +6,8 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
 
 TEXT = """\
 schema: 1

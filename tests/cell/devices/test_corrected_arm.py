@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.devices.rig_correction import CorrectedArm
-from drivers.strip.model import describe
+from drivers.strip.describe import describe
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity

@@ -15,7 +15,7 @@ from cell.exam.runs.through_images import Open, exam_cell, make_runs, measured, 
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError, Fault
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from policies.standard import STANDARD
 from tests.support.gap_strip_cases import denim
 

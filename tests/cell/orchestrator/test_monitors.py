@@ -4,10 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.perception.sight import StripMeasurement
-from cell.orchestrator.monitors import MONITORS, MonitorLimits, Rules, check_all
+from calibration.perception.measurement import StripMeasurement
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.monitors import MONITORS, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
 from drivers.errors import Fault
 from drivers.limits import Workspace
 from drivers.types import STILL, ArmState, Frame, HandState, Pose, Velocity
@@ -25,13 +27,13 @@ GOOD = Snapshot(
     entered=5.0,
     arm=ARM,
     hand=HAND,
-    frame=FRAME,
-    fresh=True,
-    identical=1,
-    sight=SIGHT,
-    touch=None,
-    doubtful_since=None,
+    view=View(frame=FRAME, fresh=True, measurement=SIGHT),
 )
+
+
+def showing(**changes) -> Snapshot:
+    return replace(GOOD, view=replace(GOOD.view, **changes))
+
 
 BROKEN = {
     "arm_pose_not_finite": replace(GOOD, arm=replace(ARM, pose=Pose(math.nan, 0.2, 0.0))),
@@ -42,23 +44,23 @@ BROKEN = {
     "workspace": replace(GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)),
     "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
-    "image_stale": replace(GOOD, frame=replace(FRAME, stamp=9.5)),
-    "image_frozen": replace(GOOD, identical=LIMITS.identical_images),
-    "low_confidence": replace(GOOD, doubtful_since=9.0),
+    "image_stale": showing(frame=replace(FRAME, stamp=9.5)),
+    "image_frozen": showing(identical=LIMITS.identical_images),
+    "low_confidence": showing(doubtful_since=9.0),
     "state_overtime": replace(GOOD, entered=-60.0),
     "overtime": replace(
         GOOD,
         time=121.0,
         entered=100.0,
         arm=replace(ARM, stamp=121.0),
-        frame=replace(FRAME, stamp=121.0),
+        view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
     ),
 }
 
 
 AHEAD = {
     "arm_state_stale": replace(GOOD, arm=replace(ARM, stamp=10.5)),
-    "image_stale": replace(GOOD, frame=replace(FRAME, stamp=40.0)),
+    "image_stale": showing(frame=replace(FRAME, stamp=40.0)),
 }
 MOVING = {State.GRASP, State.LIFT, State.FOLD, State.TOUCHED, State.LAY, State.RELEASE}
 WATCHED = {

@@ -22,14 +22,14 @@ AWAY = Velocity(-0.1, 0.05, 0.0)
 def ending(event: Event):
     """A phase that does nothing."""
 
-    def phase(knowledge, record):
+    def phase(record, begin):
         yield Hold()
         return event
 
     return phase
 
 
-def driving(knowledge, record):
+def driving(record, begin):
     """A phase that drives away and never ends by itself."""
     while True:
         yield Drive(AWAY)
@@ -47,7 +47,7 @@ def phases(**special) -> dict:
 
 @pytest.fixture
 def bench(monkeypatch) -> Bench:
-    monkeypatch.setattr(orchestrator, "PHASES", phases())
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases())
     return plain_bench()
 
 
@@ -144,13 +144,13 @@ def test_a_first_look_that_fails_is_an_outcome_and_no_error(bench) -> None:
 
 @pytest.mark.parametrize("velocity", [math.nan, math.inf, 3.0])
 def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, monkeypatch, velocity) -> None:
-    def runaway(knowledge, record):
+    def runaway(record, begin):
         for _ in range(30):
             yield Drive(AWAY)
         while True:
             yield Drive(Velocity(velocity, 0.0, 0.0))
 
-    monkeypatch.setattr(orchestrator, "PHASES", phases(FOLD=runaway))
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=runaway))
     assert bench.run().name == "command_refused"
     assert bench.at_rest
     driven = [command.velocity for command in bench.arm.commands if isinstance(command, Drive)]
@@ -158,12 +158,12 @@ def test_a_velocity_that_no_arm_may_follow_stops_the_arm(bench, monkeypatch, vel
 
 
 def test_a_path_that_ends_in_motion_ends_at_rest(bench, monkeypatch) -> None:
-    def short(knowledge, record):
+    def short(record, begin):
         for _ in range(50):
             yield Drive(AWAY)
         return Event.PATH_DONE
 
-    monkeypatch.setattr(orchestrator, "PHASES", phases(FOLD=short))
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=short))
     outcome = bench.run()
     assert (outcome.name, outcome.exit_code) == ("path_done", 1)
     assert bench.at_rest
@@ -185,7 +185,9 @@ def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
     good = SimpleNamespace(see=seen.append, happened=lambda *news: None)
     bad = SimpleNamespace(see=broken, happened=broken)
     bench.observers = (bad, good)
-    monkeypatch.setattr(orchestrator, "PHASES", phases(FOLD=ending(Event.PATH_DONE)))
+    monkeypatch.setattr(
+        orchestrator, "phases_of", lambda context: phases(FOLD=ending(Event.PATH_DONE))
+    )
     assert bench.run().name == "path_done"
     assert len(seen) >= 4
 
@@ -211,19 +213,21 @@ def test_every_command_is_checked_before_it_is_sent(bench, monkeypatch) -> None:
         checked.append((snapshot.state, command))
         check_all(snapshot, command, rules)
 
-    def grasping(knowledge, record):
+    def grasping(record, begin):
         yield from open_hand()
         yield from move(Pose(0.55, 0.1, math.pi / 2))
         yield from close_hand()
         return Event.GRASPED
 
-    def short(knowledge, record):
+    def short(record, begin):
         for _ in range(5):
             yield Drive(AWAY)
         return Event.PATH_DONE
 
     monkeypatch.setattr(orchestrator, "check_all", checking)
-    monkeypatch.setattr(orchestrator, "PHASES", phases(GRASP=grasping, FOLD=short))
+    monkeypatch.setattr(
+        orchestrator, "phases_of", lambda context: phases(GRASP=grasping, FOLD=short)
+    )
     sent: list[object] = []
     for device, names in (
         (bench.arm, ("move_to", "set_velocity")),

@@ -12,7 +12,7 @@ import yaml
 from cell.__main__ import main
 from cell.config.places import BESIDE
 from cell.strips.edit import edited
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from tests.support.hanging_photographs import Scene, photograph
 
 

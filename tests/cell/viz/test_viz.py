@@ -11,16 +11,17 @@ from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
 from calibration.calibration import save_calibration
-from calibration.perception.sight import StripMeasurement
+from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
 from cell.record.run import read_run
 from cell.viz.model_view import Shadow
 from cell.viz.recording import Screen, viz_from_run
 from cell.viz.watch import WAITING, Viz, watching
+from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod.engine import Rod
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
 from policies.path import triangular
@@ -53,7 +54,8 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 20)
     sight = StripMeasurement(time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan)
-    return Snapshot(time, state, 0.0, arm, hand, frame, k % every == 0, 1, sight, None, None)
+    view = View(frame, k % every == 0, 1, sight)
+    return Snapshot(time, state, 0.0, arm, hand, view)
 
 
 def watch(viz: Viz, count: int) -> None:
@@ -212,7 +214,7 @@ def test_process_that_is_killed_leaves_a_recording(tmp_path):
 import os, signal, time
 from pathlib import Path
 import rerun as rr
-from cell.viz.screen import open_recording
+from cell.viz.recording import open_recording
 with open_recording(Path({str(tmp_path)!r})) as recording:
     for k in range(200):
         recording.set_time("t", duration=0.01 * k)

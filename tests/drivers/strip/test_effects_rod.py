@@ -7,7 +7,8 @@ import numba
 import numpy as np
 import pytest
 
-from drivers.strip.model import StripModel, describe
+from drivers.strip.describe import describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat
 from drivers.strip.rod.engine import Rod

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import SimulationNotConverged, SimulationNotFinite, Unsupported
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.engine import Stepper, simulate
-from drivers.strip.file import load_strip
-from drivers.strip.model import Boundary, StripModel, describe
+from drivers.strip.model import Boundary, StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import KNOWN
 from drivers.strip.rod.motions import GripperPath, simulate_all

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat, midlines

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer

@@ -8,7 +8,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.installation import Installation, Mounting
 from drivers.settings import parse
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from drivers.twin.open import Twin, open_twin
 from drivers.twin.settings import ArmSettings, CameraSettings, TwinSettings, WorldSettings
 from drivers.types import Pose, Velocity

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
-from drivers.strip.model import Effects, Observation, describe
+from drivers.strip.model import Effects, Observation
 from drivers.strip.observation import seen_points
 from drivers.twin.camera import optics_now
 from drivers.twin.open import Twin, open_twin

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import Fault, SimulationNotFinite
+from drivers.strip.describe import describe
 from drivers.strip.engine import Observables
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.shape import Touch
 from drivers.twin.fingers import Fingers
 from drivers.twin.grip import Grip

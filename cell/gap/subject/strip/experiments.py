@@ -9,8 +9,8 @@ from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.synthetic import Fold, rod_folds
 from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import describe
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
 from policies.registry import MOTION

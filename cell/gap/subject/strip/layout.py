@@ -81,7 +81,7 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
 
 def force_noise(run: Measured) -> float:
     """One-sigma noise of the force [N] that the run states; 0 where it states none."""
-    return float((run.sigma.model_extra or {}).get("force") or 0.0)
+    return run.sigma.force or 0.0
 
 
 def _buckled(run: Measured, length: float) -> NDArray[np.bool_]:

@@ -11,8 +11,9 @@ from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.simulation import FINE, Job, SimulatedMotion, Simulation
 from cell.gap.subject.subject import Residuals, Run
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel, describe
+from drivers.strip.model import StripModel
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 

@@ -19,10 +19,11 @@ from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
 from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.file import StripFile
 from drivers.strip.law import with_law
-from drivers.strip.model import Observation, StripModel, describe
+from drivers.strip.model import Observation, StripModel
 
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept

@@ -7,7 +7,7 @@ import pytest
 from cell.gap.fit import fit
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.verdict.schema import Verdict
-from drivers.strip.file import load_strip
+from drivers.strip.describe import load_strip
 from tests.support.gap_strip_cases import STRIP, folds, written
 
 pytestmark = pytest.mark.slow

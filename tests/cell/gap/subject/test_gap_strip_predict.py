@@ -15,8 +15,8 @@ from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
 from cell.gap.subject.strip.ways import way_of
 from cell.gap.subject.subject import Request, Run
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
-from drivers.strip.model import describe
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
 from policies.motion import motion

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from drivers.errors import SimulationNotFinite
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import paper_damping_minimum, paper_strip
-from drivers.strip.model import describe
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.lumps import places
 from policies.path import circular, triangular

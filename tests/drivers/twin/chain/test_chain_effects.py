@@ -6,10 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.engine import StripMotion, simulate
 from drivers.strip.file import paper_damping_minimum, paper_strip
-from drivers.strip.model import Boundary, Drag, StripModel, describe
+from drivers.strip.model import Boundary, Drag, StripModel
 from drivers.twin.chain.engine import Chain
 from drivers.twin.chain.extra_forces import Parts, own_laws
 from drivers.twin.chain.joints import Joints

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from drivers.strip.describe import describe
 from drivers.strip.file import paper_strip
-from drivers.strip.model import describe
 from drivers.strip.shape import Touch
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import Unsupported
+from drivers.strip.describe import describe
 from drivers.strip.file import StripFile, paper_strip
-from drivers.strip.model import CELLS, BendingLaw, StripModel, describe
+from drivers.strip.model import CELLS, BendingLaw, StripModel
 from drivers.twin.chain import spec
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.lumps import Lumps

@@ -1,0 +1,51 @@
+"""What the camera saw of the strip in one frame, in the cell frame."""
+
+from dataclasses import dataclass
+
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class StripMeasurement:
+    """One frame's measurement. Lengths [m], NaN where not seen; confidences 0 to 1.
+
+    `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the
+    fold's rightmost point; `gap` the smallest visible vertical distance between the layers'
+    midlines and `gap_x` its place, NaN before the upper layer begins to fall; `gripper` where the
+    arm says that it held the strip when the image was taken.
+    """
+
+    stamp: float
+    sequence: int
+    contact_x: float
+    contact_confidence: float
+    profile: Array
+    profile_confidence: float
+    tip: tuple[float, float]
+    gap: float
+    gap_x: float
+    gripper: tuple[float, float] = (float("nan"), float("nan"))
+
+    @property
+    def confidence(self) -> float:
+        """Confidence in the frame as a whole: that of its weakest part."""
+        return min(self.contact_confidence, self.profile_confidence)
+
+
+@dataclass(frozen=True, slots=True)
+class SeenTouch:
+    """layer_touch as the images show it: time [s], x [m], lengths l1 and l2 [m], confidence.
+
+    `confidence` is the agreement of its two signals, the closing gap and the stopping fold.
+    """
+
+    time: float
+    x: float
+    to_grasped: float
+    to_fixed: float
+    confidence: float
+
+    @property
+    def displacement(self) -> float:
+        """d = l1 - l2 [m]."""
+        return self.to_grasped - self.to_fixed

@@ -1,0 +1,23 @@
+"""Limits at which monitors stop a run."""
+
+from pydantic import Field
+
+from drivers.settings import Settings
+
+
+class MonitorLimits(Settings):
+    """Limits of the monitors. Every one has a value; none can be switched off."""
+
+    arm_age: float = Field(0.05, gt=0, le=0.5)  # s
+    image_age: float = Field(0.25, gt=0, le=1.0)  # s
+    identical_images: int = Field(4, ge=2, le=30)
+    confidence: float = Field(0.3, gt=0, lt=1)
+    doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
+    overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
+    speed: float = Field(0.25, gt=0, le=1.0)  # m/s
+    tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded
+    border: float = Field(0.005, gt=0, le=0.02)  # m that a measured pose may lie out of the box
+    force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
+    duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
+    state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
+    calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people
