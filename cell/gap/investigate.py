@@ -14,7 +14,8 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.spreads import Spread, estimated, scattered, spreads, with_scatter
+from cell.gap.fitting.scatter import estimated, scattered, with_scatter
+from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search

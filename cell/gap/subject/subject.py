@@ -20,7 +20,8 @@ class Parameter:
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
     so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
     not how much of it there is: a probe keeps its own whatever its amount. `random` unknowns of
-    a run are drawn anew in each run; their `spread` is estimated from the runs.
+    a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
+    are expected to differ in any laboratory, unless the runs refute it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     inverse: bool = False
     shape: bool = False
     random: bool = False
+    common: bool = False
 
     def shown(self, value: float) -> float:
         """`value` as files state it."""
