@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.subject.strip.layout import Floors
@@ -170,7 +171,7 @@ def _lifted(runs: Sequence[MeasuredRun]) -> float:
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
-def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
+def open_strip(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Strip:
     """The strip of a file with its measured runs, checked."""
     strip = load_strip(path)
     return Strip(strip, read_runs(folders, strip), jobs)
