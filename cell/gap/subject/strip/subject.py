@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.subject.strip.layout import Floors
@@ -172,6 +173,7 @@ def _lifted(runs: Sequence[MeasuredRun]) -> float:
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
+<<<<<<< HEAD
 def open_strip(
     path: Path, folders: Sequence[Path], jobs: int = 1, without: Sequence[str] = ()
 ) -> Strip:
@@ -179,6 +181,10 @@ def open_strip(
 
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """
+=======
+def open_strip(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Strip:
+    """The strip of a file with its measured runs, checked."""
+>>>>>>> main
     strip = load_strip(path)
     for name in without:
         if name not in registry():
