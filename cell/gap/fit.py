@@ -50,22 +50,12 @@ def fit(
     """
     began = time.monotonic()
     _clear(out)
-<<<<<<< HEAD
-    folders = find_runs(runs)
-    hold.check(run_names(folders), hold_out)
-    subject = open_subject(file, folders, jobs, without)
-    _make(out)
-    tape = SimulationCache(
-        subject.simulate, out / ".rounds" / _key(file, folders, [*hold_out, *without])
-    )
-=======
     found_runs = find_runs(runs)
     hold.check([run.name for run in found_runs], hold_out)
-    subject = open_subject(file, found_runs, jobs)
-    key = _key(file, found_runs, hold_out)
+    subject = open_subject(file, found_runs, jobs, without)
+    key = _key(file, found_runs, [*hold_out, *without])
     _make(out)
     tape = SimulationCache(subject.simulate, out / ".rounds" / key)
->>>>>>> main
     held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)
@@ -80,39 +70,24 @@ def fit(
     return verdict
 
 
-<<<<<<< HEAD
 def open_subject(
-    file: Path, folders: Sequence[Path], jobs: int, without: Sequence[str] = ()
+    file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
 ) -> Subject:
     """The subject that `file` describes, with its measured runs; effects `without` are withheld.
 
-    Raises ConfigurationError for a broken file or run, or an unknown kind.
-=======
-def open_subject(file: Path, runs: Sequence[RunFolder], jobs: int) -> Subject:
-    """The subject that `file` describes, with its measured runs.
-
-    Raises ConfigurationError for a file of another kind.
->>>>>>> main
+    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
         from cell.gap.subject.pendulum.subject import open_pendulum
 
-<<<<<<< HEAD
         if without:
             raise ConfigurationError("--without: withholds effects of a strip, not of a pendulum")
-        return open_pendulum(file, folders, jobs)
-    if kind == "strip":
-        from cell.gap.subject.strip.subject import open_strip
-
-        return open_strip(file, folders, jobs, without)
-=======
         return open_pendulum(file, runs, jobs)
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
-        return open_strip(file, runs, jobs)
->>>>>>> main
+        return open_strip(file, runs, jobs, without)
     raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
 
 

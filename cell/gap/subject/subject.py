@@ -166,16 +166,27 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
+class Scattering:
+    """A quantity that differs from run to run: in words, and what makes it smaller."""
+
+    name: str
+    sentence: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
 class Scope:
     """What a subject offers: base parameters, candidate effects, quantities by name.
 
-    `terms` are never causes: they describe what stays unexplained.
+    `terms` are never causes: they describe what stays unexplained. `scatter` names the random
+    unknowns of runs.
     """
 
     base: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
+    scatter: tuple[Scattering, ...] = ()
 
 
 class Subject(Protocol):

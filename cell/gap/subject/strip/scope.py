@@ -8,8 +8,9 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.probes import places
+from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.subject.strip.terms import candidates
-from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
+from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scattering, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -40,6 +41,7 @@ def scope(
         base=(*_base(strip), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=candidates(),
+        scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in RUN_EFFECTS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),

@@ -173,18 +173,13 @@ def _lifted(runs: Sequence[MeasuredRun]) -> float:
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
-<<<<<<< HEAD
 def open_strip(
-    path: Path, folders: Sequence[Path], jobs: int = 1, without: Sequence[str] = ()
+    path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
 ) -> Strip:
     """The strip of a file with its measured runs, checked; effects `without` are no candidates.
 
     Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
     """
-=======
-def open_strip(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Strip:
-    """The strip of a file with its measured runs, checked."""
->>>>>>> main
     strip = load_strip(path)
     for name in without:
         if name not in registry():
