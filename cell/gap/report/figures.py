@@ -171,7 +171,7 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
-    """Excess gap of each held-out run, before and after [units of noise]."""
+    """Excess gap (R,) of each held-out run, before and after [units of noise]."""
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
     if after is before:

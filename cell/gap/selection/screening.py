@@ -58,7 +58,7 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Where fits begin, by effect: what is not known yet at null always."""
+        """Where fits begin, values (k,) by effect: what is not known yet at null always."""
         found: list[dict[str, Array]] = [{}]
         if not self.linear:
             found.append(self.start)

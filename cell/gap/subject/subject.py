@@ -69,12 +69,12 @@ class Candidate:
         return replace(self, parameters=self.parameters + self.finer, finer=())
 
     def completed(self, values: Array) -> Array:
-        """`values` of its first parameters, with the starts of the others."""
+        """`values` (k,) of its first parameters, with the starts of the others."""
         return np.concatenate([values, self.null[len(values) :]])
 
     @property
     def null(self) -> Array:
-        """Values at which it vanishes."""
+        """Values (k,) at which it vanishes."""
         return np.array([p.start for p in self.parameters])
 
 
