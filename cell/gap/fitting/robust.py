@@ -52,9 +52,9 @@ def _deviation(r: Array) -> float:
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """1 + 2 sum of autocorrelations: how many samples are worth one independent sample.
 
-    Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they stay positive (Geyer
-    1992, Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
-    smaller than their scale, as a generous floor leaves them, count by their long-run variance.
+    Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they
+    stay positive (Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence).
+    Residuals that are smaller than their scale, as a generous floor leaves them, count by their long-run variance.
     """
     return max(1.0, long_run_variance(runs, residuals))
 

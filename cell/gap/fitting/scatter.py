@@ -9,7 +9,6 @@ from cell.gap.fitting.gauss_newton import Estimate, linearised, residuals
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
-from drivers.types import Array
 
 
 def scattered(known: Evidence, found: Sequence[Spread]) -> Evidence:
@@ -47,12 +46,10 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
     return replace(opened, evidence=known, point=Point(estimate.shared, local))
 
 
-def estimated(
-    simulate: Simulate, estimate: Estimate, whole: Evidence, nuisance: Array | None = None
-) -> tuple[Spread, ...]:
+def estimated(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
     """Spreads of all random unknowns of the runs `whole`, at a fit of the same runs.
 
-    The fit may hold some of the unknowns only; `nuisance` (N, m) as in `spreads`.
+    The fit may hold some of the unknowns only.
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return ()
@@ -60,7 +57,7 @@ def estimated(
     known, point = here.evidence, here.point
     raw, jacobians = run_one(simulate, linearised(here.model, known, point))
     r = residuals(raw, known)
-    return spreads(replace(here, residuals=r, raw=tuple(raw), jacobians=jacobians), nuisance)
+    return spreads(replace(here, residuals=r, raw=tuple(raw), jacobians=jacobians))
 
 
 def _opened(estimate: Estimate, whole: Evidence) -> Estimate:

@@ -77,16 +77,16 @@ class _Marginal:
         return half_logdet - own - 0.5 * float(solved @ solved) + 0.5 * float(shares @ shares)
 
 
-def spreads(estimate: Estimate, nuisance: Array | None = None) -> tuple[Spread, ...]:
+def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """The quantities that differ from run to run in `estimate`, largest gain first.
 
-    `nuisance` (N, m) are whitened responses that the estimate may lack. Quantities are taken in
-    one by one while each gains WORTH nats; those that the runs do not show are left out.
+    Quantities are taken in one by one while each gains WORTH nats; those that the runs do not
+    show are left out, unless they are common and the runs do not refute them.
     """
     known = _random(estimate)
     if not known or len(estimate.evidence.runs) < 2:
         return ()
-    model = _marginal(estimate, known, nuisance)
+    model = _marginal(estimate, known)
     active: list[int] = []
     shares, least = np.zeros(0), model.loss(np.zeros(0), [])
     gains: list[float] = []
@@ -148,7 +148,7 @@ def _random(estimate: Estimate) -> dict[str, Parameter]:
     return {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
 
 
-def _marginal(estimate: Estimate, known: dict[str, Parameter], nuisance: Array | None) -> _Marginal:
+def _marginal(estimate: Estimate, known: dict[str, Parameter]) -> _Marginal:
     r = np.concatenate(estimate.residuals)
     worth = max(LEAST, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
     weight = np.sqrt(robust.weights(r / estimate.scale) / worth) / estimate.scale
@@ -164,9 +164,8 @@ def _marginal(estimate: Estimate, known: dict[str, Parameter], nuisance: Array |
     pull = prior * (z - start)
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(order))], axis=1)
     usual = np.array([known[name].spread for name in order])
-    extra = [common] if nuisance is None else [common, nuisance]
-    more = np.concatenate([(COMMON * usual) ** -2, np.zeros(sum(e.shape[1] for e in extra[1:]))])
-    whole = np.concatenate([columns, *extra], axis=1) * weight[:, None]
+    more = (COMMON * usual) ** -2
+    whole = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = whole.T @ whole + np.diag(np.concatenate([prior, more]))
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)
     added = np.zeros(len(more))

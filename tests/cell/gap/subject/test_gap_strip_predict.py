@@ -10,7 +10,7 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.layout import LIFTED, SNAP, Floors
-from cell.gap.subject.strip.prepare import SLACK, Fold
+from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.scope import EXACT, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
@@ -34,6 +34,7 @@ from tests.support.gap_strip_cases import (
     written,
 )
 
+SLACK = 0.0003  # m, about as much as a gripper leaves
 Effects = Mapping[str, Array]
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
