@@ -54,7 +54,8 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
     Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they
     stay positive (Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence).
-    Residuals that are smaller than their scale, as a generous floor leaves them, count by their long-run variance.
+    Residuals that are smaller than their scale, as a generous floor leaves them, count by their
+    long-run variance.
     """
     return max(1.0, long_run_variance(runs, residuals))
 

@@ -160,7 +160,7 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
 ) -> None:
     base = np.array([p.start for p in plain.scope.base])
     asked = [
-        Request(run, base * factor, {}, np.zeros(1))
+        Request(run, base * factor, {}, np.zeros(len(run.local)))
         for factor in (1.0, 1.05, 0.97)
         for run in plain.runs
     ]
@@ -181,7 +181,7 @@ def test_a_strip_that_swings_longer_than_stated_is_trusted_less_where_grains_dif
 ) -> None:
     base = {p.name: p.start for p in plain.scope.base}
     lively = np.array(list((base | {"retardation_time": 0.2 * base["retardation_time"]}).values()))
-    runs = plain.refined([Request(run, lively, {}, np.zeros(1)) for run in plain.runs])
+    runs = plain.refined([Request(run, lively, {}, np.zeros(len(run.local))) for run in plain.runs])
     rises = [
         new.samples.floor / run.samples.floor for new, run in zip(runs, plain.runs, strict=True)
     ]
@@ -237,7 +237,9 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
 def in_profile(strip: Strip, runs: Sequence[Run], effects: Sequence[Effects]) -> float:
     """By how much [m] the profiles of two models differ, root mean square."""
     base = np.array([p.start for p in strip.scope.base])
-    found = strip.simulate([Request(r, base, e, np.zeros(1)) for e in effects for r in runs])
+    found = strip.simulate(
+        [Request(r, base, e, np.zeros(len(r.local))) for e in effects for r in runs]
+    )
     parts = [
         (b.mean - a.mean)[run.samples.channel == "profile"]
         for run, a, b in zip(runs, found, found[len(runs) :], strict=False)
