@@ -12,6 +12,8 @@ from calibration.wizard.latency import LatencySettings
 from cell.config.fold import FoldSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.record.frames import Keep
+from drivers.arm.settings import FciSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
 from drivers.settings import Settings
 
@@ -46,7 +48,9 @@ class CellSettings(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
+    camera: V4l2Settings | None = None  # the real one; None: this cell has none
     installation: Installation = Installation()
+    fci: FciSettings = FciSettings()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()
     perception: PerceptionSettings = PerceptionSettings()

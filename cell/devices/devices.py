@@ -1,6 +1,7 @@
 """The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -8,6 +9,14 @@ from typing import Any, Protocol
 from calibration.wizard.wanted_view import WantedView
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
+
+
+class Closable(Protocol):
+    """Something that is let go in the end."""
+
+    def close(self) -> None:
+        """Let go; allowed twice."""
+        ...
 
 
 class CalibrationAids(Protocol):
@@ -30,7 +39,8 @@ class CalibrationAids(Protocol):
 class Devices:
     """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
 
-    `camera_locks` are the values at which the camera's controls are held.
+    `camera_locks` are the values at which the camera's controls are held, `others` what else has
+    to be let go in the end.
     """
 
     clock: Clock
@@ -41,6 +51,7 @@ class Devices:
     aids: CalibrationAids | None
     plant: "Plant | None"
     camera_locks: Mapping[str, int] = field(default_factory=dict)
+    others: tuple[Closable, ...] = ()
 
     def connect(self) -> None:
         """Take hold of arm and camera."""
@@ -49,10 +60,9 @@ class Devices:
 
     def close(self) -> None:
         """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
-        try:
-            self.arm.close()
-        finally:
-            self.camera.close()
+        with ExitStack() as left:
+            for device in (*reversed(self.others), self.camera, self.arm):
+                left.callback(device.close)
 
 
 class Plant(Protocol):

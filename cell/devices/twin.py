@@ -11,7 +11,7 @@ from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import Held, board_frame, held_before
-from drivers.twin.open import ORDINARY, PlantOptions, Twin, open_twin
+from drivers.twin.open import ORDINARY, Desk, PlantOptions, Twin, open_twin
 from drivers.types import Frame
 
 
@@ -47,7 +47,7 @@ class TwinCalibrationAids:
 class TwinPlant:
     """What really happened to the strip on the twin."""
 
-    twin: Twin
+    twin: Twin | Desk
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
@@ -76,11 +76,7 @@ def twin_devices(
 
     Without a plant the twin is what the controller believes, accepted effects of the rig included.
     """
-    if choice.plant is None:
-        plant, lying, rig = strip, strip, settings.effects
-    else:
-        plant = load_plant(choice.plant)
-        lying, rig = _divided(plant)
+    plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
         world = settings.twin.world.model_copy(update={"strip": False})
         bare = settings.twin.model_copy(update={"world": world})
@@ -98,6 +94,16 @@ def twin_devices(
         aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(twin, plant),
     )
+
+
+def on_desk(
+    settings: CellFile, strip: StripFile, choice: DeviceSelection
+) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
+    """The plant as it is told in the record, what of it is strip, and the effects of the rig."""
+    if choice.plant is None:
+        return strip, strip, settings.effects
+    plant = load_plant(choice.plant)
+    return plant, *_divided(plant)
 
 
 def _divided(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:

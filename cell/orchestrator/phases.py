@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 
 from calibration.landmarks import camera_shift
+from calibration.perception.checks import PreflightCheck, camera_check
 from calibration.perception.measurement import SeenTouch
-from calibration.perception.preflight import PreflightCheck, camera_check, inspect
+from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
@@ -31,6 +32,7 @@ from drivers.types import Pose, Velocity
 from policies.follower import Follower
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
+from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
@@ -172,6 +174,8 @@ def observe(snapshot: Snapshot) -> Observation:
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
         tip_z=np.array([seen.tip[1]]),
+        profile=seen_profile(seen.profile, seen.gripper),
+        profile_confidence=np.array([seen.profile_confidence]),
     )
 
 

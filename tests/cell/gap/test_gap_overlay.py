@@ -12,7 +12,8 @@ from cell.gap.diagnosis.held_out_gap import floor
 from cell.gap.fit import fit
 from cell.gap.fitting.model import evidence
 from cell.gap.report.overlay import write_overlay, write_recording
-from cell.gap.subject.scene import Replayed, Scene
+from cell.gap.report.replayed import Replayed
+from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.scenes import CONTACT, DISTANCE
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request

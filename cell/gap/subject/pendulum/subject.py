@@ -10,7 +10,8 @@ import numpy as np
 
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
-from cell.gap.subject.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.subject.pendulum.runs import Swing, read_run
 from cell.gap.subject.pendulum.scope import scope
 from cell.gap.subject.run_folders import HEAD, check_indices, find_runs, run_names
