@@ -1,6 +1,5 @@
 """YAML documents and JSON lines that are either whole on the disk or not there."""
 
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -74,26 +73,3 @@ def sync_folder(folder: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def json_line(content: Mapping[str, Any]) -> bytes:
-    """`content` as one line of JSON."""
-    return json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": ")).encode() + b"\n"
-
-
-def read_json_lines(path: Path) -> list[dict[str, Any]]:
-    """The whole lines of a JSON lines file; empty without the file.
-
-    What a killed process left half written is passed over.
-    """
-    if not path.exists():
-        return []
-    lines: list[dict[str, Any]] = []
-    for line in path.read_bytes().split(b"\n"):
-        try:
-            content = json.loads(line)
-        except ValueError:
-            continue
-        if isinstance(content, dict):
-            lines.append(content)
-    return lines

@@ -1,0 +1,66 @@
+"""Files of JSON lines that survive a kill: each line is on the disk before the next one begins."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cell.record.documents import plain, replace_file
+from drivers.errors import ConfigurationError
+
+Line = dict[str, Any]
+
+
+def json_line(content: Mapping[str, Any]) -> bytes:
+    """`content` as one line of JSON."""
+    return json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": ")).encode() + b"\n"
+
+
+def read_json_lines(path: Path) -> list[Line]:
+    """The whole lines of a JSON lines file; empty without the file.
+
+    What a killed process left half written is passed over.
+    """
+    if not path.exists():
+        return []
+    lines: list[Line] = []
+    for line in path.read_bytes().split(b"\n"):
+        try:
+            content = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(content, dict):
+            lines.append(content)
+    return lines
+
+
+class Journal:
+    """Lines of JSON at `path`, one for each finished thing, so that a process that died goes on.
+
+    Raises ConfigurationError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, *, again: bool = False) -> None:
+        """Open or begin, without a last line that was cut off; `again` forgets everything."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.lines = [] if again else read_json_lines(path)
+            replace_file(path, b"".join(json_line(line) for line in self.lines))
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def append(self, line: Line) -> None:
+        """Write `line`; on return it is on the disk."""
+        try:
+            with self.path.open("ab") as stream:
+                stream.write(json_line(line))
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise self._unwritable(error) from None
+        self.lines.append(line)
+
+    def _unwritable(self, error: OSError) -> ConfigurationError:
+        return ConfigurationError(f"{self.path}: cannot be written: {error.strerror}")
