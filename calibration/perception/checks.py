@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
+from calibration.landmarks import CameraShift, LandmarkSettings
 from calibration.perception.appearance import Appearance
 from calibration.perception.background import DESK_SHADE
 from calibration.perception.matte import Matte
@@ -183,3 +184,16 @@ def _heaviest(alike: Floats) -> Array:
     near = cv2.blur(alike, (61, 61))
     v, u = np.unravel_index(int(np.argmax(near)), near.shape)
     return np.array([float(u), float(v)])
+
+
+def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
+    """Whether the camera stands where it was calibrated, by what its landmarks say."""
+    seen = np.isfinite([shift.x, shift.z]).all()
+    desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+    moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
+    return PreflightCheck(
+        "camera stands where it was calibrated",
+        bool(seen and shift.distance <= settings.moved_mm),
+        f"{moved}, allowed {settings.moved_mm:.1f} mm" if seen else "the gripper is not seen there",
+        "look whether camera, zoom, focus or robot were touched; fasten them, calibrate again",
+    )

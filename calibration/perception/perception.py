@@ -85,6 +85,7 @@ class Perception:
             tip=tip,
             gap=gap.height if gap else NAN,
             gap_x=gap.x if gap else NAN,
+            gripper=(gripper.x, gripper.z),
         )
 
     def _levels(self, image: Image, region: Region, gripper: Pose) -> Image:

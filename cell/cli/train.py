@@ -41,6 +41,7 @@ def train(
     """
     from rich.console import Console
 
+    from cell.cli.table import wide_console
     from cell.train.run import train as train_in
     from cell.train.screen import show
     from policies.train.settings import TrainingSettings
@@ -54,7 +55,7 @@ def train(
     if as_json:
         sys.stdout.write(json.dumps(trained.line()) + "\n")
         return
-    show(trained.evaluations, Console())
+    show(trained.evaluations, wide_console())
     sys.stdout.write(f"  fold with it: cell fold --strip denim --checkpoint {trained.checkpoint}\n")
 
 
