@@ -64,7 +64,7 @@ _StrictLoader.add_implicit_resolver(
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
-    """`content` as `model`; every problem named as `origin: key: reason` on one line each.
+    """`content` as `model`; ConfigurationError names every problem as `origin: key: reason`.
 
     Nothing is converted: text and truth values are no numbers. Read as JSON, because there a
     list is what tuples are given as.

@@ -41,7 +41,7 @@ class Path:
 
 
 def lift_pitch(travel: Array | float) -> Array:
-    """Pitch [rad] after `travel` [m] from a flat start: in proportion, to pi/2 at 0.10 m."""
+    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: in proportion, then pi/2."""
     return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
 
 

@@ -32,7 +32,7 @@ class FrameNote:
 
 
 def digest(image: Image) -> str:
-    """sha256 of the pixels of an image, row by row."""
+    """sha256 of the pixels of an image (h, w) or (h, w, 3), row by row."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
@@ -42,8 +42,10 @@ def frame_file(folder: Path, sequence: int) -> Path:
 
 
 def encode(image: Image) -> bytes:
-    """`image` as PNG, lossless. On camera noise Huffman coding of differences is the fastest, and
-    within a tenth of the smallest.
+    """`image` (h, w) or (h, w, 3) as PNG, lossless; OSError where that fails.
+
+    On camera noise Huffman coding of differences is the fastest, and within a tenth of the
+    smallest.
     """
     import cv2
 
@@ -56,7 +58,7 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """The image in a file; ConfigurationError when it is none."""
+    """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is none."""
     import cv2
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
@@ -97,7 +99,7 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Every image that the run in `folder` saw, in order."""
+    """Every image that the run in `folder` saw, in order; ConfigurationError for a broken line."""
     try:
         return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
     except (KeyError, TypeError, ValueError):

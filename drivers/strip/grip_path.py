@@ -46,7 +46,7 @@ def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """What the arm reports, and is to be told, where the grip truly is; undoes `true_poses`."""
+    """Poses (..., 3) as the arm reports them, and is told, for true ones; undoes `true_poses`."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 

@@ -144,7 +144,7 @@ class Ruler:
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:
-    """An effect's parameters, stated as files state them, as the gap engine has them."""
+    """An effect's parameters, stated as files state them, as the gap engine has them (p,)."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]

@@ -6,23 +6,23 @@ Every module of this folder that has a `CAUSE` is one cause, named like the modu
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from types import MappingProxyType
+from functools import cache
 
 from cell.exam.causes.cause import Cause
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 
-_MODULES = {
-    name: importlib.import_module(f"{__name__}.{name}")
-    for name in sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
-}
-CAUSES: Mapping[str, type[Cause]] = MappingProxyType(
-    {name: module.CAUSE for name, module in _MODULES.items() if hasattr(module, "CAUSE")}
-)
+
+@cache
+def causes() -> Mapping[str, type[Cause]]:
+    """Causes by name, sorted."""
+    names = sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
+    modules = {name: importlib.import_module(f"{__name__}.{name}") for name in names}
+    return {name: module.CAUSE for name, module in modules.items() if hasattr(module, "CAUSE")}
 
 
 def cause_of(name: str, values: Mapping[str, float]) -> Cause:
     """The cause called `name`; ConfigurationError for another name or bad values."""
-    if name not in CAUSES:
-        raise ConfigurationError(f"causes: {name}: is not known; known: {', '.join(CAUSES)}")
-    return parse(dict(values), CAUSES[name], f"causes: {name}")
+    if name not in causes():
+        raise ConfigurationError(f"causes: {name}: is not known; known: {', '.join(causes())}")
+    return parse(dict(values), causes()[name], f"causes: {name}")

@@ -25,7 +25,7 @@ class Wobble(Cause):
     sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
 
     def moved(self, pose: Array, time: float) -> Array:
-        """Where the edge truly is."""
+        """True pose (3,) of the edge that is held at `pose` (3,)."""
         if self.amplitude == 0:
             return pose
         swing = self.amplitude * min(time / GROWTH, 1.0)
