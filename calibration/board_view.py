@@ -35,7 +35,7 @@ class BoardView:
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardView | None:
-    """The view of `board` in `image`, or None where no corner is seen."""
+    """The view of `board` in `image` (h, w, 3), or None where no corner is seen."""
     corners, ids, _, _ = detector.detectBoard(image)
     if ids is None or len(ids) == 0:
         return None

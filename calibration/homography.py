@@ -114,7 +114,7 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
-    """Where the camera stands, from the lens and the map alone."""
+    """Where the camera stands, from lens and map; ConfigurationError where they contradict."""
     corners = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
     pixels = corners * (lens.width, lens.height)
     plane = homography.to_plane(pixels)

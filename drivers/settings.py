@@ -56,7 +56,7 @@ def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
-    """`content` as `model`; every problem named as `origin: key: reason` on one line each.
+    """`content` as `model`; ConfigurationError names every problem as `origin: key: reason`.
 
     Nothing is converted: text and truth values are no numbers. Read as JSON, because there a
     list is what tuples are given as.

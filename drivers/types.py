@@ -90,7 +90,7 @@ class Frame(Reading):
 
 
 def frozen(values: object) -> Array:
-    """A read-only float64 copy of `values`."""
+    """A read-only float64 copy of `values`, of the same shape."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

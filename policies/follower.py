@@ -81,7 +81,7 @@ class PathPolicy:
         self._follower: Follower | None = None
 
     def path(self, length: float) -> Path:
-        """The whole path for a strip of `length` [m]."""
+        """The whole path for a strip of `length` [m]; a policy that has none raises."""
         raise NotImplementedError
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:

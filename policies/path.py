@@ -5,9 +5,10 @@ from typing import Self
 
 import numpy as np
 
+from drivers.strip.grip_path import LIFT_TRAVEL
 from drivers.types import Array, frozen
 
-LIFT_TRAVEL = 0.10  # m of path over which the pitch grows from flat to hanging
+TAKEOVER_HEIGHT = 0.10  # m at which a policy takes over from the lift (paper)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,7 @@ class Path:
 
 
 def lift_pitch(travel: Array | float) -> Array:
-    """Pitch [rad] after `travel` [m] from a flat start: in proportion, to pi/2 at 0.10 m."""
+    """Pitch (...,) [rad] after `travel` (...,) [m] from a flat start: in proportion, then pi/2."""
     return np.asarray(np.pi / 2 * np.clip(np.asarray(travel) / LIFT_TRAVEL, 0.0, 1.0))
 
 

@@ -75,7 +75,7 @@ class Paths:
         self._speed = 0.0
 
     def reset(self, _: StripFile, speed: float, count: int) -> None:
-        """Begin at the paths' beginnings; `count` must be their number."""
+        """Begin at the paths' beginnings; ValueError unless `count` is their number."""
         if count != len(self._each):
             raise ValueError(f"{count} strips, but {len(self._each)} paths")
         self._followers = [Follower(path, 1) for path in self._each]

@@ -1,9 +1,9 @@
 """Policies by name."""
 
-from collections.abc import Callable
 from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError
+from policies.library import entries
 from policies.policy import Policy
 
 MOTION = "motion:"
@@ -11,7 +11,7 @@ MOTION = "motion:"
 
 def policy_names() -> tuple[str, ...]:
     """The names that `make_policy` knows, in the order in which to show them."""
-    return tuple(_MAKERS)
+    return tuple(entries())
 
 
 def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
@@ -23,13 +23,12 @@ def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _motion(name)
-    if name not in _MAKERS:
-        raise ConfigurationError(f"policy: unknown name {name!r}; allowed: {', '.join(_MAKERS)}")
-    if checkpoint is not None and name not in _LEARNED:
-        raise ConfigurationError(
-            f"checkpoint: {name} has no weights; allowed only for: {', '.join(sorted(_LEARNED))}"
-        )
-    return _MAKERS[name](checkpoint)
+    if name not in entries():
+        raise ConfigurationError(f"policy: unknown name {name!r}; allowed: {', '.join(entries())}")
+    if checkpoint is not None and not entries()[name].learned:
+        learned = ", ".join(sorted(n for n, entry in entries().items() if entry.learned))
+        raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")
+    return entries()[name].make(checkpoint)
 
 
 def _motion(name: str) -> Policy:
@@ -41,43 +40,3 @@ def _motion(name: str) -> Policy:
         allowed = ", ".join(MOTION + known for known in STANDARD)
         raise ConfigurationError(f"policy: unknown motion {name!r}; allowed: {allowed}")
     return Scripted(name, standard.of)
-
-
-def _triangular(_: FilePath | None) -> Policy:
-    from policies.fixed_paths import Triangular
-
-    return Triangular()
-
-
-def _circular(_: FilePath | None) -> Policy:
-    from policies.fixed_paths import Circular
-
-    return Circular()
-
-
-def _shifted(_: FilePath | None) -> Policy:
-    from policies.fixed_paths import Shifted
-
-    return Shifted()
-
-
-def _planned(_: FilePath | None) -> Policy:
-    from policies.planned import Planned
-
-    return Planned()
-
-
-def _feedback(checkpoint: FilePath | None) -> Policy:
-    from policies.feedback import load_feedback
-
-    return load_feedback(checkpoint)
-
-
-_LEARNED = frozenset({"feedback"})
-_MAKERS: dict[str, Callable[[FilePath | None], Policy]] = {
-    "triangular": _triangular,
-    "circular": _circular,
-    "shifted": _shifted,
-    "planned": _planned,
-    "feedback": _feedback,
-}

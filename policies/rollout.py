@@ -12,11 +12,9 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.types import Array
-from policies.path import Path
+from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy
 from policies.sensing import Eye, Sensing
-
-TAKEOVER = 0.10  # m at which the policy takes over from the lift
 
 
 @runtime_checkable
@@ -115,7 +113,7 @@ class _Loop:
         """Along `path` from rest until the grippers stand at the take-over height."""
         speed = self._settings.speed
         rise = path.points[np.argmax(path.points[:, 1]), 1]
-        height = min(TAKEOVER, 0.9 * float(rise))
+        height = min(TAKEOVER_HEIGHT, 0.9 * float(rise))
         self._force, self._looks = np.zeros(count), np.zeros(count)
         travel, pace = 0.0, 0.0
         while path.at(travel)[1] < height:

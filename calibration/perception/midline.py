@@ -33,7 +33,7 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Midline of the object that enters `image` at its left border, `count` points.
+    """Midline of the object that enters `image` (h, w, 3) at its left border, `count` points.
 
     Fluff, specks and a change of the background are not followed. A picture without one is a
     ConfigurationError.

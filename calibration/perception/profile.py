@@ -49,7 +49,7 @@ class MidlinePoints:
 
 
 def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoints:
-    """The strip's midline at each point of its outer side.
+    """The strip's midline at each point of its outer side in matte `levels` (h, w).
 
     The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a
     far one is drawn back from the foot by the sweep, and the near edge is looked for behind it.
@@ -102,7 +102,7 @@ def _far_offset(differences: Array, scale: float) -> float:
 
 
 def ordered(midline: MidlinePoints, spacing: float) -> Array:
-    """The midline's points at about equal `spacing` [m] in order, without doubling back.
+    """The midline's points (n, 2) at about equal `spacing` [m] in order, never doubling back.
 
     Where the outer side changes from near to far edge, its points repeat a stretch of the
     midline: they are sorted by how far they lie along it, and averaged.

@@ -32,7 +32,7 @@ class Region:
         return np.array([self.left, self.top], dtype=np.float64)
 
     def of(self, image: Image) -> Image:
-        """The part of `image`, a view."""
+        """The part of `image` (h, w, ...), a view."""
         return image[self.top : self.bottom, self.left : self.right]
 
 
@@ -79,7 +79,7 @@ def _zone(calibration: Calibration, length: float, low: float) -> Image:
 
 
 def hide_hand(mask: Image, region: Region, calibration: Calibration, gripper: Pose) -> None:
-    """Blank the hand in `mask`, the picture of `region`, in place."""
+    """Blank the hand in `mask` (h, w), the picture of `region`, in place."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
     (finger, slim), (hand, wide) = FINGER, HAND

@@ -1,32 +1,25 @@
 """Finished parts of a benchmark on the disk, so that a benchmark that died goes on."""
 
-import os
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
 from cell.benchmark.results import AnyResult, Result
-from cell.record.documents import json_line, read_json_lines, replace_file
-from drivers.errors import ConfigurationError
+from cell.record import json_lines
 
 _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
 
 
 class Journal:
-    """Lines of JSON at `path`, a finished part each: its key, what it was made of, its result.
+    """A line for each finished part: its key, what it was made of, its result.
 
-    A line is on the disk when `put` returns. Raises ConfigurationError where that is impossible.
+    Raises ConfigurationError where `path` cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
         """Open or begin; `again` forgets what was finished."""
-        self.path = path
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            lines = [] if again else read_json_lines(path)
-            replace_file(path, b"".join(json_line(line) for line in lines))
-        except OSError as error:
-            raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+        self._journal = json_lines.Journal(path, again=again)
+        lines = self._journal.lines
         self._known = {(str(line.get("key")), str(line.get("of"))): line for line in lines}
 
     def get(self, key: str, of: str) -> Result | None:
@@ -43,7 +36,4 @@ class Journal:
         """Keep `result`."""
         line = {"key": key, "of": of, "result": result.model_dump(mode="json")}
         self._known[key, of] = line
-        with self.path.open("ab") as stream:
-            stream.write(json_line(line))
-            stream.flush()
-            os.fsync(stream.fileno())
+        self._journal.append(line)

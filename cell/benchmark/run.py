@@ -1,11 +1,11 @@
 """A whole benchmark: what is left to measure, measured; everything put together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Protocol
 
-from cell.benchmark.crew import carry_out
+from cell import parallel
 from cell.benchmark.journal import Journal
 from cell.benchmark.parts.all_parts import order, weights_digest
 from cell.benchmark.parts.part import Part
@@ -55,7 +55,7 @@ def benchmark(
     left = [part for part in parts if part.key not in results]
     if left:
         calibration_of(settings)  # made once, not by every fold at once
-    for part, result in carry_out(left, jobs):
+    for part, result in measured(left, jobs):
         if not isinstance(result, Refused):
             journal.put(part.key, part.of, result)
         results[part.key] = result
@@ -67,6 +67,19 @@ def benchmark(
         speed=settings.fold.speed,
         results=tuple(results[part.key] for part in parts),
     )
+
+
+def measured(parts: Sequence[Part], jobs: int) -> Iterator[tuple[Part, Result]]:
+    """Every part with its result, `jobs` at a time; one that cannot be measured is Refused."""
+    for part, result in parallel.run(parts, jobs, _measure):
+        if isinstance(result, parallel.Refusal):
+            yield part, Refused(part=part.key, reason=result.reason)
+        else:
+            yield part, result
+
+
+def _measure(part: Part) -> Result:
+    return part.measure()
 
 
 def made_with(cell: str) -> Mapping[str, str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Runs
+from cell.cli.options import Configs, Json, Runs, policy_names
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Viz(StrEnum):
 def fold(
     strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
     policy: Annotated[
-        str, typer.Option(help="How the gripper is moved: " + POLICIES)
+        str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")
     ] = "feedback",
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Annotated[

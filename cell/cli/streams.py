@@ -46,8 +46,8 @@ def guard_streams() -> Outlet | None:
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # the lowest one free, which is this
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError, AttributeError):
-            stream.flush()
+        with suppress(OSError, ValueError):
+            print(end="", file=stream, flush=True)
     out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
     sys.stdout, sys.stderr = _text(out, sys.stdout), _text(err, sys.stderr)
     return out

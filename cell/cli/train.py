@@ -60,12 +60,12 @@ def train(
 
 
 def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
+    from cell.parallel import cores, workers
     from cell.train.cluster import cluster
-    from cell.train.here import cores, workers_here
     from drivers.errors import ConfigurationError
 
     if address is None:
-        return workers_here(jobs or cores())
+        return workers(jobs or cores())
     if jobs is not None:
         raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
     return cluster(address)

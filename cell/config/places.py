@@ -31,7 +31,10 @@ class Configs:
         return cell.model_copy(update={"calibration": str(self.folder / cell.calibration)})
 
     def strip_path(self, name: str) -> Path:
-        """The file of a strip given by name, or by path when it ends in .yaml."""
+        """The file of a strip given by name, or by path when it ends in .yaml.
+
+        Raises ConfigurationError for a name that no file has.
+        """
         if name.endswith((".yaml", ".yml")):
             return Path(name)
         path = self.folder / "strips" / f"{name}.yaml"
@@ -53,7 +56,10 @@ class Configs:
 
 
 def find_configs(given: Path | None) -> Configs:
-    """The folder named by `--configs`, else ./configs, else the package's own."""
+    """The folder named by `--configs`, else ./configs, else the package's own.
+
+    Raises ConfigurationError where it holds no cell.yaml.
+    """
     if given is not None:
         if not (given / "cell.yaml").is_file():
             raise ConfigurationError(

@@ -12,7 +12,7 @@ from cell.devices.devices import Devices
 from drivers.protocols import Arm, Hand
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, true_poses
+from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, share_away, true_poses
 from drivers.strip.model import Observation, Rig, StripModel
 from drivers.types import ArmState, Array, Pose, Velocity
 
@@ -108,8 +108,7 @@ class CorrectedArm:
 
     def _grow(self, reported: Array) -> None:
         if self._start is not None:
-            away = float(np.hypot(*(reported - self._start)[:2]))
-            self._share = max(self._share, min(away / LIFT_TRAVEL, 1.0))
+            self._share = max(self._share, float(share_away(reported, self._start)))
         self._reported = reported
 
     def _drift(self, rate: Velocity) -> Array:

@@ -3,14 +3,12 @@
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
-from cell.benchmark.crew import carry_out
-from cell.benchmark.results import Refused
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import seal, sources
 from cell.exam.run_case import Examined, Maker, Steps, failed, made_by_tier
 from cell.exam.scoring.results import Entry, Ledger
+from cell.parallel import Refusal, run
 
 LEDGER = "ledger.jsonl"
 Progress = Callable[[int, int, str], None]
@@ -70,6 +68,9 @@ def said(entry: Entry) -> str:
 
 def _carried_out(parts: Sequence[Examined], jobs: int) -> Iterator[tuple[str, Entry | str]]:
     """Names and entries as they finish; words where a process died."""
-    crew: Any = carry_out  # asks of a part no more than its key and that it can be measured
-    for part, result in crew(parts, jobs):
-        yield part.key, result.reason if isinstance(result, Refused) else result
+    for part, result in run(parts, jobs, _measure):
+        yield part.key, result.reason if isinstance(result, Refusal) else result
+
+
+def _measure(part: Examined) -> Entry:
+    return part.measure()

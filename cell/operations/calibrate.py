@@ -119,7 +119,7 @@ def calibrate(
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """The lens, from as many views of the board as it takes."""
+    """The lens, from as many views of the board as it takes; raises CellError where it is poor."""
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:
         views.tell(aids.show_board(pose))

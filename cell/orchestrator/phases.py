@@ -36,7 +36,7 @@ class Pictured:
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Judge the picture of the strip before it is touched."""
+    """Judge the picture of the strip before it is touched; raises PreflightRefused."""
     fold = cell.settings.fold
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
     frame = (yield from _still_picture()).frame
@@ -71,7 +71,7 @@ def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Come from beyond the free edge, close the fingers on it, check that they hold it."""
+    """Come from beyond the free edge and close the fingers on it; a Fault where they miss it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -173,7 +173,10 @@ def phases_of(context: Context) -> dict[State, PhaseFactory]:
 
 
 def observe(snapshot: Snapshot) -> Observation:
-    """What the policy may know: the gripper now, the strip when the newest image was so."""
+    """What the policy may know: the gripper now, the strip as the newest image shows it.
+
+    Raises Fault without an image.
+    """
     seen, pose = snapshot.view.measurement, snapshot.arm.pose
     if seen is None:
         raise Fault("image_stale", "a policy was asked to decide without an image")

@@ -4,8 +4,9 @@ import queue
 import threading
 from pathlib import Path
 
-from cell.record.documents import json_line, write_all
+from cell.record.documents import write_all
 from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
+from cell.record.json_lines import json_line
 from drivers.types import Frame
 
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk

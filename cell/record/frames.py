@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cell.record.documents import read_json_lines
+from cell.record.json_lines import read_json_lines
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Frame, Image
@@ -35,7 +35,7 @@ class FrameNote:
 
 
 def digest(image: Image) -> str:
-    """sha256 of the pixels of an image, row by row."""
+    """sha256 of the pixels of an image (h, w) or (h, w, 3), row by row."""
     return hashlib.sha256(np.ascontiguousarray(image).data).hexdigest()
 
 
@@ -45,8 +45,10 @@ def frame_file(folder: Path, sequence: int) -> Path:
 
 
 def encode(image: Image) -> bytes:
-    """`image` as PNG, lossless. On camera noise Huffman coding of differences is the fastest, and
-    within a tenth of the smallest.
+    """`image` (h, w) or (h, w, 3) as PNG, lossless; OSError where that fails.
+
+    On camera noise Huffman coding of differences is the fastest, and within a tenth of the
+    smallest.
     """
     import cv2
 
@@ -59,7 +61,7 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """The image in a file; ConfigurationError when it is none."""
+    """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is none."""
     import cv2
 
     content = read_bytes(path, PNG_BYTES)
@@ -116,7 +118,7 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Every image that the run in `folder` saw, in order."""
+    """Every image that the run in `folder` saw, in order; ConfigurationError for a broken line."""
     try:
         return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
     except (KeyError, TypeError, ValueError, OverflowError):

@@ -8,7 +8,6 @@ from typing import Any
 
 from calibration.calibration import Calibration, load_calibration
 from cell.record.columns import Profile, Sights, Ticks
-from cell.record.documents import read_json_lines
 from cell.record.files import (
     CALIBRATION,
     EVENTS,
@@ -24,6 +23,7 @@ from cell.record.files import (
 )
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
+from cell.record.json_lines import read_json_lines
 from cell.record.parquet_file import read_parquet
 from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.tables import Tables, assemble, write_tables

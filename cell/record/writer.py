@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, Self
 
 from calibration.perception.measurement import StripMeasurement
-from cell.record.documents import json_line, write_all, write_document
+from cell.record.documents import write_all, write_document
 from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
 from cell.record.header import Header, Result
+from cell.record.json_lines import json_line
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile
 from cell.record.tables import assemble, write_tables
 from cell.record.tick import Tick

@@ -37,7 +37,7 @@ class Window:
     right: int
 
     def cut(self, image: Image) -> Image:
-        """That part of `image`."""
+        """That part of `image` (h, w, 3)."""
         return image[self.top : self.bottom, self.left : self.right]
 
 

@@ -36,7 +36,7 @@ def edited(text: str, content: Mapping[str, Any]) -> str:
 
 
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
-    """Put `content` into the strip file at `path`, checked, in one step."""
+    """Put `content` into the strip file at `path`, checked, in one step; or ConfigurationError."""
     parse(content, StripFile, str(path))
     try:
         replace_file(path, edited(path.read_text(encoding="utf-8"), content).encode())
@@ -92,7 +92,10 @@ ASSUMED = {
 def new_strip(
     path: Path, stated: Mapping[str, Any], colour: Sequence[int] | None, sources: Sequence[str]
 ) -> None:
-    """A strip file at `path`; `stated` values may be None, `sources` read `key=where from`."""
+    """A strip file at `path`; `stated` values may be None, `sources` read `key=where from`.
+
+    Raises ConfigurationError for a source without its value.
+    """
     told = dict(_source(each) for each in sources)
     for key in told:
         if stated.get(key) is None:

@@ -15,7 +15,10 @@ NUMBERS = "measurement.json"
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """A picture for each photograph and the numbers, in `folder`; the numbers come last."""
+    """A picture for each photograph and the numbers, in `folder`; the numbers come last.
+
+    Raises ConfigurationError where the folder cannot be written.
+    """
     bending = measurement.bending
     pairs = zip(bending.fits, bending.straight, strict=True)
     pictures = {

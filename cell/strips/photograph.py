@@ -48,7 +48,7 @@ class Photograph:
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """The pictures at `paths`, each with its overhang [m]; see `read_photograph`."""
+    """The pictures at `paths`, each with its overhang [m]; ConfigurationError for bad ones."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):

@@ -56,7 +56,7 @@ class Problem:
         self._frame = _frame(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """The strip of these values, and how far the midline is from it. Raises NoRest."""
+        """The strip of `values` (p,), and how far the midline is from it. Raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,

@@ -81,7 +81,8 @@ def evaluate(
 ) -> tuple[Evaluation, ...]:
     """Fold the `side` x `side` grid on each engine, a row of strips a piece over `executor`.
 
-    Engines meet the same noise and delays. `watch` hears how many pieces of how many are done.
+    `weights` are (p,). Engines meet the same noise and delays. `watch` hears how many pieces of
+    how many are done.
     """
     wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
     waiting = {executor.submit(fold_row, weights, settings, side, *w): w for w in wanted}

@@ -80,7 +80,7 @@ def _keep(trained: Trained, path: Path) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Makes `folder` and keeps other trainings out of it until left."""
+    """Make `folder` and keep other trainings out of it until left; ConfigurationError if not."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.types import frozen
 
 REACH = 0.005  # m to each side over which a crease turns
 SET = 1.2  # bending lengths before the grip: where its first turn bends a strip that lies
-GRAVITY = 9.81  # m/s^2
 
 
 def creased(model: StripModel, angle: float, position: float) -> StripModel:

@@ -56,6 +56,16 @@ class StripFile(Settings):
         return self.areal_density * self.width
 
     @property
+    def mass(self) -> float:
+        """Mass of the whole strip [kg]."""
+        return self.linear_density * self.length
+
+    @property
+    def weight(self) -> float:
+        """Weight of the whole strip [N]."""
+        return self.linear_density * GRAVITY * self.length
+
+    @property
     def rigidity(self) -> float:
         """Bending rigidity EI = c^3 w of the whole width [N m^2], w the weight per length."""
         return self.bending_length**3 * self.linear_density * GRAVITY

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.strip.model import Rig
 from drivers.types import Array
 
-LIFT_TRAVEL = 0.10  # m
+LIFT_TRAVEL = 0.10  # m of path over which a lift turns the pitch from flat to hanging
 AS_REPORTED = Rig()
 
 
@@ -28,8 +28,16 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
 
 def growth(poses: Array) -> Array:
     """Share (m,) of the rig's offsets that has grown along reported `poses` (m, 3)."""
-    away = np.hypot(*(poses[:, :2] - poses[0, :2]).T)
-    return np.minimum(np.maximum.accumulate(away) / LIFT_TRAVEL, 1.0)
+    return np.maximum.accumulate(share_away(poses, poses[0]))
+
+
+def share_away(poses: Array, start: Array) -> Array:
+    """Share (...,) of the rig's offsets at reported `poses` (..., 3) of a lift from `start` (3,).
+
+    A lift that comes back keeps the largest share that it has had.
+    """
+    away = np.hypot(poses[..., 0] - start[0], poses[..., 1] - start[1])
+    return np.asarray(np.minimum(away / LIFT_TRAVEL, 1.0))
 
 
 def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
@@ -38,7 +46,7 @@ def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """What the arm reports, and is to be told, where the grip truly is; undoes `true_poses`."""
+    """Poses (..., 3) as the arm reports them, and is told, for true ones; undoes `true_poses`."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 

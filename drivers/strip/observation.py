@@ -14,12 +14,12 @@ from drivers.types import Array
 
 
 def seen_time(observation: Observation, t: Array | float) -> Array | float:
-    """Stamp [s] of the image that shows the world at true time `t`."""
+    """Stamp (...,) [s] of the image that shows the world at true time `t` (...,)."""
     return t + observation.camera_latency
 
 
 def shown_time(observation: Observation, stamp: Array | float) -> Array | float:
-    """True time [s] that an image with `stamp` shows."""
+    """True time (...,) [s] that an image with `stamp` (...,) shows."""
     return stamp - observation.camera_latency
 
 
@@ -36,12 +36,12 @@ def true_points(model: StripModel, points: Array) -> Array:
 
 
 def seen_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Measured contact_x [m] of a desk contact that truly is at `x`."""
+    """Measured contact_x (...,) [m] of a desk contact that truly is at `x` (...,)."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
 
 def true_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Where a desk contact measured at `x` truly is [m]; undoes `seen_contact`."""
+    """Where a desk contact measured at `x` (...,) truly is [m]; undoes `seen_contact`."""
     return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
 
 

@@ -36,7 +36,7 @@ class Gap:
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """x [m] where the midline first stands `height` above rest, from the fixed end.
+    """x [m] where the midline `points` (n, 2) first stands `height` above rest, from the fixed end.
 
     The whole strip below `height` gives the x of its grasped end.
     """
@@ -69,9 +69,10 @@ def fold_tip(points: Array) -> tuple[float, float]:
 def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
 
-    The upper layer runs from the fold's rightmost point to the grasped edge. Beside that point
-    both layers meet by definition, so the gap counts from where it first exceeds `opening` [m],
-    and only once it has begun to close again: at a node that is a local minimum.
+    `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
+    rightmost point to the grasped edge. Beside that point both layers meet by definition, so the
+    gap counts from where it first exceeds `opening` [m], and only once it has begun to close
+    again: at a node that is a local minimum.
     """
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]

@@ -62,7 +62,10 @@ class TwinClock:
         return self._now / NANO
 
     def every(self, period: float, action: Action, turn: Turn, start: float | None = None) -> Event:
-        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given."""
+        """Call `action(now)` at start + n period, n = 1, 2, ... [s]; from now unless given.
+
+        Raises CellError for a period under 1 ns.
+        """
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
         begin = self.now() if start is None else start
@@ -75,7 +78,8 @@ class TwinClock:
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; return at once when it is past.
 
-        An error of an event comes out here with the clock at that event's time.
+        An error of an event comes out here with the clock at that event's time. Raises CellError
+        when an event calls it.
         """
         if self._running:
             raise CellError("clock: an event cannot wait; it can only ask for a later event")

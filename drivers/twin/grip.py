@@ -1,10 +1,10 @@
 """How the strip's edge sits between the fingers, and where those truly are."""
 
 from dataclasses import dataclass
-from math import cos, hypot, sin
+from math import cos, sin
 from typing import Self
 
-from drivers.strip.grip_path import LIFT_TRAVEL, true_poses
+from drivers.strip.grip_path import share_away, true_poses
 from drivers.strip.model import Rig
 from drivers.types import Pose
 
@@ -52,8 +52,8 @@ class RigOffsets:
     def passed(self, believed: Pose) -> Pose:
         """The true pose of a gripper that has come to `believed`."""
         if self._start is not None:
-            away = hypot(believed.x - self._start.x, believed.z - self._start.z)
-            self._share = max(self._share, min(away / LIFT_TRAVEL, 1.0))
+            share = share_away(believed.as_array(), self._start.as_array())
+            self._share = max(self._share, float(share))
         return self.true(believed)
 
     def true(self, believed: Pose) -> Pose:

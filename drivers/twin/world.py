@@ -103,7 +103,10 @@ class World:
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
-        """The fingers hold the strip's edge from now on, as it lies between them."""
+        """Hold the strip's edge from now on, as it lies between the fingers.
+
+        Raises Fault the second time.
+        """
         if self._grasped_at is not None:
             raise Fault(
                 "grasp_not_simulated",

@@ -74,7 +74,7 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Every strip folded by every candidate, candidates outermost."""
+    """Every strip folded by every one of `candidates` (p, WEIGHTS), candidates outermost."""
     models = [describe(strip) for strip in strips] * len(candidates)
     policy = Feedback(candidates)
     return roll_out(

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
-from drivers.strip.effects.effect import Effect
+from drivers.strip.effects.effect import Effect, Parameter
 from drivers.strip.engine import StripMotion
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import true_path
@@ -21,7 +21,7 @@ LENGTH = 0.6
 SPEED = 0.1
 EVERY = 20  # steps between shapes
 PATHS = {"triangular": triangular(LENGTH), "circular": circular(LENGTH)}
-# What a parameter is while another one of its effect varies.
+# Values that the tests of today were written for; others follow from the role.
 USUAL = {
     "factor": 5.0, "position": 0.3, "width": 0.03, "ratio": 0.3, "time": 0.5, "angle": 0.1,
     "mass": 1e-3, "x": 0.003, "z": 0.003, "stiffness_ratio": 8.0, "yield_curvature": 12.0,
@@ -53,6 +53,16 @@ def bare() -> StripModel:
     return describe(denim(), index=INDEX)
 
 
+def usual(effect: Effect, parameter: Parameter) -> float:
+    """What a parameter is while another one of its effect varies."""
+    if parameter.name in USUAL:
+        return USUAL[parameter.name]
+    by_role = {"place": 0.5 * LENGTH, "width": 0.03, "time": 0.5, "ratio": 8.0}
+    if parameter.role == "amount":
+        return effect.sizes(denim())[-1]
+    return by_role.get(parameter.role, parameter.guess or 0.0)
+
+
 def levels(effect: Effect) -> list[dict[str, float]]:
     """Low, middle and high of each parameter, the others as usual."""
     cases = []
@@ -60,7 +70,7 @@ def levels(effect: Effect) -> list[dict[str, float]]:
         low, high = parameter.low, min(parameter.high, LENGTH)
         high = high if parameter.name == "position" else parameter.high
         middle = np.sqrt(low * high) if parameter.null is None and low > 0 else (low + high) / 2
-        rest = {p.name: USUAL[p.name] for p in effect.parameters if p is not parameter}
+        rest = {p.name: usual(effect, p) for p in effect.parameters if p is not parameter}
         cases += [{**rest, parameter.name: float(value)} for value in (low, middle, high)]
     return cases
 

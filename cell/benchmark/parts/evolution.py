@@ -14,7 +14,8 @@ from drivers.strip.rod.engine import Rod
 from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.domain import strip_at
-from policies.rollout import TAKEOVER, Rollout, roll_out
+from policies.path import TAKEOVER_HEIGHT
+from policies.rollout import Rollout, roll_out
 from policies.sensing import EXACT
 
 LEVEL = "level"  # the gripper moves level, as where critical points are measured
@@ -73,7 +74,7 @@ class Evolved:
         end = int(witness.frames[0])
         shapes = np.array(witness.midlines[:end])[:, 0]
         contacts = np.array(witness.contacts[:end])[:, 0]
-        return _Seen.of(shapes, contacts, folds.trace[:end, 0], folds.touch[0], TAKEOVER)
+        return _Seen.of(shapes, contacts, folds.trace[:end, 0], folds.touch[0], TAKEOVER_HEIGHT)
 
 
 @dataclass(frozen=True, slots=True)

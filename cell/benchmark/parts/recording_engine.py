@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from drivers.strip.engine import Observables, Stepper
 from drivers.strip.model import StripModel
 from drivers.types import Array
-from policies.rollout import TAKEOVER, Marching
+from policies.path import TAKEOVER_HEIGHT
+from policies.rollout import Marching
 
 
 class RecordingEngine:
@@ -67,7 +68,7 @@ class RecordingEngine:
 
         As the paper counts it; the lift before is not the policy's.
         """
-        lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER
+        lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER_HEIGHT
         counted = np.array(self._going) & lifted
         total = np.where(counted, np.array(self._forces), 0.0).sum(axis=0)
         return np.asarray(total / np.maximum(counted.sum(axis=0), 1))

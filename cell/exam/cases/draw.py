@@ -7,9 +7,8 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
-from cell.exam.cases.outside import OUTSIDE
 from cell.exam.cases.strength import Path, Ruler
-from cell.exam.causes import CAUSES
+from cell.exam.causes import causes
 from cell.exam.runs.from_model import BY, MOTIONS
 from cell.exam.runs.through_images import refusal
 from cell.record.header import Sigma
@@ -34,7 +33,8 @@ SHARES: dict[Tier, dict[Kind, float]] = {
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
 UNLIKE = 2  # one in so many triples of levels through images has laws that only resemble
-RESEMBLING = {cause.answers: name for name, cause in CAUSES.items() if cause.answers}
+OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
+RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
 def cases(tier: Tier, count: int, seed: int) -> list[Case]:
@@ -96,7 +96,7 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
         if shown is not None:
             strip, values = shown
             cause = RESEMBLING[name]
-            known = {k: v for k, v in values.items() if k in CAUSES[cause].model_fields}
+            known = {k: v for k, v in values.items() if k in causes()[cause].model_fields}
             update = {"strip": strip, "causes": {cause: known}, "answer": (name,)}
             return case.model_copy(update={**update, "strength": level})
     raise Fault("exam", f"{case.name}: no law that resembles the library's is {level}")
@@ -132,9 +132,10 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
 def _with_foreign(case: Case, number: int) -> Case:
     """A cause that nothing in the library resembles, of medium strength or above."""
     turn, place = divmod(number, len(OUTSIDE))
-    name = sorted(OUTSIDE)[place]
+    name = OUTSIDE[place]
     strong: Strength = "strong" if (turn + place) % 2 else "medium"
-    return case.model_copy(update={"causes": {name: OUTSIDE[name][strong]}, "strength": strong})
+    hidden = {name: dict(causes()[name].sizes[strong])}
+    return case.model_copy(update={"causes": hidden, "strength": strong})
 
 
 def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
@@ -144,7 +145,10 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
 
 
 def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
-    """`count` effects, each of strength `level` for itself on the case's strip as stated."""
+    """`count` effects, each of strength `level` for itself on the case's strip as stated.
+
+    Raises Fault where no effect of that strip can be that strong.
+    """
     strip, ruler = find_configs(None).strip(case.strip), _ruler(case.strip, case.tier)
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
@@ -172,13 +176,13 @@ def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
     """An effect with the numbers that shape it drawn, growing to a side drawn too."""
     others: Values = {}
     for p in effect.parameters[1:]:
-        if p.name == "position":
+        if p.role == "place":
             others[p.name] = float(strip.length * rng.uniform(*PLACES))
-        elif p.name == "width":
+        elif p.role == "width":
             others[p.name] = float(strip.bending_length * rng.uniform(*WIDTHS))
-        elif p.name == "time":
+        elif p.role == "time":
             others[p.name] = float(np.exp(rng.uniform(*np.log(TIMES))))
-        elif p.name == "stiffness_ratio":
+        elif p.role == "ratio":
             others[p.name] = float(rng.uniform(*RATIOS))
         elif p.null is not None:
             others[p.name] = p.null

@@ -11,7 +11,6 @@ from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.subject.strip.experiments import planned
-from cell.gap.subject.strip.probes import sizes
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.subject import Request
 from cell.record.header import Sigma
@@ -38,7 +37,7 @@ class Path:
     @classmethod
     def of(cls, effect: Effect, strip: StripFile, others: dict[str, float], *, up: bool) -> Self:
         """Towards the largest believable value on `strip`; `up` where both signs are possible."""
-        p, known = effect.parameters[0], sizes(effect, strip)
+        p, known = effect.parameters[0], effect.sizes(strip)
         if p.null is None:
             return cls(effect, others, max(p.low, min(known) / BELIEVABLE))
         if p.null > 0.0:
@@ -145,7 +144,7 @@ class Ruler:
 
 
 def engine_values(name: str, values: dict[str, float]) -> Array:
-    """An effect's parameters, stated as files state them, as the gap engine has them."""
+    """An effect's parameters, stated as files state them, as the gap engine has them (p,)."""
     effect = registry()[name]
     complete = effect.complete(values)
     switch = effect.parameters[0]
@@ -154,6 +153,6 @@ def engine_values(name: str, values: dict[str, float]) -> Array:
         [
             1.0 / complete[p.name] if inverse and p is switch else complete[p.name]
             for p in effect.parameters
-            if p.finer is None or p.name in values
+            if p.role != "shape" or p.name in values
         ]
     )

@@ -1,11 +1,12 @@
 """Stiffness that is lost at once, between two runs."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.strip.model import StripModel
 
 
@@ -14,6 +15,9 @@ class BrokenIn(Cause):
 
     Source: assumed; a size or finish that cracks when it is first bent sharply.
     """
+
+    amount: ClassVar[str] = "factor"
+    sizes: ClassVar[Sizes] = {"medium": {"factor": 0.45}, "strong": {"factor": 0.3}}
 
     factor: float = Field(gt=0.05, le=5)
     first: int = Field(5, ge=1, le=100)
@@ -24,3 +28,6 @@ class BrokenIn(Cause):
             return model
         same = np.full(len(model.mechanics.rigidity), self.factor)
         return replace(model, mechanics=model.mechanics.stiffened(same))
+
+
+CAUSE = BrokenIn

@@ -1,5 +1,6 @@
 """What every hidden cause is: settings of its own, and the places where it can take hold."""
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -9,16 +10,23 @@ from drivers.strip.model import StripModel
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.types import Array
 
+Sizes = Mapping[str, Mapping[str, float]]
+
 
 class Cause(Settings):
     """Something that a plant of the exam has and no description of a strip holds.
 
-    `answers` names the effect of the library that it resembles; None where there is none, and the
-    right verdict is to abstain. Values are SI; at its null a cause changes nothing. All chance
-    comes from the generators that it is given.
+    `amount` names the setting that says how much of it there is. `answers` names the effect of
+    the library that it resembles, whose own amount then has the same name and meaning; None where
+    there is none, and the right verdict is to abstain. `sizes` are values by strength that leave
+    a gap of about 2.5 (medium) and 6 (strong) on denim, for causes that the exam draws. Values
+    are SI; at its null a cause changes nothing. All chance comes from the generators that it is
+    given.
     """
 
+    amount: ClassVar[str]
     answers: ClassVar[str | None] = None
+    sizes: ClassVar[Sizes] = {}
 
     def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip as it lies there in the run `model.index`; `rng` is the run's."""

@@ -1,8 +1,10 @@
 """A camera whose clock is not the arm's."""
 
+from typing import ClassVar
+
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 
 
 class ClockDrift(Cause):
@@ -11,8 +13,14 @@ class ClockDrift(Cause):
     Source: assumed; a stamp by the count of frames of a camera that is slower than stated.
     """
 
+    amount: ClassVar[str] = "drift"
+    sizes: ClassVar[Sizes] = {"medium": {"drift": 0.006}, "strong": {"drift": 0.015}}
+
     drift: float = Field(ge=0, le=0.05)
 
     def shown(self, since: float) -> float:
         """The moment that an image stamped `since` shows."""
         return since / (1.0 + self.drift)
+
+
+CAUSE = ClockDrift

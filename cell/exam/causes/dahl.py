@@ -18,6 +18,7 @@ class Dahl(Cause):
     of mechanical vibrations, AIAA Journal 14(12), 1976; `exponent` is his i.
     """
 
+    amount: ClassVar[str] = "yield_curvature"
     answers: ClassVar[str | None] = "bending_hysteresis"
 
     yield_curvature: float = Field(ge=0, le=100)  # 1/m
@@ -66,3 +67,6 @@ def _less(short: Array, way: Array, exponent: float) -> Array:
         return np.asarray(short * np.exp(-way))
     power = exponent - 1.0
     return np.asarray((short**-power + power * way) ** (-1.0 / power))
+
+
+CAUSE = Dahl

@@ -1,11 +1,13 @@
 """Moving air in the room."""
 
+from typing import ClassVar
+
 import mujoco
 import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.air import moving, slowed
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR
 
@@ -20,6 +22,9 @@ class Draught(Cause):
     `gusts` and memory `memory` [s], a boundary layer z^(1/7) over the desk. Source: air-conditioned
     rooms have 0.1 to 0.4 m/s with turbulence of 40 % (ISO 7730, draught rating).
     """
+
+    amount: ClassVar[str] = "speed"
+    sizes: ClassVar[Sizes] = {"medium": {"speed": 0.35}, "strong": {"speed": 0.55}}
 
     speed: float = Field(ge=-2, le=2)  # m/s
     gusts: float = Field(0.3, ge=0, le=1)
@@ -48,3 +53,6 @@ class Draught(Cause):
             data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, relative, h)
 
         return act
+
+
+CAUSE = Draught

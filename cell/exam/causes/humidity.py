@@ -1,11 +1,12 @@
 """Air that is drier or damper in every run."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.strip.model import StripModel
 
 
@@ -17,6 +18,9 @@ class Humidity(Cause):
     Textile Fibres); the rest is assumed.
     """
 
+    amount: ClassVar[str] = "spread"
+    sizes: ClassVar[Sizes] = {"medium": {"spread": 0.45}, "strong": {"spread": 0.8}}
+
     spread: float = Field(ge=0, le=1)
 
     def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:
@@ -27,3 +31,6 @@ class Humidity(Cause):
         mechanics = model.mechanics.stiffened(np.full(len(model.mechanics.rigidity), factor))
         viscosity = mechanics.viscosity / np.sqrt(factor)
         return replace(model, mechanics=replace(mechanics, viscosity=viscosity))
+
+
+CAUSE = Humidity

@@ -20,6 +20,7 @@ class LogCreep(Cause):
     Properties of Textile Fibres, chapter on rheology.
     """
 
+    amount: ClassVar[str] = "ratio"
     answers: ClassVar[str | None] = "relaxation"
 
     ratio: float = Field(ge=0, le=0.9)
@@ -52,3 +53,6 @@ class Fading:
         self._angle, self._elapsed = angle, h
         lost = (angle - self._rest - self._strain).sum(axis=0)
         return -self._share * lost, np.zeros_like(angle)
+
+
+CAUSE = LogCreep

@@ -20,6 +20,7 @@ class ObliqueDrag(Cause):
     laminar friction, exponent 1.5, and separated flow, 2); Taylor, Proc. R. Soc. A 214, 1952.
     """
 
+    amount: ClassVar[str] = "coefficient"
     answers: ClassVar[str | None] = "air_drag"
 
     coefficient: float = Field(ge=0, le=100)
@@ -44,3 +45,6 @@ class ObliqueDrag(Cause):
             data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, speed, h)
 
         return act
+
+
+CAUSE = ObliqueDrag

@@ -17,6 +17,7 @@ class PowerDamping(Cause):
     de Waele, here of a dashpot; the exponent is assumed.
     """
 
+    amount: ClassVar[str] = "coefficient"
     answers: ClassVar[str | None] = "quadratic_damping"
 
     coefficient: float = Field(ge=0, le=1.0)  # m s^2
@@ -37,3 +38,6 @@ class PowerDamping(Cause):
             model.dof_damping[hinges] += size * part ** (self.exponent - 1.0)
 
         return act
+
+
+CAUSE = PowerDamping

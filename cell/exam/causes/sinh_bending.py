@@ -20,6 +20,7 @@ class SinhBending(Cause):
     The mechanical properties of woven fabrics II, Text. Res. J. 36, 1966; sinh is assumed.
     """
 
+    amount: ClassVar[str] = "cubic"
     answers: ClassVar[str | None] = "nonlinear_bending"
 
     cubic: float = Field(ge=-1e-3, le=1e-3)  # m^2
@@ -45,3 +46,6 @@ class Excess:
         value = np.sinh(x) if self._hard else np.tanh(x)
         slope = np.cosh(x) if self._hard else 1.0 / np.cosh(x) ** 2
         return self._stiffness * self._scale * (value - x), self._stiffness * (slope - 1.0)
+
+
+CAUSE = SinhBending

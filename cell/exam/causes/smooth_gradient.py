@@ -16,6 +16,7 @@ class SmoothGradient(Cause):
     Source: assumed; finishes and dyes vary like that from selvedge to middle.
     """
 
+    amount: ClassVar[str] = "slope"
     answers: ClassVar[str | None] = "stiffness_gradient"
 
     slope: float = Field(gt=-2, lt=2)
@@ -28,3 +29,6 @@ class SmoothGradient(Cause):
         share = mechanics.cells / mechanics.length - 0.5
         factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
         return replace(model, mechanics=mechanics.stiffened(factor))
+
+
+CAUSE = SmoothGradient

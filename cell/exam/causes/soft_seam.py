@@ -17,6 +17,7 @@ class SoftSeam(Cause):
     integral. Source: assumed; glue and overlocked edges fade out.
     """
 
+    amount: ClassVar[str] = "factor"
     answers: ClassVar[str | None] = "seam"
 
     factor: float = Field(ge=0.1, le=50)
@@ -31,3 +32,6 @@ class SoftSeam(Cause):
         away = (mechanics.cells - self.position) / self.width
         factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
         return replace(model, mechanics=mechanics.stiffened(factor))
+
+
+CAUSE = SoftSeam

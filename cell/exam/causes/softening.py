@@ -1,6 +1,7 @@
 """Inner friction that a specimen loses in its first runs."""
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +17,8 @@ class Softening(Cause):
     Source: assumed; handle tests of fabrics are conditioned by repeated bending for this reason.
     """
 
+    amount: ClassVar[str] = "loss"
+
     loss: float = Field(ge=0, lt=1)
     runs: float = Field(2.5, gt=0, le=100)
 
@@ -26,3 +29,6 @@ class Softening(Cause):
         factor = 1.0 - self.loss * (1.0 - np.exp(-model.index / self.runs))
         viscosity = frozen(model.mechanics.viscosity * factor)
         return replace(model, mechanics=replace(model.mechanics, viscosity=viscosity))
+
+
+CAUSE = Softening

@@ -1,10 +1,12 @@
 """Electrostatic attraction between strip and desk."""
 
+from typing import ClassVar
+
 import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 
 
@@ -14,6 +16,9 @@ class StaticCling(Cause):
     Source: charged textiles hold some uC/m^2, that is sigma^2 / (2 eps_0) of 0.05 to 5 N/m^2;
     the reach, as for patches of charge of alternate sign, is assumed.
     """
+
+    amount: ClassVar[str] = "pressure"
+    sizes: ClassVar[Sizes] = {"medium": {"pressure": 5.0}, "strong": {"pressure": 15.0}}
 
     pressure: float = Field(ge=0, le=50)
     reach: float = Field(0.010, gt=0, le=0.1)  # m
@@ -32,3 +37,6 @@ class StaticCling(Cause):
             data.xfrc_applied[1:-2, 2] -= size * level * np.exp(-height / self.reach)
 
         return act
+
+
+CAUSE = StaticCling

@@ -1,9 +1,11 @@
 """A gripper that vibrates without the arm's knowledge."""
 
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.cause import Cause
+from cell.exam.causes.cause import Cause, Sizes
 from drivers.types import Array
 
 GROWTH = 0.5  # s after the grasp, in which it sets in
@@ -15,14 +17,20 @@ class Wobble(Cause):
     Source: assumed; a fan or a pump on a bench drives the fingers behind the last encoder.
     """
 
+    amount: ClassVar[str] = "amplitude"
+    sizes: ClassVar[Sizes] = {"medium": {"amplitude": 0.003}, "strong": {"amplitude": 0.006}}
+
     amplitude: float = Field(ge=0, le=0.01)  # m
     frequency: float = Field(3.7, gt=0, le=50)  # Hz
     sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
 
     def moved(self, pose: Array, time: float) -> Array:
-        """Where the edge truly is."""
+        """True pose (3,) of the edge that is held at `pose` (3,)."""
         if self.amplitude == 0:
             return pose
         swing = self.amplitude * min(time / GROWTH, 1.0)
         swing *= np.sin(2 * np.pi * self.frequency * time)
         return np.asarray(pose + np.array([self.sideways * swing, swing, 0.0]))
+
+
+CAUSE = Wobble

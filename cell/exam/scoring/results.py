@@ -1,6 +1,5 @@
 """The ledger of an exam: what came of every case, so that one that was interrupted goes on."""
 
-import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
@@ -9,8 +8,7 @@ from pydantic import ValidationError
 
 from cell.exam.case import Case
 from cell.exam.scoring.score import Outcome
-from cell.record.documents import json_line, read_json_lines, replace_file
-from drivers.errors import ConfigurationError
+from cell.record.json_lines import Journal
 from drivers.settings import Settings
 
 
@@ -54,20 +52,14 @@ class Entry(Settings):
 class Ledger:
     """Lines of JSON at `path`, one a case; the last line of a case counts.
 
-    A line is whole on the disk when `put` returns. Raises ConfigurationError where that is
-    impossible.
+    Raises ConfigurationError where `path` cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or begin, without a last line that was cut off; `again` forgets everything."""
+        """Open or begin; `again` forgets everything."""
         self.path = path
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            lines = [] if again else read_json_lines(path)
-            replace_file(path, b"".join(json_line(line) for line in lines))
-        except OSError as error:
-            raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
-        self._known = {e.case.name: e for e in map(_entry, lines) if e is not None}
+        self._journal = Journal(path, again=again)
+        self._known = {e.case.name: e for e in map(_entry, self._journal.lines) if e is not None}
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -86,10 +78,7 @@ class Ledger:
     def put(self, entry: Entry) -> None:
         """Keep a case."""
         self._known[entry.case.name] = entry
-        with self.path.open("ab") as stream:
-            stream.write(json_line(entry.model_dump(mode="json")))
-            stream.flush()
-            os.fsync(stream.fileno())
+        self._journal.append(entry.model_dump(mode="json"))
 
 
 def _entry(line: dict[str, object]) -> Entry | None:

@@ -11,12 +11,6 @@ from drivers.settings import Settings
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 
-TWINS = (
-    frozenset({"control_delay", "camera_latency"}),
-    frozenset({"homography_shift", "contact_bias"}),
-)
-"""Effects that no run of a fold tells apart."""
-
 Result = Literal[
     "right_strict", "right_class", "partly", "wrong_name", "abstained",
     "false_alarm", "gap_claimed", "correct_no_gap", "correct_abstention",
@@ -153,8 +147,13 @@ def _of_classes(classes: Iterable[Sequence[str]], answer: frozenset[str]) -> Res
 
 def _with_twins(answer: frozenset[str]) -> list[frozenset[str]]:
     """The answer, and what it becomes with twins in the place of its names."""
-    choices = [sorted(next((t for t in TWINS if name in t), {name})) for name in sorted(answer)]
+    choices = [sorted({name, *twins(name)}) for name in sorted(answer)]
     return [frozenset(choice) for choice in product(*choices)]
+
+
+def twins(name: str) -> frozenset[str]:
+    """Effects that no run of a fold tells from `name`; none for what is not in the library."""
+    return registry()[name].looks_like if name in registry() else frozenset()
 
 
 def same(name: str, answer: Iterable[str]) -> bool:

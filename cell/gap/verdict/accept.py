@@ -9,7 +9,7 @@ from pathlib import Path
 
 import yaml
 
-from cell.config.cell import CellFile
+from cell.config.settings import CellSettings
 from cell.gap.subject.pendulum.file import load_pendulum
 from cell.gap.verdict.schema import write_text
 from cell.gap.verdict.stored import Acceptance, CellPatch, FitRecord, read_stored
@@ -113,11 +113,17 @@ def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects of `patch` merged in."""
     added = load(patch, CellPatch, bare=True).effects
     check_effects(added, origin=str(patch), of="cell")
-    load(path, CellFile)
     content = read_yaml(path)
+    _check_cell(content, path)
     merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
-    parse(merged, CellFile, str(path))
+    _check_cell(merged, path)
     return dumped(merged)
+
+
+def _check_cell(content: Mapping[str, object], path: Path) -> None:
+    """Refuse what is no cell file; what it says of the twin is nobody's business here."""
+    known = {key: value for key, value in content.items() if key != "twin"}
+    parse(known, CellSettings, str(path))
 
 
 def _check_writable(paths: Sequence[Path]) -> None:

@@ -10,8 +10,6 @@ from drivers.errors import ConfigurationError
 from drivers.strip.effects.effect import Effect
 from drivers.strip.model import Effects, StripModel
 
-PLACE = "position"
-
 
 @cache
 def registry() -> Mapping[str, Effect]:
@@ -25,16 +23,18 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
     """`model` with the named effects, in registry order."""
     for name, effect in registry().items():
         if name in effects:
-            model = effect.applied(model, _on_strip(effects[name], model))
+            model = effect.applied(model, _on_strip(effect, effects[name], model))
     return model
 
 
-def _on_strip(values: Mapping[str, float], model: StripModel) -> Mapping[str, float]:
+def _on_strip(
+    effect: Effect, values: Mapping[str, float], model: StripModel
+) -> Mapping[str, float]:
     """The values; a place near the end of the stated strip is at the end of a shorter one."""
-    end, place = model.mechanics.length, values.get(PLACE)
-    if place is None or not end < place <= model.stated_length:
-        return values
-    return {**values, PLACE: end}
+    end = model.mechanics.length
+    places = {p.name for p in effect.parameters if p.role == "place"}
+    beyond = {n for n in places & values.keys() if end < values[n] <= model.stated_length}
+    return {**values, **dict.fromkeys(beyond, end)}
 
 
 def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -> None:

@@ -23,6 +23,6 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("rate", "1", low=-0.5, high=0.5),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.003, 0.03),
     revealed_by="the first run of a series repeated as the last, and runs in shuffled order",
 )

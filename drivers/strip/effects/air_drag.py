@@ -18,11 +18,15 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("coefficient", "1", low=0.0, high=10.0),
-        Parameter("slow", "m/s", low=0.0, high=1.0, null=None, default=0.0, finer=0.03),
-        Parameter("oblique", "1", low=0.0, high=1.0, null=None, default=0.0, finer=0.3),
-        Parameter("along", "1", low=0.0, high=1.0, null=None, default=0.0, finer=0.1),
+        Parameter(
+            "slow", "m/s", low=0.0, high=1.0, null=None, default=0.0, guess=0.03, role="shape"
+        ),
+        Parameter(
+            "oblique", "1", low=0.0, high=1.0, null=None, default=0.0, guess=0.3, role="shape"
+        ),
+        Parameter("along", "1", low=0.0, high=1.0, null=None, default=0.0, guess=0.1, role="shape"),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.3, 1.5),
     revealed_by="a fast fold against a slow one: the falling fold arrives late",
 )

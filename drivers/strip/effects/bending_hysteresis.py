@@ -25,10 +25,12 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("yield_curvature", "1/m", low=0.0, high=100.0),
-        Parameter("stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0),
-        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, finer=0.3),
+        Parameter(
+            "stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0, role="ratio"
+        ),
+        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, guess=0.3, role="shape"),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (1.0, 5.0, 20.0),
     revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
 )

@@ -19,6 +19,7 @@ EFFECT = Effect(
     stage=Stage.OBSERVATION,
     parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.003, 0.015),
+    looks_like=frozenset({"control_delay"}),
     revealed_by="a fast fold against a slow one: the shift grows with speed",
 )

@@ -19,6 +19,7 @@ EFFECT = Effect(
     stage=Stage.OBSERVATION,
     parameters=(Parameter("bias", "m", low=-0.05, high=0.05),),
     apply=_apply,
-    channels=frozenset({"contact_x"}),
+    typical=lambda _: (0.001, 0.005),
+    looks_like=frozenset({"homography_shift"}),
     revealed_by="a strip lifted by hand to a known place",
 )

@@ -19,6 +19,7 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("time", "s", low=-0.2, high=0.2),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.003, 0.015),
+    looks_like=frozenset({"camera_latency"}),
     revealed_by="an empty-hand run under a second clock; a still image",
 )

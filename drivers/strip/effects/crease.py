@@ -18,9 +18,9 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("angle", "rad", low=-2.0, high=2.0),
-        Parameter("position", "m", low=0.0, high=2.0, null=None),
+        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (-0.3, 0.3),
     revealed_by="slow folds of other heights: a bend stays at one place of the strip",
 )

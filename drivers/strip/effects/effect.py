@@ -5,8 +5,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
+import numpy as np
+
 from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
+
+Role = Literal["amount", "place", "width", "time", "ratio", "shape"]
+UNKNOWN = (0.01, 0.1)  # of its range, for an effect that states no typical sizes
 
 
 class Stage(IntEnum):
@@ -23,9 +29,10 @@ class Parameter:
     """A number of an effect: unit, the value that switches it off, and its physical range.
 
     The first parameter of an effect is its switch, and those after it that have a null; one
-    whose `null` is None is switched off by absence. Without a `default` it must be given. One
-    that has a `finer`, the size of a first guess, bends the law to a specimen: it stays at its
-    default until measurements of this effect ask for more.
+    whose `null` is None is switched off by absence. Without a `default` it must be given.
+    `role` says what the number means: how much, where along the strip, over which width, within
+    which time, a ratio of stiffnesses, or a shape of the law. A shape parameter stays at its
+    default until measurements of this effect ask for more; `guess` is the size of a first try.
     """
 
     name: str
@@ -34,15 +41,17 @@ class Parameter:
     high: float
     null: float | None = 0.0
     default: float | None = None
-    finer: float | None = None
+    role: Role = "amount"
+    guess: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
     """A named phenomenon as a pure function from description to description.
 
-    `sentence` is for a technician; `channels` are the measured channels in which it shows;
-    `revealed_by` is the motion that shows it best.
+    `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
+    gives, for a strip, values of the switch from just visible in ten runs to as large as
+    laboratories report; `looks_like` names effects that no run of a fold tells from this one.
     """
 
     name: str
@@ -51,8 +60,17 @@ class Effect:
     stage: Stage
     parameters: tuple[Parameter, ...]
     apply: Callable[[StripModel, Mapping[str, float]], StripModel]
-    channels: frozenset[str]
     revealed_by: str
+    typical: Callable[[StripFile], tuple[float, ...]] | None = None
+    looks_like: frozenset[str] = frozenset()
+
+    def sizes(self, strip: StripFile) -> tuple[float, ...]:
+        """Values of the switch to screen `strip` at, small to large, within the switch's range."""
+        switch = self.parameters[0]
+        span = UNKNOWN if switch.null is not None else UNKNOWN[::-1]
+        given = (share * switch.high for share in span)
+        found = self.typical(strip) if self.typical is not None else tuple(given)
+        return tuple(float(np.clip(value, switch.low, switch.high)) for value in found)
 
     def complete(self, values: Mapping[str, float]) -> dict[str, float]:
         """`values` with the defaults of the parameters that were not given."""

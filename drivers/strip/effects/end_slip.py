@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("friction", "1", low=0.05, high=10.0, null=None),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
+    typical=lambda _: (10.0, 3.0, 1.5, 0.8),
     revealed_by="a taut lift, and a picture of the fixed edge before and after",
 )

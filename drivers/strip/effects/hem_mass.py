@@ -23,10 +23,10 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("mass", "kg", low=0.0, high=0.1),
-        Parameter("position", "m", low=0.0, high=2.0, null=None),
-        Parameter("width", "m", low=0.001, high=0.5, null=None),
+        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
+        Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda strip: (0.05 * strip.mass,),
     revealed_by="the strip on scales; slow folds of other heights",
 )

@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.OBSERVATION,
     parameters=(Parameter("scale", "1", low=-0.1, high=0.1),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.0005, 0.005),
     revealed_by="the picture of a board or of two marks a known length apart",
 )

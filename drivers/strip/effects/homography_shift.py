@@ -22,6 +22,7 @@ EFFECT = Effect(
         Parameter("z", "m", low=-0.05, high=0.05),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.0003, 0.003),
+    looks_like=frozenset({"contact_bias"}),
     revealed_by="the picture of a mark at a known place, or of the gripper at rest",
 )

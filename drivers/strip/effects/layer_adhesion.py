@@ -19,6 +19,5 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("force", "N/m", low=0.0, high=50.0),),
     apply=_apply,
-    channels=frozenset({"profile", "force"}),
     revealed_by="a run that goes on or comes back after the layers have touched",
 )

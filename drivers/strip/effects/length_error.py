@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.SIZE,
     parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.0005, 0.003),
     revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",
 )

@@ -20,9 +20,11 @@ EFFECT = Effect(
     # Below -5e-6 the moment would fall again at curvatures that a fold reaches (258 1/m).
     parameters=(
         Parameter("cubic", "m^2", low=-5e-6, high=1e-3),
-        Parameter("fifth", "1", low=0.0, high=10.0, null=None, default=0.0, finer=0.3),
+        Parameter(
+            "fifth", "1", low=0.0, high=10.0, null=None, default=0.0, guess=0.3, role="shape"
+        ),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (-4e-6, 3e-5, 2e-4),
     revealed_by="a slow fold with a low and a high carry: only sharp bends change",
 )

@@ -21,6 +21,6 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("curvature", "1/m", low=-60.0, high=60.0),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.5, 5.0),
     revealed_by="a strip that hangs free; while both edges are clamped it shows little",
 )

@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("coefficient", "m s^2", low=0.0, high=0.02),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (1e-4, 1e-3),
     revealed_by="a fast fold against a slow one, and a shake: only quick bending changes",
 )

@@ -21,10 +21,10 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("ratio", "1", low=0.0, high=0.9),
-        Parameter("time", "s", low=0.01, high=100.0, null=None),
-        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, finer=0.3),
+        Parameter("time", "s", low=0.01, high=100.0, null=None, role="time"),
+        Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, guess=0.3, role="shape"),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.03, 0.2),
     revealed_by="a fold that stops and holds: the shape goes on sagging",
 )

@@ -21,11 +21,13 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(
         Parameter("factor", "1", low=0.1, high=50.0, null=1.0),
-        Parameter("position", "m", low=0.0, high=2.0, null=None),
-        Parameter("width", "m", low=0.001, high=0.5, null=None),
-        Parameter("softness", "1", low=0.0, high=2.0, null=None, default=0.0, finer=0.4),
+        Parameter("position", "m", low=0.0, high=2.0, null=None, role="place"),
+        Parameter("width", "m", low=0.001, high=0.5, null=None, role="width"),
+        Parameter(
+            "softness", "1", low=0.0, high=2.0, null=None, default=0.0, guess=0.4, role="shape"
+        ),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (1.8,),
     revealed_by="slow folds of other heights: the shape changes where the seam passes the bend",
 )

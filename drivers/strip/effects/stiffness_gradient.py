@@ -20,6 +20,6 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("slope", "1", low=-1.8, high=1.8),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.2, 0.8),
     revealed_by="the strip with its ends swapped, and folds of other heights",
 )

@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.LAW,
     parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch", "force"}),
+    typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
     revealed_by="a taut lift and a high carry: the hanging part grows longer",
 )

@@ -22,6 +22,6 @@ EFFECT = Effect(
         Parameter("z", "m", low=-0.03, high=0.03),
     ),
     apply=_apply,
-    channels=frozenset({"contact_x", "profile", "layer_touch"}),
+    typical=lambda _: (0.0003, 0.003),
     revealed_by="a picture of the grip; slow folds of other heights",
 )

@@ -67,7 +67,7 @@ def packed(values: Array, lanes: int) -> Array:
 
 
 def unpacked(blocks: Array, lanes: int) -> Array:
-    """Inverse of `packed`."""
+    """Inverse of `packed`: blocks (n / lanes, rows, fields[, lanes]) as (n, rows, fields)."""
     if lanes == 1:
         return blocks
     return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])

@@ -48,7 +48,7 @@ def outlines(scene: Scene, middle: float, floor: float) -> list[Outline]:
 
 
 def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Array) -> None:
-    """Boxes with darker sides and a lit front, in place."""
+    """Boxes with darker sides and a lit front, drawn into `image` (h, w, 3) in place."""
     for part in parts:
         near, far = (optics.plane(part.corners, y) for y in (part.front, part.back))
         hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
@@ -57,7 +57,7 @@ def draw_hand(image: Image, parts: Sequence[Outline], optics: Optics, colour: Ar
 
 
 def draw_pointer(image: Image, scene: Scene, optics: Optics, colour: Array) -> None:
-    """A dark plate with a bright disc whose centre is the gripper point in the plane y = 0."""
+    """A dark plate with a bright disc centred on the gripper point, into `image` (h, w, 3)."""
     centre = np.array([scene.gripper.x, scene.gripper.z])
     _disc(image, centre, PLATE, optics, colour * 0.5)
     _disc(image, centre, DISC, optics, BRIGHT)

@@ -11,7 +11,7 @@ SHIFT = 200  # px, so many by as many places of the tile under the image
 
 
 def blurred(image: Image, sigma: float) -> Image:
-    """`image` through a lens whose point spread has `sigma` [px]."""
+    """`image` (h, w, 3) through a lens whose point spread has `sigma` [px]."""
     if sigma == 0:
         return image
     return np.asarray(cv2.GaussianBlur(image, (reach(sigma), reach(sigma)), sigma), dtype=np.uint8)
@@ -23,7 +23,7 @@ def reach(sigma: float) -> int:
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """`image` with noise of `sigma` grey levels, drawn afresh."""
+    """`image` (h, w, 3) with noise of `sigma` grey levels, drawn afresh."""
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 

@@ -28,7 +28,7 @@ class Stage:
 
 
 def bgr(colour: Colour) -> Array:
-    """sRGB as BGR floats."""
+    """sRGB as BGR floats (3,)."""
     return np.array(colour[::-1], dtype=np.float64)
 
 

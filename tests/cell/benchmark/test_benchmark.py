@@ -11,7 +11,6 @@ from typer.testing import CliRunner
 
 from cell.benchmark import run
 from cell.benchmark.claims import claims
-from cell.benchmark.crew import carry_out
 from cell.benchmark.journal import Journal
 from cell.benchmark.page import lines, page_of, verdict_of, write_main_picture
 from cell.benchmark.parts.all_parts import order
@@ -25,6 +24,7 @@ from cell.benchmark.results import (
     Refused,
     Results,
 )
+from cell.benchmark.run import measured as measured_parts
 from cell.benchmark.spec import QUICK, BenchmarkSpec
 from cell.cli.app import app
 from cell.config.places import find_configs
@@ -155,7 +155,7 @@ def test_part_that_was_finished_is_known_again_unless_made_of_something_else(
 
 def test_one_impossible_and_one_deadly_part_leave_the_others_measured() -> None:
     parts = [Fine("a"), Impossible("b"), Deadly("c"), Fine("d"), Fine("e")]
-    found = {part.key: result for part, result in carry_out(parts, 2)}
+    found = {part.key: result for part, result in measured_parts(parts, 2)}
     assert found.keys() == set("abcde")
     assert found["b"] == Refused(part="b", reason="this strip cannot be folded")
     assert found["c"] == Refused(part="c", reason="its process died")

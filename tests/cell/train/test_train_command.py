@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from cell.__main__ import main
+from cell.parallel import workers
 from cell.train.evaluation import Engine, Evaluation, evaluate
-from cell.train.here import workers_here
 from drivers.errors import WorkersLost
 from policies.checkpoint import load_checkpoint
 from policies.feedback import COMMITTED
@@ -89,7 +89,7 @@ def test_command_trains_by_default_as_the_settings_say() -> None:
 def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
     weights = np.array(load_checkpoint(COMMITTED).weights)
     heard: list[tuple[int, int]] = []
-    with workers_here(1) as executor:
+    with workers(1) as executor:
         rod, chain = evaluate(
             weights, TrainingSettings(), 3, executor, lambda *done: heard.append(done)
         )
@@ -113,16 +113,16 @@ def test_fold_without_a_touch_is_counted_and_costs_half_a_strip() -> None:
 
 
 def test_worker_that_dies_ends_the_training_in_one_line() -> None:
-    with pytest.raises(WorkersLost, match="run the same command again"), workers_here(2) as pool:
+    with pytest.raises(WorkersLost, match="run the same command again"), workers(2) as pool:
         pool.submit(os._exit, 1).result()
 
 
 def test_workers_end_with_the_process_that_leads_them() -> None:
     script = (
         "import os, signal\n"
-        "from cell.train.here import workers_here\n"
+        "from cell.parallel import workers\n"
         "if __name__ == '__main__':\n"
-        "    with workers_here(2) as pool:\n"
+        "    with workers(2) as pool:\n"
         "        print(pool.submit(os.getpid).result(), flush=True)\n"
         "        os.kill(os.getpid(), signal.SIGKILL)\n"
     )

@@ -10,7 +10,16 @@ from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_plant, load_strip
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.effects.effect import Effect, Parameter
-from tests.support.effect_cases import USUAL, affected, bare, denim, folds, levels, predicted
+from tests.support.effect_cases import (
+    USUAL,
+    affected,
+    bare,
+    denim,
+    folds,
+    levels,
+    predicted,
+    usual,
+)
 
 CONTRACT = {
     "bending_hysteresis": ("strip", "yield_curvature stiffness_ratio"),
@@ -56,7 +65,7 @@ def _middle(effect: Effect) -> dict[str, float]:
         strong = 0.1
     elif effect.name == "stretch":
         strong = 5.0
-    return {p.name: USUAL[p.name] for p in effect.parameters[1:]} | {switch.name: float(strong)}
+    return {p.name: usual(effect, p) for p in effect.parameters[1:]} | {switch.name: float(strong)}
 
 
 def _of(effect: Effect, values: dict[str, float]) -> list[tuple[Parameter, float]]:
@@ -70,22 +79,22 @@ def _nulls(effect: Effect) -> dict[str, float]:
 
 def test_registry_holds_the_names_and_parameters_of_the_contract() -> None:
     found = {
-        e.name: (e.of, " ".join(p.name for p in e.parameters if p.finer is None)) for e in EFFECTS
+        e.name: (e.of, " ".join(p.name for p in e.parameters if p.role != "shape")) for e in EFFECTS
     }
     assert {name: found[name] for name in CONTRACT} == CONTRACT
 
 
 @of_effect
 def test_what_bends_a_law_comes_last_and_by_default_leaves_it_as_it_is(effect: Effect) -> None:
-    finer = [p for p in effect.parameters if p.finer is not None]
+    finer = [p for p in effect.parameters if p.role == "shape"]
     assert finer == list(effect.parameters[len(effect.parameters) - len(finer) :])
     assert all(p.default == p.low == 0.0 for p in finer)
-    values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.finer is None}
+    values = {p.name: v for p, v in _of(effect, _middle(effect)) if p.role != "shape"}
     stated = values | {p.name: 0.0 for p in finer}
     (plain, same) = folds([affected(effect.name, **values), affected(effect.name, **stated)])
     np.testing.assert_array_equal(plain.contact_x, same.contact_x)
     for p in finer:
-        (bent,) = folds([affected(effect.name, **(values | {p.name: USUAL[p.name]}))])
+        (bent,) = folds([affected(effect.name, **(values | {p.name: usual(effect, p)}))])
         assert np.abs(bent.shapes[-1] - plain.shapes[-1]).max() > 1e-6, p.name
 
 
@@ -99,8 +108,10 @@ def test_effects_apply_strip_first_then_boundary_then_observation() -> None:
 def test_effect_says_what_it_is_where_it_shows_and_what_reveals_it(effect: Effect) -> None:
     assert effect.sentence
     assert effect.revealed_by
-    assert effect.channels
-    assert effect.channels <= {"contact_x", "profile", "layer_touch", "force"}
+    sizes = effect.sizes(denim())
+    assert sizes
+    assert all(effect.parameters[0].low <= s <= effect.parameters[0].high for s in sizes)
+    assert all(effect.name in registry()[twin].looks_like for twin in effect.looks_like)
     for parameter in effect.parameters:
         assert parameter.low < parameter.high
         if parameter.null is not None:
@@ -125,6 +136,10 @@ def test_second_switch_alone_switches_an_effect_on(effect: Effect) -> None:
         assert apply_effects(bare(), {effect.name: values}) is not bare()
 
 
+EVERYWHERE = {"contact_x", "profile", "layer_touch"}
+SHOWN_ELSEWHERE = {"contact_bias": {"contact_x"}, "layer_adhesion": set()}
+
+
 def test_every_effect_but_the_one_past_the_end_changes_the_prediction() -> None:
     models = [bare(), *(affected(e.name, **_middle(e)) for e in EFFECTS)]
     motions = folds(models)
@@ -137,8 +152,7 @@ def test_every_effect_but_the_one_past_the_end_changes_the_prediction() -> None:
         }
         # Layers cling only once they touch, and there a rod's motion ends.
         assert bool(changed) == (effect.name != "layer_adhesion"), effect.name
-        shown = effect.channels - {"force"} if effect.name != "layer_adhesion" else set()
-        assert shown <= changed, effect.name
+        assert SHOWN_ELSEWHERE.get(effect.name, EVERYWHERE) <= changed, effect.name
 
 
 @pytest.mark.parametrize("path", ["triangular", "circular"])

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from cell.gap.subject.strip.runs import Measured
 from cell.gap.subject.subject import Words
 from drivers.types import Array
+from policies.path import TAKEOVER_HEIGHT
 
-TAKEOVER = 0.10  # m of height up to which a fold is lift
 FALL = 1.0  # s before the touch in which the fold comes down
 SPAN = 0.6  # s over which the gripper's own motion is averaged: shakes are no motion
 SLOW = 0.25  # of the run's usual speed, below which the gripper holds
@@ -19,7 +19,7 @@ def phases(run: Measured, t: Array) -> Words:
     """Phase (n,) at each of the times `t` (n,) [s]; the touch itself is no stretch of time."""
     speed, back = _motion(run, t)
     usual = max(float(np.median(_speed(run))), 1e-3)
-    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER)] if _rises(run) else run.end
+    lifted = run.t[np.argmax(run.poses[:, 1] >= TAKEOVER_HEIGHT)] if _rises(run) else run.end
     words = np.full(len(t), "carry", dtype="U8")
     words[back > BACK * usual] = "return"
     words[speed < SLOW * usual] = "hold"
@@ -36,7 +36,7 @@ def zones(s: Array, length: float) -> Words:
 
 
 def _rises(run: Measured) -> bool:
-    return bool((run.poses[:, 1] >= TAKEOVER).any()) and not run.hanging
+    return bool((run.poses[:, 1] >= TAKEOVER_HEIGHT).any()) and not run.hanging
 
 
 def _motion(run: Measured, t: Array) -> tuple[Array, Array]:

@@ -7,12 +7,12 @@ from itertools import product
 import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
-from cell.gap.subject.strip.probes import places, sizes
+from cell.gap.subject.strip.probes import places
 from cell.gap.subject.strip.terms import TERMS
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
-from drivers.strip.effects import PLACE, registry
+from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect, Stage
 from drivers.strip.effects.effect import Parameter as Number
 from drivers.strip.file import StripFile
@@ -91,17 +91,17 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
-        finer=tuple(_shape(p, strip) for p in effect.parameters if p.finer is not None),
+        finer=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
     )
 
 
 def coarse(effect: Effect) -> list[Number]:
     """The effect's numbers without the finer ones."""
-    return [p for p in effect.parameters if p.finer is None]
+    return [p for p in effect.parameters if p.role != "shape"]
 
 
 def _parameters(effect: Effect, strip: StripFile, numbers: Sequence[Number]) -> list[Parameter]:
-    tried = [_inside(effect.parameters[0], v) for v in sizes(effect, strip)]
+    tried = [_inside(effect.parameters[0], v) for v in effect.sizes(strip)]
     null = _null(effect.parameters[0])
     least, most = (pick(abs(v - null) for v in tried) for pick in (min, max))
     return [
@@ -120,12 +120,13 @@ def _amount(p: Number, step: float, spread: float) -> Parameter:
 
 def _shape(p: Number, strip: StripFile) -> Parameter:
     """A number that says where or how an effect is, not how much."""
-    if p.name == PLACE:
+    if p.role == "place":
         low, high = max(p.low, 0.0), min(p.high, strip.length)
         middle = 0.5 * (low + high)
         return Parameter(p.name, p.unit, middle, low, high, 0.002, high - low, shape=True)
-    if p.finer is not None:
-        start, step, spread = p.default or 0.0, SECANT * p.finer, FARTHEST * p.finer
+    if p.role == "shape":
+        guess = p.guess or 0.0
+        start, step, spread = p.default or 0.0, SECANT * guess, FARTHEST * guess
         return Parameter(p.name, p.unit, start, p.low, p.high, step, spread, shape=True)
     start = p.default if p.default is not None else float(np.sqrt(p.low * p.high))
     step, spread = 0.02 * start, (WIDE if p.default is not None else UNKNOWN) * start
@@ -143,7 +144,7 @@ def _probes(
     tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(sizes(effect, strip), product(*shapes)):
+    for size, shape in product(effect.sizes(strip), product(*shapes)):
         inside = _inside(switch, size)
         group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, vector)) for vector in group))
@@ -152,9 +153,9 @@ def _probes(
 
 def _tried(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:
     """Values of a number at which an effect is screened."""
-    if p.name == PLACE:
+    if p.role == "place":
         return spots
-    return TIMES if p.unit == "s" and p.null is None and p.default is None else (start,)
+    return TIMES if p.role == "time" else (start,)
 
 
 def is_amount(effect: Effect, p: Number) -> bool:

@@ -1,0 +1,88 @@
+"""Files of JSON lines that survive a kill: each line is on the disk before the next one begins."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cell.record.documents import plain, replace_file
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
+
+Line = dict[str, Any]
+EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
+OWN = 512 * MEGABYTE  # of a journal that this program goes on with
+LINES = 200_000
+DEPTH = 16
+DIGITS = 18  # of a whole number that fits 64 bits
+
+
+def json_line(content: Mapping[str, Any]) -> bytes:
+    """`content` as one line of JSON."""
+    text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
+    return text.encode(errors="backslashreplace") + b"\n"
+
+
+def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
+    """The whole lines of a JSON lines file of at most `most` bytes; empty without the file.
+
+    What a killed process left half written is passed over. Raises ConfigurationError for what is
+    no regular file, or larger.
+    """
+    if not path.exists():
+        return []
+    lines: list[Line] = []
+    for line in read_bytes(path, most).split(b"\n", LINES)[:LINES]:
+        try:
+            content = json.loads(line, parse_int=_integer)
+        except (ValueError, RecursionError):
+            continue
+        if isinstance(content, dict) and _is_flat(content, DEPTH):
+            lines.append(content)
+    return lines
+
+
+def _is_flat(value: object, depth: int) -> bool:
+    """Whether lists and mappings are nested no deeper than `depth`."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if not isinstance(value, list):
+        return True
+    return depth > 0 and all(_is_flat(item, depth - 1) for item in value)
+
+
+def _integer(text: str) -> int | float:
+    """A whole number; as a float where no index, count or time is so large."""
+    return int(text) if len(text) <= DIGITS else float(text)
+
+
+class Journal:
+    """Lines of JSON at `path`, one for each finished thing, so that a process that died goes on.
+
+    Raises ConfigurationError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, *, again: bool = False) -> None:
+        """Open or begin, without a last line that was cut off; `again` forgets everything."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.lines = [] if again else read_json_lines(path, OWN)
+            replace_file(path, b"".join(json_line(line) for line in self.lines))
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def append(self, line: Line) -> None:
+        """Write `line`; on return it is on the disk."""
+        try:
+            with self.path.open("ab") as stream:
+                stream.write(json_line(line))
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise self._unwritable(error) from None
+        self.lines.append(line)
+
+    def _unwritable(self, error: OSError) -> ConfigurationError:
+        return ConfigurationError(f"{self.path}: cannot be written: {error.strerror}")

@@ -1,0 +1,16 @@
+"""The policies that an operator can name: every module of this folder is one, its `ENTRY`."""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+
+from policies.library.entry import Entry
+
+
+@cache
+def entries() -> Mapping[str, Entry]:
+    """Entries by the policy's name, which is its module's, in the order in which to show them."""
+    names = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "entry"]
+    found = {name: importlib.import_module(f"{__name__}.{name}").ENTRY for name in names}
+    return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))

@@ -1,0 +1,15 @@
+"""`circular`: see `policies.fixed_paths`."""
+
+from pathlib import Path
+
+from policies.library.entry import Entry
+from policies.policy import Policy
+
+
+def _make(_: Path | None) -> Policy:
+    from policies.fixed_paths import Circular
+
+    return Circular()
+
+
+ENTRY = Entry(rank=2, make=_make)

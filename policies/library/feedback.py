@@ -1,0 +1,15 @@
+"""`feedback`, the paper's policy: see `policies.feedback`."""
+
+from pathlib import Path
+
+from policies.library.entry import Entry
+from policies.policy import Policy
+
+
+def _make(checkpoint: Path | None) -> Policy:
+    from policies.feedback import load_feedback
+
+    return load_feedback(checkpoint)
+
+
+ENTRY = Entry(rank=5, make=_make, learned=True)

@@ -1,0 +1,15 @@
+"""`planned`: see `policies.planned`."""
+
+from pathlib import Path
+
+from policies.library.entry import Entry
+from policies.policy import Policy
+
+
+def _make(_: Path | None) -> Policy:
+    from policies.planned import Planned
+
+    return Planned()
+
+
+ENTRY = Entry(rank=4, make=_make)

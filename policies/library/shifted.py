@@ -1,0 +1,15 @@
+"""`shifted`: see `policies.fixed_paths`."""
+
+from pathlib import Path
+
+from policies.library.entry import Entry
+from policies.policy import Policy
+
+
+def _make(_: Path | None) -> Policy:
+    from policies.fixed_paths import Shifted
+
+    return Shifted()
+
+
+ENTRY = Entry(rank=3, make=_make)

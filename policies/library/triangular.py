@@ -1,0 +1,15 @@
+"""`triangular`: see `policies.fixed_paths`."""
+
+from pathlib import Path
+
+from policies.library.entry import Entry
+from policies.policy import Policy
+
+
+def _make(_: Path | None) -> Policy:
+    from policies.fixed_paths import Triangular
+
+    return Triangular()
+
+
+ENTRY = Entry(rank=1, make=_make)

@@ -1,0 +1,68 @@
+"""Public functions whose docstrings leave out the shape of an array or an error that they raise."""
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from tests.support.rooms import ROOT, modules
+
+ARRAYS = re.compile(r"\b(Array|NDArray|Indices|Image|Pixels)\b")
+SHAPE = re.compile(r"\((\.\.\.|[a-zA-Z0-9_ +/*.\-]+)?,|scalar|same shape|shape|\(n\)")
+RAISES = re.compile(r"\b[Rr]aises?\b|\b[Rr]efuse|Error\b|Fault\b|\b[Rr]efused\b")
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+@dataclass(frozen=True)
+class Public:
+    """A public function: where it stands, its node, and the docstrings around it."""
+
+    place: str
+    node: Function
+    said: str
+
+    @property
+    def has_arrays(self) -> bool:
+        """Whether an array goes in or out."""
+        a = self.node.args
+        annotated = [x.annotation for x in (*a.posonlyargs, *a.args, *a.kwonlyargs)]
+        hints = [ast.unparse(h) for h in (*annotated, self.node.returns) if h is not None]
+        return any(ARRAYS.search(hint) and "Callable" not in hint for hint in hints)
+
+    @property
+    def raises(self) -> bool:
+        """Whether its own body raises something new."""
+        return any(isinstance(n, ast.Raise) and n.exc is not None for n in ast.walk(self.node))
+
+
+def public_functions() -> Iterator[Public]:
+    """Every public function and method of a public class in the product."""
+    for _, path in modules():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        place = path.relative_to(ROOT)
+        for node in tree.body:
+            if isinstance(node, Function) and not node.name.startswith("_"):
+                said = ast.get_docstring(node) or ""
+                yield Public(f"{place}:{node.name}", node, said)
+            elif isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                yield from _methods(node, f"{place}:{node.name}")
+
+
+def _methods(owner: ast.ClassDef, place: str) -> Iterator[Public]:
+    """Its public methods; what the class's own docstring says holds for them too."""
+    whole = ast.get_docstring(owner) or ""
+    for node in owner.body:
+        if isinstance(node, Function) and not node.name.startswith("_"):
+            said = ast.get_docstring(node) or ""
+            yield Public(f"{place}.{node.name}", node, f"{said}\n{whole}")
+
+
+def shapeless() -> list[str]:
+    """Places of functions with arrays that name no shape."""
+    return [p.place for p in public_functions() if p.has_arrays and not SHAPE.search(p.said)]
+
+
+def silent() -> list[str]:
+    """Places of functions that raise and do not say so; a command's errors become its lines."""
+    found = [p for p in public_functions() if not p.place.startswith("cell/cli/")]
+    return [p.place for p in found if p.raises and not RAISES.search(p.said)]

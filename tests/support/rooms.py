@@ -1,0 +1,76 @@
+"""Rooms of the house and the imports between them, read from the code as text."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("cell", "policies", "calibration", "drivers")
+Edges = dict[str, set[str]]
+
+
+@cache
+def modules() -> tuple[tuple[str, Path], ...]:
+    """Every product module by its dotted name."""
+    return tuple(
+        (_dotted(path), path)
+        for package in PACKAGES
+        for path in sorted((ROOT / package).rglob("*.py"))
+    )
+
+
+def _dotted(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def imports(path: Path) -> frozenset[str]:
+    """Dotted names that a module imports, those inside functions too."""
+    known = {name for name, _ in modules()}
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in known else node.module for name in names}
+        elif isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+    return frozenset(name for name in found if name.split(".")[0] in PACKAGES)
+
+
+def house_room(name: str) -> str:
+    """The room of a module: a child of `cell`, or one of the other packages."""
+    parts = name.split(".")
+    return ".".join(parts[:2]) if parts[0] == "cell" else parts[0]
+
+
+def gap_room(name: str) -> str | None:
+    """The room of a module within `cell.gap`; None outside."""
+    parts = name.split(".")
+    return ".".join(parts[:3]) if parts[:2] == ["cell", "gap"] and len(parts) > 2 else None
+
+
+def edges(room) -> Edges:
+    """For each room the other rooms that it imports from."""
+    found: Edges = {}
+    for name, path in modules():
+        here = room(name)
+        if here is None or here == "cell":
+            continue
+        others = {room(other) for other in imports(path)} - {here, None, "cell"}
+        found.setdefault(here, set()).update(others)
+    return found
+
+
+def ladder(found: Edges) -> list[str]:
+    """The rooms in an order in which each imports only from earlier ones.
+
+    Raises ValueError naming the rooms of a circle.
+    """
+    order: list[str] = []
+    while len(order) < len(found):
+        free = sorted(r for r in found if r not in order and found[r] <= set(order))
+        if not free:
+            raise ValueError(f"circle among {sorted(set(found) - set(order))}")
+        order += free
+    return order

@@ -1,0 +1,59 @@
+"""The plan of the house holds: few rooms, few doors, no circle, short files, plain docstrings."""
+
+import ast
+import re
+from collections import Counter
+
+import pytest
+
+from tests.support.docstrings import shapeless, silent
+from tests.support.rooms import ROOT, edges, gap_room, house_room, imports, ladder, modules
+
+LONGEST_MODULE, LONGEST_FUNCTION = 300, 60  # lines
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in modules()}
+
+
+@pytest.mark.parametrize(("room", "rooms", "doors"), [(house_room, 20, 90), (gap_room, 9, 30)])
+def test_rooms_and_imports_between_them_are_few_and_go_one_way(room, rooms, doors) -> None:
+    found = edges(room)
+    assert len(found) <= rooms
+    assert sum(map(len, found.values())) <= doors
+    assert len(ladder(found)) == len(found)
+
+
+def test_no_modules_import_each_other_in_a_circle_not_even_inside_functions() -> None:
+    known = {name for name, _ in modules()}
+    packages = {name.rsplit(".", 1)[0] for name in known if "." in name}
+    found = {name: (imports(path) & known) - {name} - packages for name, path in modules()}
+    ladder({name: others for name, others in found.items() if name not in packages})
+
+
+def test_no_module_and_no_function_is_too_long() -> None:
+    long = [n for n, path in modules() if len(path.read_text().splitlines()) > LONGEST_MODULE]
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                long += [f"{name}:{node.name}"] if lines > LONGEST_FUNCTION else []
+    assert not long
+
+
+def test_every_public_function_with_arrays_names_their_shape() -> None:
+    assert not shapeless()
+
+
+def test_every_public_function_that_raises_says_so() -> None:
+    assert not silent()
+
+
+def test_runbooks_and_readme_name_only_commands_and_files_that_exist() -> None:
+    missing = Counter()
+    for page in [ROOT / "README.md", *(ROOT / "runbooks").glob("*.md")]:
+        text = page.read_text(encoding="utf-8")
+        for module in re.findall(r"python -m (tests[\w.]+)", text):
+            missing[module] += not (ROOT / f"{module.replace('.', '/')}.py").is_file()
+        for file in re.findall(r"`((?:cell|drivers|policies|calibration|tests)/[\w/]+\.py)`", text):
+            missing[file] += not (ROOT / file).is_file()
+        for link in re.findall(r"\]\(([\w/.-]+)\)", text):
+            missing[f"{page.name}: {link}"] += not (page.parent / link).exists()
+    assert not +missing
