@@ -10,9 +10,8 @@ from pathlib import Path
 import yaml
 
 from cell.config.settings import CellSettings
-from cell.gap.subject.pendulum.file import load_pendulum
 from cell.gap.verdict.schema import write_text
-from cell.gap.verdict.stored import Acceptance, CellPatch, FitRecord, read_stored
+from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.settings import load, parse, read_yaml
@@ -103,7 +102,7 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
 def _checked_patch(patch: Path) -> str:
     """Text of the patch, which is a whole file of a strip or a pendulum."""
     if read_yaml(patch).get("kind") == "pendulum":
-        load_pendulum(patch)
+        load(patch, Patch, bare=True)
     else:
         load_strip(patch)
     return read_text(patch)
@@ -111,7 +110,7 @@ def _checked_patch(patch: Path) -> str:
 
 def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects of `patch` merged in."""
-    added = load(patch, CellPatch, bare=True).effects
+    added = load(patch, Patch, bare=True).effects
     check_effects(added, origin=str(patch), of="cell")
     content = read_yaml(path)
     _check_cell(content, path)

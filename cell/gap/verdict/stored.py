@@ -31,8 +31,8 @@ class Acceptance(Stored):
     after: dict[str, str]
 
 
-class CellPatch(Stored):
-    """cell-patch.yaml: effects that belong into the cell file."""
+class Patch(Stored):
+    """What every patch holds, of whatever subject: effects and their parameters."""
 
     effects: dict[str, dict[str, float]]
 
