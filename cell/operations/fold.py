@@ -17,6 +17,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
+from cell.operations.feasible import check_feasible
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -77,6 +78,7 @@ def fold(
     calibration = calibration or calibration_of(settings)
     _check_camera(calibration, devices)
     calibration = corrected_calibration(calibration, settings, strip)
+    check_feasible(settings, strip, policy, calibration)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames
