@@ -32,12 +32,13 @@ def check_feasible(
     path = gripper_path(settings, strip, policy)
     problems = [
         *outside_scope(strip),
+        *_too_low(settings, strip, policy),
         *_outside_workspace(path, settings.installation),
         *_out_of_reach(path, settings.installation),
         *_out_of_view(path, strip, calibration),
     ]
     if problems:
-        raise PreflightRefused("; ".join(problems))
+        raise PreflightRefused("\n".join(problems))
 
 
 def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
@@ -59,6 +60,15 @@ def _folding(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
         policy.reset(strip, speed, 1)
         return policy.lift().points
     return folds.trace.reshape(-1, 2)
+
+
+def _too_low(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
+    top, takeover = float(policy.lift().points[:, 1].max()), settings.fold.takeover_height
+    if top <= takeover:
+        yield (
+            f"length: a fold of {strip.length:g} m rises to {top:.2f} m, the policy takes over at "
+            f"{takeover:.2f} m; fold a longer strip, or lower fold.takeover_height in cell.yaml"
+        )
 
 
 def _outside_workspace(path: Array, installation: Installation) -> Iterator[str]:
