@@ -52,7 +52,7 @@ def fci_devices(
     Against an address the robot's time runs by itself, and strip and camera keep up with it.
     """
     plant, lying, rig = on_desk(settings, strip, choice)
-    wall = None if settings.fci.address is None else WallClock()
+    wall = None if settings.fci.in_lock_step else WallClock()
     clock = TwinClock() if wall is None else PacedClock(wall)
     desk = open_desk(clock, settings.twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)
