@@ -62,6 +62,7 @@ class RobotServer:
         self._poll.register(self._waker, select.EPOLLIN)
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
         self._newest: RobotCommand | None = None
+        self._answered = 0
         self._punctuality = Punctuality()
         self._strict = False
         self._thread: Thread | None = None
@@ -150,14 +151,15 @@ class RobotServer:
         remaining = self._pace.remaining()
         if remaining > 0:
             self._attend(remaining)
-        while (command := self._arm.command()) is not None:
-            self._newest = command
-            if self._lock_step and self.robot.moving:
-                # The client has begun: from here on its commands are the clock.
-                self._strict = True
-                if command.message_id == self.robot.time:
-                    self._follow(command)
-                return
+        command = self._arm.command()
+        if command is not None and self._lock_step and self.robot.moving:
+            # The client has begun: from here on its commands are the clock.
+            self._strict = True
+            if command.message_id == self.robot.time:
+                self._follow(command)
+            return
+        if command is not None and command.message_id > self._answered:
+            self._newest, self._answered = command, command.message_id
         if self._pace.remaining() <= 0:
             self._pace.passed()
             self._pass_period()

@@ -1,4 +1,4 @@
-"""The hand among its clients: it closes on what is there, can be stopped, keeps the robot's time."""
+"""The hand among its clients: it closes on what is there, can be stopped, keeps robot time."""
 
 import socket
 import struct
