@@ -13,7 +13,7 @@ from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause, wait_for
+from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause
 from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
@@ -120,20 +120,17 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
-def touched(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Brake, let the picture settle, and take the measure of the touch."""
-    snapshot = yield from pause(cell.settings.fold.touch_settle)
-    snapshot = yield from wait_for(lambda now: not now.arm.moving)
-    cell.seen_touch = snapshot.view.touch or cell.seen_touch
-    record.event(snapshot.time, "at_rest_after_touch", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
+def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+    """Go on without a stop: what hangs from a gripper at rest pulls the loop along by 5 mm."""
+    yield from ()
+    record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk, without pulling at the touch."""
-    snapshot = yield from pause(0.0)
-    path = lay_path(_seen(cell), snapshot.arm.pose, cell.strip.thickness)
-    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed)
+    path = lay_path(_seen(cell), begin.arm.pose, cell.strip.thickness)
+    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
@@ -189,7 +186,7 @@ def observe(snapshot: Snapshot) -> Observation:
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
         tip_z=np.array([seen.tip[1]]),
-        profile=seen_profile(seen.profile, seen.gripper),
+        profile=seen_profile(seen.profile, seen.contact_x, seen.gripper),
         profile_confidence=np.array([seen.profile_confidence]),
     )
 
@@ -204,10 +201,10 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
     return Path.through(np.array([start, (touch.x - touch.to_grasped, rest)]))
 
 
-def _follow_lay(path: Path, speed: float) -> Motion:
+def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
     """Follow the lay path, turning the pitch evenly from hanging to lying backward."""
     follower = Follower(path, 1)
-    snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+    snapshot = yield Drive(begin.velocity)
     while True:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)

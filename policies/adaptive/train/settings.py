@@ -10,9 +10,10 @@ class CriticSettings(Settings):
 
     In the first round rises are drawn at random; in later ones the critic steers, until at a
     random moment the rise is moved by `perturbation` [m] (one sigma) and kept. Every second piece
-    folds strips of 0.6 m, the others one length within `adaptive.LENGTHS`. A last round of `trials` pieces
-    folds without perturbation and as images are, to set the sigmas. `friction` (and other effects)
-    in training, `profile`, `tip` and `memory` can be left out, to see what they are worth.
+    folds strips of 0.6 m, the others one length within `adaptive.LENGTHS`. A last round of
+    `trials` pieces folds without perturbation and as images are, to set the sigmas. `friction`
+    (and other effects) in training, `profile`, `tip` and `memory` can be left out, to see what
+    they are worth.
     """
 
     seed: int = Field(0, ge=0)
