@@ -31,6 +31,7 @@ class FoldResult:
     wall: float
     calibration: str
     exit_code: int
+    foretold: str | None = None
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints: the keys that programs agreed on, no more."""
@@ -51,4 +52,6 @@ class FoldResult:
             text += f", edge let go {1e3 * self.edge_offset:+.1f} mm from the fixed one"
         if self.edge_offset_true is not None:
             text += f", where it lies {1e3 * self.edge_offset_true:+.1f} mm from it"
+        if self.foretold is not None:
+            text += f"\n  {self.foretold}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

@@ -9,6 +9,7 @@ from calibration.touched_points import TouchVerdict
 from cell.config.settings import CellSettings
 from cell.orchestrator.vision import StripReader
 from drivers.strip.file import StripFile
+from policies.foretelling import Foretold
 from policies.policy import Policy
 
 
@@ -18,7 +19,7 @@ class FoldContext:
 
     `reader` reads images from the moment preflight has judged the picture of the strip.
     `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] where the grasped edge was
-    let go. The plant is nowhere in here.
+    let go, `foretold` what the policy expected last. The plant is nowhere in here.
     """
 
     settings: CellSettings
@@ -28,6 +29,7 @@ class FoldContext:
     reader: StripReader | None = None
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
+    foretold: Foretold | None = None
 
 
 @dataclass(slots=True)

@@ -18,6 +18,7 @@ from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
+from policies.foretelling import Foretelling
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
 from policies.profile import seen_profile
@@ -111,13 +112,26 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
+            if cell.foretold is not None:
+                record.event(snapshot.time, "foretold", **asdict(cell.foretold))
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
+        _note_foretold(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
+
+
+def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
+    """Keep what the policy expects now; say when it stops or begins to see."""
+    if not isinstance(cell.policy, Foretelling):
+        return
+    before, cell.foretold = cell.foretold, cell.policy.foretold()
+    if cell.foretold is not None and cell.foretold.blind != (before is not None and before.blind):
+        kind = "policy_blind" if cell.foretold.blind else "policy_sees"
+        record.event(snapshot.time, kind, path="shifted" if cell.foretold.blind else "its own")
 
 
 def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
