@@ -49,9 +49,9 @@ class FoldResult:
         if self.displacement_true is not None:
             text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
         if self.edge_offset is not None:
-            text += f", edge let go {1e3 * self.edge_offset:+.1f} mm from the fixed one"
+            text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         if self.edge_offset_true is not None:
-            text += f", where it lies {1e3 * self.edge_offset_true:+.1f} mm from it"
+            text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
         if self.foretold is not None:
             text += f"\n  {self.foretold}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from calibration.perception.laid import edge_offset
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import Preflight, inspect
 from calibration.touched_points import TouchedPoints
@@ -150,15 +151,38 @@ def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Open the fingers, see where the edges ended, and retreat from the strip."""
+    """Open the fingers, retreat from the strip, and see where its edges ended."""
     snapshot = yield from open_hand()
-    cell.edge_offset = -snapshot.arm.pose.x
+    pose = snapshot.arm.pose
+    cell.edge_offset = -pose.x
     record.event(snapshot.time, "released", edge_offset=cell.edge_offset)
     retreat = cell.settings.fold.approach
-    pose = snapshot.arm.pose
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
+    seen = _laid_offset(cell, (yield from _still_picture()).frame, pose)
+    if seen is not None:
+        cell.edge_offset = seen
+        record.event(snapshot.time, "edges_seen", edge_offset=seen)
     return Event.RELEASED
+
+
+def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
+    """Offset of the edges [m] as the picture of the laid strip shows it, None where it does not.
+
+    The grasped edge was let go near `edge`.
+    """
+    if cell.reader is None:
+        return None
+    tip_x = cell.reader.perception.look(frame, edge).tip[0]
+    if not np.isfinite(tip_x):
+        return None
+    strip, foretold = cell.strip, cell.foretold
+    bending_length = strip.bending_length
+    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
+    if foretold is not None:
+        bending_length = foretold.bending_length.value
+        friction = foretold.yield_curvature.value
+    return edge_offset(strip.length, float(tip_x), bending_length, friction)
 
 
 PhaseFactory = Callable[[Record, Snapshot], Phase]
