@@ -11,9 +11,9 @@ ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset`
-    where the grasped edge was let go, seen from the fixed one, with the sign of d; those called
-    true come from the twin alone. None where there is none.
+    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset` how far
+    the edges lie apart once laid, with the sign of d; those called true come from the twin alone.
+    None where there is none. `foretold` is what the policy expected, in words.
     """
 
     run: str

@@ -18,8 +18,8 @@ class FoldContext:
     """A fold: what the controller knows of cell and strip, and what it finds out on the way.
 
     `reader` reads images from the moment preflight has judged the picture of the strip.
-    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] where the grasped edge was
-    let go, `foretold` what the policy expected last. The plant is nowhere in here.
+    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] how far the edges lie apart
+    once laid, `foretold` what the policy expected last. The plant is nowhere in here.
     """
 
     settings: CellSettings

@@ -35,7 +35,7 @@ INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboa
 class Outcome:
     """`name` is layer_touch, path_done, calibrated or a fault's name; times from the lift [s].
 
-    `touch` is what the images showed, `edge_offset` where the grasped edge was let go [m],
+    `touch` is what the images showed, `edge_offset` how far the edges lie apart once laid [m],
     `duration` the whole run on the cell's clock [s], `foretold` what the policy expected.
     """
 
