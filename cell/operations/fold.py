@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -142,6 +142,8 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
     if outcome.edge_offset is not None:
         content["edge_offset"] = outcome.edge_offset
+    if outcome.foretold is not None:
+        content["foretold"] = asdict(outcome.foretold)
     return content
 
 
@@ -237,4 +239,5 @@ def _result(
         wall=time.perf_counter() - begun,
         calibration=calibration.id,
         exit_code=outcome.exit_code,
+        foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
     )
