@@ -1,12 +1,14 @@
 """How much runs differ for no reason, in words for those who can change it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from cell.gap.fitting.spreads import Spread
 from cell.gap.report.units import number
+from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.verdict.findings import Findings
 from cell.report.markup import table
 
+WORSE = 0.8  # of the usual spread, from which a remedy is worth more than another motion
 SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "1": (100.0, "%")}
 
 
@@ -23,6 +25,25 @@ def repeats(found: Findings) -> str:
         "it.</p>"
     )
     return note + table(("what differs", "by", "95 %", "smaller by"), list(_rows(found)))
+
+
+def remedies(spreads: Mapping[str, tuple[float, str]]) -> Iterator[str]:
+    """A line for each quantity that differs by more than usual: by how much, what would help.
+
+    `spreads` are standard deviations with their units, by name. Where a laboratory does worse
+    than an honest one usually does, a better grip or more repeats tell more than another motion.
+    """
+    known = {e.name: e for e in RUN_EFFECTS}
+    for name, (value, unit) in spreads.items():
+        effect = known.get(name)
+        if effect is None:
+            continue
+        factor, shown = SHOWN.get(unit, (1.0, unit))
+        line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
+        if value > WORSE * effect.usual:
+            yield f"{line}: before another motion, {effect.remedy}; or repeat each motion twice"
+        else:
+            yield f"{line}, as usual"
 
 
 def _rows(found: Findings) -> Iterator[tuple[str, str, str, str]]:

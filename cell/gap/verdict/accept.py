@@ -9,9 +9,9 @@ from pathlib import Path
 
 import yaml
 
-from cell.gap.subject.pendulum.load import load_pendulum
+from cell.config.settings import CellSettings
 from cell.gap.verdict.schema import write_text
-from cell.gap.verdict.stored import Acceptance, CellEffects, CellPatch, FitRecord, read_stored
+from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.settings import load, parse, read_yaml
@@ -111,7 +111,7 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
 def _checked_patch(patch: Path) -> str:
     """Text of the patch, which is a whole file of a strip or a pendulum."""
     if read_yaml(patch).get("kind") == "pendulum":
-        load_pendulum(patch)
+        load(patch, Patch, bare=True)
     else:
         load_strip(patch)
     return read_text(patch)
@@ -119,12 +119,19 @@ def _checked_patch(patch: Path) -> str:
 
 def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects of `patch` merged in."""
-    added = load(patch, CellPatch, bare=True).effects
+    added = load(patch, Patch, bare=True).effects
     check_effects(added, origin=str(patch), of="cell")
     content = read_yaml(path)
-    parse(content, CellEffects, str(path))
+    _check_cell(content, path)
     merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
+    _check_cell(merged, path)
     return dumped(merged)
+
+
+def _check_cell(content: Mapping[str, object], path: Path) -> None:
+    """Refuse what is no cell file; what it says of the twin is nobody's business here."""
+    known = {key: value for key, value in content.items() if key != "twin"}
+    parse(known, CellSettings, str(path))
 
 
 def _check_writable(paths: Sequence[Path]) -> None:

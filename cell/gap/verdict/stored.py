@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from drivers.files import MEGABYTE
 from drivers.settings import Settings, parse, read_json
@@ -57,16 +57,10 @@ class Acceptance(Stored):
     after: dict[str, str]
 
 
-class CellPatch(Stored):
-    """cell-patch.yaml: effects that belong into the cell file."""
+class Patch(Stored):
+    """What every patch holds, of whatever subject: effects and their parameters."""
 
     effects: dict[str, dict[str, float]]
-
-
-class CellEffects(Stored):
-    """Of a cell file what an acceptance changes; the command reads all of it before."""
-
-    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 S = TypeVar("S", bound=BaseModel)
