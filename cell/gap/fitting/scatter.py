@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.fitting.gauss_newton import Estimate, linearised, residuals
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearised, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
@@ -49,15 +49,15 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
 def estimated(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
     """Spreads of all random unknowns of the runs `whole`, at a fit of the same runs.
 
-    The fit may hold some of the unknowns only.
+    The fit may hold some of the unknowns only: it goes on with all of them, so that what is left
+    of the runs is noise.
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return ()
     here = _opened(estimate, whole)
-    known, point = here.evidence, here.point
-    raw, jacobians = run_one(simulate, linearised(here.model, known, point))
-    r = residuals(raw, known)
-    return spreads(replace(here, residuals=r, raw=tuple(raw), jacobians=jacobians))
+    _, jacobians = run_one(simulate, linearised(here.model, here.evidence, here.point))
+    again = refit(here.model, here.evidence, here.point, jacobians, ROUGHLY)
+    return spreads(run_one(simulate, again))
 
 
 def _opened(estimate: Estimate, whole: Evidence) -> Estimate:
