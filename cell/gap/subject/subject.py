@@ -179,7 +179,8 @@ class Scope:
     """What a subject offers: base parameters, candidate effects, quantities by name.
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
-    unknowns of runs.
+    unknowns of runs. `left` is the share of the excess gap that several effects named together
+    may leave: more, and they only imitate a cause outside the library.
     """
 
     base: tuple[Parameter, ...]
@@ -187,6 +188,7 @@ class Scope:
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[Scattering, ...] = ()
+    left: float = 0.5
 
 
 class Subject(Protocol):
