@@ -11,7 +11,7 @@ from tests.drivers.camera.beside_vivid import beside_vivid
 pytestmark = pytest.mark.slow
 
 MODULE = "tests.drivers.camera.vivid.commands"
-LIMIT = 900.0  # s
+LIMIT = 1800.0  # s
 PROCESSOR = "Haswell"  # MuJoCo wants AVX
 
 
