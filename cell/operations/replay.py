@@ -7,22 +7,24 @@ from typing import Any, Self
 
 import numpy as np
 
-from calibration.calibration import load_calibration
+from calibration.calibration import Calibration, load_calibration
 from calibration.perception.measurement import StripMeasurement
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
-from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
-from cell.record.frames import INDEX
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
+from cell.record.frames import INDEX, frame_file
 from cell.record.run import Event, Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Pose
+from drivers.types import Array, Frame, Pose
 from policies.policy import Observation
+from policies.profile import seen_profile
 from policies.registry import make_policy
 
+UNSEEN: Array = np.empty((0, 2))
 SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
 
 
@@ -51,6 +53,8 @@ def replay(folder: Path) -> Replay:
     decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+    if run.ticks.t.size == 0:
+        raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
     sights = run.sights()
     images, seen = _look_again(run, settings, strip, sights)
     other = [*_other_decisions(run, settings, strip, decided, sights)]
@@ -74,7 +78,7 @@ class _Decided:
             facts = {field.name: event.facts[field.name] for field in fields(cls)}
             numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
             return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise ConfigurationError(
                 f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
                 "it was changed after the run"
@@ -101,12 +105,22 @@ def _look_again(
     recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
     images, differences = 0, list[str]()
     for frame in frames:
+        _check_size(run, frame, calibration)
         row = recorded.get(frame.sequence)
         if row is not None:
             sight = perception.look(frame, _gripper(run, float(sights.stamp[row])))
             differences.extend(_differences(sight, sights, row))
             images += 1
     return images, differences
+
+
+def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
+    found, lens = frame.image.shape, calibration.lens
+    if found[:2] != (lens.height, lens.width):
+        raise ConfigurationError(
+            f"{frame_file(run.folder, frame.sequence)}: is {found[1]} x {found[0]} pixels, the "
+            f"calibration is for {lens.width} x {lens.height}; it was changed after the run"
+        )
 
 
 def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
@@ -125,25 +139,37 @@ def _other_decisions(
     policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
     policy.reset(strip, settings.fold.speed, 1)
     rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    curves = dict(run.profile.curves())
     for then in decided:
         row = rows.get(then.sequence)
         if row is None:
             yield f"image {then.sequence}: was decided on, but its sight is not in the record"
             continue
-        decision = policy.decide(
-            Observation(
-                time=np.array([then.time]),
-                x=np.array([then.x]),
-                z=np.array([then.z]),
-                stamp=sights.stamp[row : row + 1],
-                contact_x=sights.contact_x[row : row + 1],
-                tip_x=sights.tip_x[row : row + 1],
-                tip_z=sights.tip_z[row : row + 1],
-            )
-        )
+        decision = policy.decide(_observed(then, run, sights, row, curves))
         now = float(decision.direction[0])
         if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
             yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+
+
+def _observed(
+    then: _Decided, run: Run, sights: Sights, row: int, curves: dict[float, Array]
+) -> Observation:
+    """What the policy was shown: the recorded sight in `row`, and the gripper as measured."""
+    stamp = float(sights.stamp[row])
+    gripper = _gripper(run, stamp)
+    return Observation(
+        time=np.array([then.time]),
+        x=np.array([then.x]),
+        z=np.array([then.z]),
+        stamp=sights.stamp[row : row + 1],
+        contact_x=sights.contact_x[row : row + 1],
+        tip_x=sights.tip_x[row : row + 1],
+        tip_z=sights.tip_z[row : row + 1],
+        profile=seen_profile(
+            curves.get(stamp, UNSEEN), float(sights.contact_x[row]), (gripper.x, gripper.z)
+        ),
+        profile_confidence=sights.profile_confidence[row : row + 1],
+    )
 
 
 def _checkpoint(run: Run) -> Path | None:

@@ -1,0 +1,71 @@
+"""What a fit and an acceptance leave for the next command, checked when it is read again."""
+
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ConfigDict
+
+from drivers.files import MEGABYTE
+from drivers.settings import Settings, parse, read_json
+
+STORED = 4 * MEGABYTE
+
+
+class Stored(Settings):
+    """Base: keys that are not known are tolerated, for a program wrote them."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class StoredSpread(Stored):
+    """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+class StoredLaw(Stored):
+    """The law that was offered: amounts by term."""
+
+    terms: dict[str, float]
+
+
+class FitRecord(Stored):
+    """fit.json: hash of the file that was fitted, and the effects that were named.
+
+    `scatter` are quantities that differ from run to run; `law` describes what nothing explains.
+    """
+
+    file_sha256: str
+    effects: tuple[str, ...]
+    scatter: tuple[StoredSpread, ...] = ()
+    law: StoredLaw | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the terms of the law that was offered."""
+        return tuple(self.law.terms) if self.law is not None else ()
+
+
+class Acceptance(Stored):
+    """accepted.json: path -> text before, and path -> hash after."""
+
+    before: dict[str, str]
+    after: dict[str, str]
+
+
+class Patch(Stored):
+    """What every patch holds, of whatever subject: effects and their parameters."""
+
+    effects: dict[str, dict[str, float]]
+
+
+S = TypeVar("S", bound=BaseModel)
+
+
+def read_stored(path: Path, model: type[S]) -> S:
+    """The JSON file at `path` as `model`; ConfigurationError where it is missing or broken."""
+    return parse(read_json(path, STORED), model, str(path))
