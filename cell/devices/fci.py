@@ -56,7 +56,7 @@ def fci_devices(
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
-    wall = None if settings.fci.address is None else WallClock()
+    wall = None if settings.fci.in_lock_step else WallClock()
     clock = TwinClock() if wall is None else PacedClock(wall)
     twin = bare(settings) if calibrating else settings.twin
     desk = open_desk(clock, twin, lying, rig, choice.seed, choice.index, staging)
