@@ -7,22 +7,37 @@ from drivers.errors import CellError
 
 def main() -> None:
     """Run the command line; an error is one line and its exit code, never a traceback."""
+    from cell.cli.streams import guard_streams, lost
+
+    out = guard_streams()
+    code = _run()
+    sys.stdout.flush()
+    if lost(out):
+        sys.stderr.write(f"cell: what was printed was lost: {lost(out)}\n")
+    sys.stderr.flush()
+    sys.exit(code)
+
+
+def _run() -> int | str | None:
     from cell.cli.app import app
 
     try:
         app(standalone_mode=True)
+    except SystemExit as end:
+        return end.code
     except CellError as error:
-        _end(error)
+        return _said(error)
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
         from drivers.errors import Unexpected
 
-        _end(Unexpected(error))
+        return _said(Unexpected(error))
+    return 0
 
 
-def _end(error: CellError) -> None:
+def _said(error: CellError) -> int:
     sys.stdout.flush()
     sys.stderr.write(f"cell: {error}\n")
-    sys.exit(error.exit_code)
+    return error.exit_code
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
 """Files that a person writes: read safely, checked strictly, refused in one line."""
 
 import json
-import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -10,6 +9,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from drivers.errors import ConfigurationError
+from drivers.files import TEXT, read_text
+from drivers.yaml_loader import BoundedLoader
 
 SCHEMA = 1
 
@@ -25,42 +26,33 @@ S = TypeVar("S", bound=BaseModel)
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """Mapping in a YAML file; a missing, broken or non-mapping file is a ConfigurationError."""
+    text = read_text(path)
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _StrictLoader)  # noqa: S506
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ConfigurationError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+        content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
     except yaml.YAMLError as error:
         raise ConfigurationError(f"{path}: is not valid YAML: {_yaml_place(error)}") from None
     except (ValueError, RecursionError) as error:
         raise ConfigurationError(f"{path}: is not valid YAML: {error}") from None
+    except (AttributeError, LookupError, TypeError, ArithmeticError):
+        # what the loader's own constructors raise for `!!timestamp x`, `!!int ""`, `!!bool x`
+        raise ConfigurationError(
+            f"{path}: is not valid YAML: a value is not what its !! tag says; leave tags out"
+        ) from None
     if not isinstance(content, dict):
         raise ConfigurationError(f"{path}: must be a mapping of keys to values")
     return content
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """The safe loader, which also refuses a key that is given twice and reads 1e-3 as a number."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[Hashable] = set()
-        for key, _ in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                problem = "a key must be a word"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            if key.value in seen:
-                problem = f"key {key.value!r} is given twice; keep one"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-# YAML 1.1, which the loader speaks, wants a dot where nobody writes one. The sign stays needed:
-# without it an id of digits and an e would be a number.
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+[eE][-+]\d+$"), list("-+0123456789")
-)
+def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
+    """Mapping in a JSON file; a missing, broken or non-mapping file is a ConfigurationError."""
+    text = read_text(path, most)
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(f"{path}: is not valid JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise ConfigurationError(f"{path}: must be a mapping of keys to values")
+    return content
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
@@ -77,15 +69,27 @@ def parse(content: object, model: type[S], origin: str) -> S:
             f"{origin}: schema: is {schema}, this version reads {SCHEMA}; update the cell"
         )
     try:
-        return model.model_validate_json(json.dumps(content, default=str), strict=True)
+        return model.model_validate_json(_json(content, origin), strict=True)
     except ValidationError as error:
         lines = [_problem(origin, model, dict(item)) for item in error.errors()]
         raise ConfigurationError("\n".join(lines)) from None
 
 
-def load(path: Path, model: type[S]) -> S:
-    """The file at `path` read and checked as `model`."""
-    return parse(read_yaml(path), model, str(path))
+def load(path: Path, model: type[S], *, bare: bool = False) -> S:
+    """The file at `path` read and checked as `model`; unless `bare`, it must state its `schema`."""
+    content = read_yaml(path)
+    if not bare and "schema" not in content and "schema_" in model.model_fields:
+        raise ConfigurationError(
+            f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
+        )
+    return parse(content, model, str(path))
+
+
+def _json(content: Mapping[str, Any], origin: str) -> str:
+    try:
+        return json.dumps(content, default=str)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ConfigurationError(f"{origin}: cannot be read: {error}") from None
 
 
 def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:

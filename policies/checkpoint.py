@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
 from drivers.settings import Settings, parse
 
 WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
@@ -36,12 +37,14 @@ class Checkpoint(Settings):
 def load_checkpoint(path: FilePath) -> Checkpoint:
     """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
     try:
+        if path.exists() and not path.is_dir():
+            read_bytes(path, MEGABYTE)  # no pipe, no device, nothing vast
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError(
             f"{path}: checkpoint cannot be read: {error.strerror}; name another or train one"
         ) from None
-    except (UnicodeDecodeError, json.JSONDecodeError):
+    except (ValueError, RecursionError):
         raise ConfigurationError(
             f"{path}: checkpoint is corrupt: not JSON; restore the file or train one"
         ) from None

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -49,7 +50,7 @@ class Meter:
             self._console.print(told, highlight=False, soft_wrap=True)
             return
         if isinstance(result, Refused):
-            self._console.print(told, style="yellow", highlight=False)
+            self._console.print(told, style="yellow", highlight=False, markup=False)
         self._bar.update(self._task, advance=part.cost, description=told)
 
     def close(self) -> None:
@@ -66,7 +67,8 @@ def show(results: Results, console: Console) -> None:
         mark = "[green]held[/]    " if claim.held else "[red]not held[/]"
         console.print(f"  {mark} {claim.says}\n           {claim.here}", highlight=False)
     for refused in (r for r in results.results if isinstance(r, Refused)):
-        console.print(f"  [yellow]missing[/]  {refused.part}: {refused.reason}", highlight=False)
+        reason = escape(refused.reason)
+        console.print(f"  [yellow]missing[/]  {refused.part}: {reason}", highlight=False)
 
 
 def _strips_table(told: Sequence[Row], count: int) -> Table:

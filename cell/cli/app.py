@@ -1,9 +1,13 @@
 """The command line: one file a command; heavy modules are imported where they are used."""
 
+import sys
+from typing import Annotated
+
 import typer
 
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
+from cell.cli.camera import camera
 from cell.cli.fold import fold
 from cell.cli.gap import gap
 from cell.cli.record import report, viz
@@ -11,6 +15,7 @@ from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
 from cell.cli.train import train
+from cell.cli.twin import twin
 
 app = typer.Typer(
     name="cell",
@@ -25,8 +30,30 @@ app.command()(runs)
 app.command()(report)
 app.command()(viz)
 app.command()(replay)
-app.command()(calibrate)
+app.command()(camera)
+app.add_typer(calibrate, name="calibrate")
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")
 app.command()(train)
+app.add_typer(twin, name="twin")
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        sys.stdout.write(f"cell {version('folding-cell')}\n")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_tell_version, is_eager=True, help="Say which version, and end."
+        ),
+    ] = False,
+) -> None:
+    """Fold fabric strips with feedback from a camera, on hardware or on the digital twin."""

@@ -48,6 +48,7 @@ def benchmark(
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.screen import Meter, show
     from cell.benchmark.spec import BenchmarkSpec, split
+    from cell.cli.table import wide_console
     from cell.config.places import find_configs
 
     found = find_configs(configs)
@@ -70,5 +71,5 @@ def benchmark(
     if as_json:
         sys.stdout.write("".join(json.dumps(line) + "\n" for line in lines(results)))
         return
-    show(results, Console())
+    show(results, wide_console())
     sys.stdout.write(f"  {page}\n")

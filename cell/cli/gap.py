@@ -116,7 +116,9 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
 def _cell_file(configs: Path | None) -> Path:
     from cell.config.places import find_configs
 
-    return find_configs(configs).folder / "cell.yaml"
+    found = find_configs(configs)
+    found.cell()  # refused here, in one line, before anything is written
+    return found.folder / "cell.yaml"
 
 
 def _tell(what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool) -> None:

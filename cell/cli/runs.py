@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,7 +38,7 @@ def runs(
     rows = list_runs(folder)
     pruning = keep is not None or older_than is not None
     if pruning:
-        age = None if older_than is None else timedelta(days=older_than)
+        age = None if older_than is None else timedelta(days=_days(older_than))
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
     _show(rows, as_json=as_json)
     if pruning and delete:
@@ -45,6 +46,14 @@ def runs(
         sys.stderr.write(f"deleted {len(rows)} runs, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
         sys.stderr.write(f"{len(rows)} runs may go; nothing was deleted, add --delete\n")
+
+
+def _days(stated: float) -> float:
+    from drivers.errors import ConfigurationError
+
+    if isnan(stated):
+        raise ConfigurationError("--older-than: is nan; give a number of days")
+    return stated
 
 
 def _show(rows: "Sequence[RunRow]", *, as_json: bool) -> None:
@@ -59,17 +68,14 @@ def _show(rows: "Sequence[RunRow]", *, as_json: bool) -> None:
 
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from cell.cli.table import print_table
 
-    table = Table()
-    for name in ("run", "strip", "policy", "outcome"):
-        table.add_column(name, overflow="fold")
-    for name in ("d mm", "s", "MB"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        shown = "" if row.displacement is None else f"{1e3 * row.displacement:+.1f}"
-        lasted = "" if row.duration is None else f"{row.duration:.1f}"
-        size = f"{row.size / MEGABYTE:.1f}"
-        table.add_row(row.name, row.strip, row.policy, row.outcome, shown, lasted, size)
-    Console().print(table)
+    columns = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")
+    print_table(columns, [_cells(row) for row in rows], text=4)
+
+
+def _cells(row: "RunRow") -> tuple[str, ...]:
+    shown = "" if row.displacement is None else f"{1e3 * row.displacement:+.1f}"
+    lasted = "" if row.duration is None else f"{row.duration:.1f}"
+    size = f"{row.size / MEGABYTE:.1f}"
+    return (row.name, row.strip, row.policy, row.outcome, shown, lasted, size)

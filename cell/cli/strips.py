@@ -42,17 +42,16 @@ def known(context: typer.Context, configs: Configs = None, as_json: Json = False
 
 
 def _print_table(title: str, known_strips: "Sequence[StripFile]") -> None:
-    from rich.console import Console
-    from rich.table import Table
+    from cell.cli.table import print_table
 
-    table = Table(title=title)
-    for name in ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms"):
-        table.add_column(name, justify="left" if name == "strip" else "right")
-    for strip in known_strips:
-        numbers = [strip.length, strip.width, strip.areal_density]
-        numbers += [strip.bending_length, strip.retardation_time]
-        table.add_row(strip.name, *(f"{1e3 * number:.4g}" for number in numbers))
-    Console().print(table)
+    columns = ("strip", "length mm", "width mm", "g/m²", "bending mm", "retardation ms")
+    rows = [(strip.name, *(f"{1e3 * n:.4g}" for n in _numbers(strip))) for strip in known_strips]
+    print_table(columns, rows, title)
+
+
+def _numbers(strip: "StripFile") -> tuple[float, ...]:
+    shape = (strip.length, strip.width, strip.areal_density)
+    return (*shape, strip.bending_length, strip.retardation_time)
 
 
 @strips.command()

@@ -54,6 +54,7 @@ def train(
     """
     from rich.console import Console
 
+    from cell.cli.table import wide_console
     from cell.train.critic import train_critic
     from cell.train.run import train as train_in
     from cell.train.screen import show
@@ -74,7 +75,7 @@ def train(
     if as_json:
         sys.stdout.write(json.dumps(trained.line()) + "\n")
         return
-    show(trained.evaluations, Console())
+    show(trained.evaluations, wide_console())
     sys.stdout.write(
         f"  fold with it: cell fold --strip denim --policy {policy.value} "
         f"--checkpoint {trained.checkpoint}\n"

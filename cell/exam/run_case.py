@@ -134,7 +134,9 @@ def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool
     sandboxed = None if again else _sat(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
-        sandboxed = run_sandboxed(strip, runs, out, [folder], workdirs=workdirs)
+        sandboxed = run_sandboxed(
+            strip, [run.path for run in runs], out, [folder], workdirs=workdirs
+        )
         facts = {
             "of": by.verdict(case),
             "wall": sandboxed.wall,

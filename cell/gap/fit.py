@@ -11,7 +11,7 @@ from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
-from cell.gap.subject.run_folders import find_runs, run_names
+from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
 from cell.gap.verdict.compose import verdict as compose
@@ -24,7 +24,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "8"  # of the engine: another one starts anew
+VERSION = "9"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -47,11 +47,12 @@ def fit(
     """
     began = time.monotonic()
     _clear(out)
-    folders = find_runs(runs)
-    hold.check(run_names(folders), hold_out)
-    subject = open_subject(file, folders, jobs)
+    found_runs = find_runs(runs)
+    hold.check([run.name for run in found_runs], hold_out)
+    subject = open_subject(file, found_runs, jobs)
+    key = _key(file, found_runs, hold_out)
     _make(out)
-    tape = SimulationCache(subject.simulate, out / ".rounds" / _key(file, folders, hold_out))
+    tape = SimulationCache(subject.simulate, out / ".rounds" / key)
     held = hold.held_out(subject, tape, hold_out)
     found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)
@@ -66,17 +67,20 @@ def fit(
     return verdict
 
 
-def open_subject(file: Path, folders: Sequence[Path], jobs: int) -> Subject:
-    """The subject that `file` describes, with its measured runs."""
+def open_subject(file: Path, runs: Sequence[RunFolder], jobs: int) -> Subject:
+    """The subject that `file` describes, with its measured runs.
+
+    Raises ConfigurationError for a file of another kind.
+    """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
         from cell.gap.subject.pendulum.subject import open_pendulum
 
-        return open_pendulum(file, folders, jobs)
+        return open_pendulum(file, runs, jobs)
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
-        return open_strip(file, folders, jobs)
+        return open_strip(file, runs, jobs)
     raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
 
 
@@ -96,12 +100,12 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
         write_text(out / CELL_PATCH, dumped(cell_patch))
 
 
-def _key(file: Path, folders: Sequence[Path], held: Sequence[str]) -> str:
+def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
     """Hash of everything that the simulations depend on."""
     h = hashlib.sha256(VERSION.encode())
     h.update(file.read_bytes())
-    for folder in folders:
-        for path in (folder / name for name in READ):
+    for run in runs:
+        for path in (run.path / name for name in READ):
             h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
     h.update("\0".join(held).encode())
     return h.hexdigest()[:16]

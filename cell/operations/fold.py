@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
+from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -30,7 +32,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
-from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.errors import CellError, Fault
 from drivers.settings import parse
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
@@ -75,7 +77,7 @@ def fold(
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
     calibration = calibration or calibration_of(settings)
-    _check_camera(calibration, devices)
+    check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
@@ -171,21 +173,12 @@ def run_header(
             "arm": choice.arm or settings.drivers.arm,
             "camera": choice.camera or settings.drivers.camera,
         },
-        "calibration": {"id": calibration.id, "error": calibration.residual_mm / 1e3},
+        "calibration": recorded(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),
         "plant_sha256": _plant_hash(choice, strip),
     }
-
-
-def _check_camera(calibration: Calibration, devices: Devices) -> None:
-    """A calibration serves the camera that it was made with and no other."""
-    if calibration.camera != devices.camera_identity:
-        raise ConfigurationError(
-            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
-            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
-        )
 
 
 def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:

@@ -41,7 +41,8 @@ class ProgressLine:
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """One event; a fault stays on the screen."""
         if kind == "fault":
-            self._status.console.print(f"{time:.2f} s  {facts['name']}: {facts['reason']}")
+            text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
+            self._status.console.print(text, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -7,19 +7,19 @@ from typing import Any, Self
 
 import numpy as np
 
-from calibration.calibration import load_calibration
+from calibration.calibration import Calibration, load_calibration
 from calibration.perception.measurement import StripMeasurement
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from cell.config.cell import CellFile
 from cell.record.columns import Sights
-from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS
-from cell.record.frames import INDEX
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
+from cell.record.frames import INDEX, frame_file
 from cell.record.run import Event, Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Array, Pose
+from drivers.types import Array, Frame, Pose
 from policies.policy import Observation
 from policies.profile import seen_profile
 from policies.registry import make_policy
@@ -53,6 +53,8 @@ def replay(folder: Path) -> Replay:
     decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
     if not decided:
         raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+    if run.ticks.t.size == 0:
+        raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
     sights = run.sights()
     images, seen = _look_again(run, settings, strip, sights)
     other = [*_other_decisions(run, settings, strip, decided, sights)]
@@ -76,7 +78,7 @@ class _Decided:
             facts = {field.name: event.facts[field.name] for field in fields(cls)}
             numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
             return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise ConfigurationError(
                 f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
                 "it was changed after the run"
@@ -103,12 +105,22 @@ def _look_again(
     recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
     images, differences = 0, list[str]()
     for frame in frames:
+        _check_size(run, frame, calibration)
         row = recorded.get(frame.sequence)
         if row is not None:
             sight = perception.look(frame, _gripper(run, float(sights.stamp[row])))
             differences.extend(_differences(sight, sights, row))
             images += 1
     return images, differences
+
+
+def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
+    found, lens = frame.image.shape, calibration.lens
+    if found[:2] != (lens.height, lens.width):
+        raise ConfigurationError(
+            f"{frame_file(run.folder, frame.sequence)}: is {found[1]} x {found[0]} pixels, the "
+            f"calibration is for {lens.width} x {lens.height}; it was changed after the run"
+        )
 
 
 def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:

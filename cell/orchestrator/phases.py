@@ -1,20 +1,31 @@
 """What each state of a fold does."""
 
-from collections.abc import Callable, Generator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
 
+from calibration.landmarks import camera_shift
+from calibration.perception.checks import PreflightCheck, camera_check
 from calibration.perception.laid import edge_offset
 from calibration.perception.measurement import SeenTouch
-from calibration.perception.preflight import Preflight, inspect
-from calibration.touched_points import TouchedPoints
+from calibration.perception.preflight import inspect
+from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
+from cell.orchestrator.snapshot import Command, Drive, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.steps import Motion, Phase, close_hand, move, open_hand, pause
+from cell.orchestrator.steps import (
+    SETTLE,
+    Motion,
+    Phase,
+    close_hand,
+    move,
+    open_hand,
+    pause,
+    still_picture,
+)
 from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
@@ -24,53 +35,26 @@ from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
 from policies.profile import seen_profile
 
-SETTLE = 0.3  # s for strip and image to come to rest
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
-
-
-@dataclass(frozen=True, slots=True)
-class Pictured:
-    """An image taken at rest: when it was looked at [s], and where the gripper stood."""
-
-    time: float
-    frame: Frame
-    gripper: Pose
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Judge the picture of the strip before it is touched; raises PreflightRefused."""
     fold = cell.settings.fold
+    before = yield from _camera_checks(cell)
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
-    frame = (yield from _still_picture()).frame
+    frame = (yield from still_picture()).frame
     seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
     record.frame(frame)
-    checks = [asdict(check) for check in seen.checks]
-    record.event(frame.stamp, "preflight", checks=checks)
-    record.describe(preflight=checks)
-    if seen.appearance is None or not seen.passed:
-        raise PreflightRefused(_failures(seen))
+    checks = (*before, *seen.checks)
+    facts = [asdict(check) for check in checks]
+    record.event(frame.stamp, "preflight", checks=facts)
+    record.describe(preflight=facts)
+    if seen.appearance is None or not all(check.passed for check in checks):
+        raise PreflightRefused(_failures(checks))
     cell.reader = StripReader.of(cell.settings, cell.strip, cell.calibration, seen.appearance)
     return Event.CHECKED
-
-
-def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
-    """A run that calibrates has no strip to judge."""
-    yield from pause(0.0)
-    return Event.NEEDS_CALIBRATION
-
-
-def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
-    """The map to the plane, from points that the pointer touches."""
-    points = TouchedPoints(cell.lens, cell.settings.touches)
-    while (pose := points.ask()) is not None:
-        yield from move(pose)
-        picture = yield from _still_picture()
-        refused = points.tell(picture.frame, picture.gripper)
-        if refused is not None:
-            record.event(picture.time, "touch_refused", reason=refused)
-    cell.touches = points.verdict()
-    return Event.CALIBRATED
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
@@ -159,7 +143,7 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     retreat = cell.settings.fold.approach
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
-    seen = _laid_offset(cell, (yield from _still_picture()).frame, pose)
+    seen = _laid_offset(cell, (yield from still_picture()).frame, pose)
     if seen is not None:
         cell.edge_offset = seen
         record.event(snapshot.time, "edges_seen", edge_offset=seen)
@@ -267,17 +251,18 @@ def _velocity(decision: Decision, pitch_rate: float) -> Velocity:
     return Velocity(speed * np.cos(phi), speed * np.sin(phi), pitch_rate)
 
 
-def _still_picture() -> Generator[Command, Snapshot, Pictured]:
-    """Wait until arm, strip and picture are at rest; the first image taken after that."""
-    still = (yield from pause(SETTLE)).time
-    while True:
-        snapshot = yield Hold()
-        if (
-            snapshot.view.fresh
-            and snapshot.view.frame is not None
-            and snapshot.view.frame.stamp > still
-        ):
-            return Pictured(snapshot.time, snapshot.view.frame, snapshot.arm.pose)
+def _camera_checks(
+    cell: FoldContext,
+) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+    """Whether the camera stands where it was calibrated, where its landmarks are known."""
+    calibration, landmarks = cell.calibration, cell.calibration.landmarks
+    if landmarks is None:
+        return ()
+    yield from open_hand()
+    yield from move(landmarks.pose)
+    frame = (yield from still_picture()).frame
+    shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
+    return (camera_check(shift, cell.settings.landmarks),)
 
 
 def _seen(cell: FoldContext) -> SeenTouch:
@@ -286,6 +271,6 @@ def _seen(cell: FoldContext) -> SeenTouch:
     return cell.seen_touch
 
 
-def _failures(seen: Preflight) -> str:
-    failed = [check for check in seen.checks if not check.passed]
+def _failures(checks: Sequence[PreflightCheck]) -> str:
+    failed = [check for check in checks if not check.passed]
     return "\n".join(f"{check.name}: {check.reason}; {check.remedy}" for check in failed)

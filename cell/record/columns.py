@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA
 from drivers.types import Array, frozen
 
 REACH = 5.0  # m, further from the fixed edge nothing of a cell can be
 TURN = 2 * np.pi
+WILD = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
+LONG = 1e5  # s, longer than a day
+HUGE = 1e9  # nothing of a cell is as large in any unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +45,14 @@ class Ticks:
         for name in must:
             _check_finite(values[name], name, origin)
         _check_order(values["t"], origin, strictly=True)
+        _check_range(values["t"], "t", origin, LONG, "s")
         for name in ("x", "z", "x_cmd", "z_cmd", "contact_x"):
             _check_range(values[name], name, origin, REACH, "m")
         _check_range(values["pitch"], "pitch", origin, TURN, "rad")
         for name in ("contact_t", "f_x", "f_z", "image_age"):
             values[name] = _optional(table, name, origin)
-        state = table["state"].to_pylist() if "state" in table.column_names else []
+            _check_range(values[name], name, origin, HUGE, "SI units")
+        state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))
 
 
@@ -70,6 +72,10 @@ class Profile:
         for name, column in values.items():
             _check_finite(column, name, origin)
         _check_order(values["t"], origin, strictly=False)
+        _check_range(values["t"], "t", origin, LONG, "s")
+        for name in ("x", "z"):
+            _check_middle(values[name], name, origin)
+            _check_range(values[name], name, origin, WILD, "m")
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
@@ -99,7 +105,12 @@ class Sights:
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
         """The columns of `table`; ConfigurationError names `origin` and the column at fault."""
-        return cls(**{name: _numbers(table, name, origin) for name in cls.__slots__})
+        values = {name: _numbers(table, name, origin) for name in cls.__slots__}
+        for name in ("stamp", "sequence"):
+            _check_finite(values[name], name, origin)
+        for name in cls.__slots__:
+            _check_range(values[name], name, origin, HUGE, "SI units")
+        return cls(**values)
 
     @classmethod
     def none(cls) -> Self:
@@ -107,30 +118,18 @@ class Sights:
         return cls(*[frozen([]) for _ in cls.__slots__])
 
 
-def read_parquet(path: Path) -> pa.Table:
-    """A Parquet table; ConfigurationError when it is missing, broken or of a newer schema."""
-    try:
-        table = pq.read_table(path)
-    except FileNotFoundError:
-        raise ConfigurationError(f"{path}: is missing") from None
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigurationError(f"{path}: is not a whole Parquet file: {reason}") from None
-    schema = (table.schema.metadata or {}).get(b"schema", b"1").decode(errors="replace")
-    if not schema.isdigit() or int(schema) > SCHEMA:
-        raise ConfigurationError(
-            f"{path}: schema: is {schema}, this version reads {SCHEMA}; update the cell"
-        )
-    return table
-
-
 def _numbers(table: pa.Table, name: str, origin: str) -> Array:
     if name not in table.column_names:
         raise ConfigurationError(f"{origin}: {name}: the column is missing; add it")
+    if table.column_names.count(name) > 1:
+        raise ConfigurationError(f"{origin}: {name}: there are two such columns; keep one")
     column = table[name]
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         raise ConfigurationError(f"{origin}: {name}: holds {column.type}, must hold numbers")
-    return frozen(column.cast(pa.float64()).to_numpy())
+    try:
+        return frozen(column.cast(pa.float64(), safe=False).to_numpy())
+    except pa.ArrowException as error:
+        raise ConfigurationError(f"{origin}: {name}: cannot be read: {error}") from None
 
 
 def _optional(table: pa.Table, name: str, origin: str) -> Array:
@@ -157,8 +156,19 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
         )
 
 
+def _check_middle(values: Array, name: str, origin: str) -> None:
+    """Refuse lengths in another unit: a few points may be wild, half of them not."""
+    middle = float(np.median(np.abs(values))) if values.size else 0.0
+    if middle > REACH:
+        raise ConfigurationError(
+            f"{origin}: {name}: is {middle:.3g} in the middle, must stay within "
+            f"{REACH:g} m; give it in m"
+        )
+
+
 def _check_range(values: Array, name: str, origin: str, limit: float, unit: str) -> None:
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    known = values[~np.isnan(values)]
+    largest = float(np.max(np.abs(known), initial=0.0))
     if largest > limit:
         raise ConfigurationError(
             f"{origin}: {name}: reaches {largest:.6g}, must stay within {limit:.3g} {unit}; "

@@ -41,7 +41,7 @@ def _scalar(value: object) -> str | int | float | None:
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """`content` as YAML at `path`, on the disk when this returns, never half of it."""
     text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
-    replace_file(path, text.encode())
+    replace_file(path, text.encode(errors="backslashreplace"))
 
 
 def replace_file(path: Path, content: bytes) -> None:

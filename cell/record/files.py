@@ -7,6 +7,7 @@ RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.y
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
+REBUILT = "rebuilt.rrd"  # by `cell viz`, beside the one of the fold itself
 CHECKPOINT = "checkpoint.json"
 
 
@@ -17,11 +18,13 @@ def is_run(folder: Path) -> bool:
 
 def is_under_way(folder: Path) -> bool:
     """Whether a living process is writing the run in `folder`: it holds a lock on the events."""
+    if not (folder / EVENTS).is_file():  # a pipe would be waited for
+        return False
     try:
         with (folder / EVENTS).open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return False
     except BlockingIOError:
         return True
+    except OSError:
+        return False
     return False

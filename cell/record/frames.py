@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,10 +11,12 @@ import numpy as np
 
 from cell.record.json_lines import read_json_lines
 from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Frame, Image
 
 Keep = Literal["all", "key", "none"]
 FOLDER, INDEX = "frames", "frames/index.jsonl"
+PNG_BYTES, LARGEST = 64 * MEGABYTE, 4096  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,10 +64,26 @@ def decode(path: Path) -> Image:
     """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is none."""
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    content = read_bytes(path, PNG_BYTES)
+    image = None
+    if _is_small_png(content):
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # we say it ourselves
+        try:
+            image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+        except cv2.error:
+            image = None
     if image is None:
         raise ConfigurationError(f"{path}: is not an image that can be read")
     return np.asarray(image, dtype=np.uint8)
+
+
+def _is_small_png(content: bytes) -> bool:
+    """Whether this is a PNG that states a size which a camera has: it is checked before decoding,
+    for a few bytes can state a picture of gigabytes.
+    """
+    sides = int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
+    begun = content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR"
+    return begun and 0 < min(sides) <= max(sides) <= LARGEST
 
 
 class KeyFrames:
@@ -102,7 +121,7 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """Every image that the run in `folder` saw, in order; ConfigurationError for a broken line."""
     try:
         return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
             "it was changed after the run"
@@ -115,21 +134,31 @@ def read_frames(folder: Path) -> Iterator[Frame]:
     Raises ConfigurationError for an image that is not the one that was recorded.
     """
     for note in read_index(folder):
-        if note.file is None:
-            continue
-        image = decode(note.file)
-        if digest(image) != note.sha256:
-            raise ConfigurationError(f"{note.file}: is not the image that was recorded")
-        yield Frame(note.stamp, note.arrival, note.source, note.sequence, image)
+        frame = read_frame(note)
+        if frame is not None:
+            yield frame
+
+
+def read_frame(note: FrameNote) -> Frame | None:
+    """The image of a note, checked against its hash; None where it was not kept."""
+    if note.file is None:
+        return None
+    image = decode(note.file)
+    if digest(image) != note.sha256:
+        raise ConfigurationError(f"{note.file}: is not the image that was recorded")
+    return Frame(note.stamp, note.arrival, note.source, note.sequence, image)
 
 
 def _note(folder: Path, line: dict[str, Any]) -> FrameNote:
-    path = frame_file(folder, int(line["sequence"]))
+    sequence, stamp, arrival = int(line["sequence"]), float(line["stamp"]), float(line["arrival"])
+    if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
+        raise ValueError("an image without place or time")
+    path = frame_file(folder, sequence)
     return FrameNote(
-        sequence=int(line["sequence"]),
-        stamp=float(line["stamp"]),
-        arrival=float(line["arrival"]),
+        sequence=sequence,
+        stamp=stamp,
+        arrival=arrival,
         source=str(line.get("source", "")),
         sha256=str(line.get("sha256") or ""),
-        file=path if path.exists() else None,
+        file=path if path.is_file() else None,
     )

@@ -7,6 +7,7 @@ from pydantic import ConfigDict, Field, model_validator
 from drivers.settings import Settings
 
 Positive = Annotated[float, Field(gt=0)]
+Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
 
 
 class Recorded(Settings):
@@ -58,11 +59,11 @@ class Header(Recorded):
     strip: str = Field(min_length=1)
     sigma: Sigma
     start: Literal["flat", "hanging"] = "flat"
-    index: int | None = None
+    index: int | None = Field(None, ge=0, le=1_000_000)
     condition: str | None = None
-    speed: Positive | None = None
-    camera_hz: Positive | None = None
-    contact_height: Positive = 0.001
+    speed: float | None = Field(None, gt=0, le=10.0)  # m/s, beyond any arm
+    camera_hz: float | None = Field(None, gt=0, le=100_000.0)  # beyond any camera
+    contact_height: float = Field(0.001, gt=0, le=0.05)  # m, a fold stands hardly higher
     policy: str | None = None
     checkpoint: dict[str, Any] | None = None
     seed: int | None = None
@@ -83,14 +84,14 @@ class Result(Recorded):
     """
 
     outcome: str = Field(min_length=1)
-    t_layer_touch: float | None = None
-    displacement: float | None = None
-    l1: float | None = None
-    l2: float | None = None
+    t_layer_touch: Number | None = None
+    displacement: Number | None = None
+    l1: Number | None = None
+    l2: Number | None = None
     reason: str | None = None
-    duration: float | None = None
-    confidence: float | None = None
-    edge_offset: float | None = None
+    duration: Number | None = None
+    confidence: Number | None = None
+    edge_offset: Number | None = None
 
     @model_validator(mode="after")
     def _touch_is_whole(self) -> Self:

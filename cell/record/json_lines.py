@@ -8,31 +8,52 @@ from typing import Any
 
 from cell.record.documents import plain, replace_file
 from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
 
+JOURNAL = 32 * MEGABYTE  # a fold of two minutes writes half of one
+LINES = 200_000
+DEPTH = 16
+DIGITS = 18  # of a whole number that fits 64 bits
 Line = dict[str, Any]
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
     """`content` as one line of JSON."""
-    return json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": ")).encode() + b"\n"
+    text = json.dumps(plain(content), ensure_ascii=False, separators=(", ", ": "))
+    return text.encode(errors="backslashreplace") + b"\n"
 
 
 def read_json_lines(path: Path) -> list[Line]:
     """The whole lines of a JSON lines file; empty without the file.
 
-    What a killed process left half written is passed over.
+    What a killed process left half written is passed over. Raises ConfigurationError for what is
+    no regular file, or larger than any record.
     """
     if not path.exists():
         return []
     lines: list[Line] = []
-    for line in path.read_bytes().split(b"\n"):
+    for line in read_bytes(path, JOURNAL).split(b"\n", LINES)[:LINES]:
         try:
-            content = json.loads(line)
-        except ValueError:
+            content = json.loads(line, parse_int=_integer)
+        except (ValueError, RecursionError):
             continue
-        if isinstance(content, dict):
+        if isinstance(content, dict) and _is_flat(content, DEPTH):
             lines.append(content)
     return lines
+
+
+def _is_flat(value: object, depth: int) -> bool:
+    """Whether lists and mappings are nested no deeper than `depth`."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if not isinstance(value, list):
+        return True
+    return depth > 0 and all(_is_flat(item, depth - 1) for item in value)
+
+
+def _integer(text: str) -> int | float:
+    """A whole number; as a float where no index, count or time is so large."""
+    return int(text) if len(text) <= DIGITS else float(text)
 
 
 class Journal:

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,10 @@ def list_runs(root: Path) -> tuple[RunRow, ...]:
     """
     if not root.is_dir():
         raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
-    rows = [_row(folder) for folder in root.iterdir() if is_run(folder)]
+    try:
+        rows = [_row(folder) for folder in root.iterdir() if is_run(folder)]
+    except OSError as error:
+        raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
     return tuple(sorted(rows, key=lambda row: (row.began, row.name)))
 
 
@@ -96,7 +100,7 @@ def _row(folder: Path) -> RunRow:
         outcome=_outcome(folder, header, result),
         displacement=_number((result or {}).get("displacement")),
         duration=_number((result or {}).get("duration")),
-        size=sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()),
+        size=sum(_size(path) for path in folder.rglob("*")),
     )
 
 
@@ -119,12 +123,24 @@ def _document(path: Path) -> dict[str, Any] | None:
         return None
 
 
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size if path.is_file() else 0
+    except OSError:  # it has just gone
+        return 0
+
+
 def _began(folder: Path) -> datetime:
     stamp = BEGAN.match(folder.name)
     stamped = None if stamp is None else _moment(stamp[1])
-    if stamped is None:
-        return datetime.fromtimestamp((folder / RUN).stat().st_mtime, UTC)
-    return stamped
+    return stamped or _written(folder / RUN)
+
+
+def _written(path: Path) -> datetime:
+    try:
+        return datetime.fromtimestamp(path.stat().st_mtime, UTC)
+    except (OSError, OverflowError, ValueError):  # gone, or dated beyond the calendar
+        return datetime.fromtimestamp(0, UTC)
 
 
 def _moment(stamp: str) -> datetime | None:
@@ -135,5 +151,5 @@ def _moment(stamp: str) -> datetime | None:
 
 
 def _number(value: Any) -> float | None:
-    usable = isinstance(value, int | float) and not isinstance(value, bool)
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
     return float(value) if usable else None

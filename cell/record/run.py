@@ -2,11 +2,12 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration, load_calibration
-from cell.record.columns import Profile, Sights, Ticks, read_parquet
+from cell.record.columns import Profile, Sights, Ticks
 from cell.record.files import (
     CALIBRATION,
     EVENTS,
@@ -23,6 +24,7 @@ from cell.record.files import (
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
 from cell.record.json_lines import read_json_lines
+from cell.record.parquet_file import read_parquet
 from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.tables import Tables, assemble, write_tables
 from drivers.errors import ConfigurationError
@@ -30,6 +32,7 @@ from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 
 ORIGIN = "origin"
+LATEST = 1e9  # s, of an event
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,17 +70,16 @@ class Run:
         Events are written on the cell's clock, before anyone knows when measured time will
         begin; the event `origin` tells, and here all times are counted from there.
         """
-        origin = self.origin()
+        lines = read_json_lines(self.folder / EVENTS)
+        origin = _origin(lines)
         return tuple(
             Event(_moment(line.pop("t", None)) - origin, str(line.pop("kind", "")), line)
-            for line in read_json_lines(self.folder / EVENTS)
+            for line in lines
         )
 
     def origin(self) -> float:
         """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
-        lines = read_json_lines(self.folder / EVENTS)
-        begins = [_moment(line.get("t")) for line in lines if line.get("kind") == ORIGIN]
-        return begins[0] if begins else 0.0
+        return _origin(read_json_lines(self.folder / EVENTS))
 
     def sights(self) -> Sights:
         """What each image showed; empty in a laboratory's run."""
@@ -119,10 +121,10 @@ def read_run(folder: Path) -> Run:
     if not is_run(folder):
         raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
     header = load(folder / RUN, Header)
-    result = load(folder / RESULT, Result) if (folder / RESULT).exists() else None
+    result = load(folder / RESULT, Result, bare=True) if (folder / RESULT).exists() else None
     ticks, profile = folder / TICKS, folder / PROFILE
     if result is None and not (ticks.exists() and profile.exists()):
-        tables, origin = _broken_off(folder, header)
+        tables, origin = broken_off(folder, header)
         return Run(
             folder, header, Ticks.of(tables.ticks, origin), Profile.of(tables.profile, origin), None
         )
@@ -149,12 +151,19 @@ def recover(folder: Path) -> bool:
     return True
 
 
+def _origin(lines: list[dict[str, Any]]) -> float:
+    begins = [_moment(line.get("t")) for line in lines if line.get("kind") == ORIGIN]
+    return begins[0] if begins else 0.0
+
+
 def _moment(value: object) -> float:
     """A time [s] in an event; 0 where it is none."""
-    return float(value) if isinstance(value, int | float) else 0.0
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return 0.0
+    return float(value) if isfinite(value) and abs(value) < LATEST else 0.0
 
 
-def _broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
+def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
     """The tables of a run that died; a cell's own may have died before its streams were begun."""
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
     if not begun and header.config is None:

@@ -7,8 +7,12 @@ from typing import Any, Self
 import pyarrow as pa
 
 from cell.record.documents import write_all
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
+STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
+OPTIONAL = frozenset({"cost"})  # which records from before lack
 NUMBER = pa.float64()
 POINTS = pa.list_(pa.float64())
 
@@ -59,24 +63,40 @@ class StreamFile:
 
 
 def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
-    """Every whole row of a stream.
+    """Every whole row of a stream, its columns those of `schema`.
 
-    Without a file, or with one that broke off inside its head, no rows of `schema`.
+    Without a file, or with one that broke off inside its head, no rows. Raises
+    ConfigurationError for a stream whose columns are others.
     """
     batches: list[Any] = []
-    content = path.read_bytes() if path.exists() else b""
+    content = read_bytes(path, STREAM) if path.exists() else b""
     try:
         with pa.ipc.open_stream(pa.py_buffer(content)) as reader:
-            schema = reader.schema
+            found = reader.schema
+            if content:
+                _check_columns(path, found, schema)
             batches.extend(_whole(reader))
-    except (pa.ArrowInvalid, OSError):
+    except (pa.ArrowException, OSError):
         return pa.Table.from_batches([], schema)
-    return pa.Table.from_batches(batches, schema).combine_chunks()
+    return pa.Table.from_batches(batches, found).combine_chunks()
+
+
+def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
+    for field in wanted:
+        if field.name not in OPTIONAL and (
+            found.names.count(field.name) != 1 or found.field(field.name).type != field.type
+        ):
+            raise ConfigurationError(
+                f"{path}: {field.name}: the column is missing or not {field.type}; "
+                "it was changed after the run"
+            )
 
 
 def _whole(reader: Any) -> Iterator[Any]:
     while True:
         try:
-            yield reader.read_next_batch()
-        except (StopIteration, pa.ArrowInvalid, OSError):
+            batch = reader.read_next_batch()
+            batch.validate(full=True)
+        except (StopIteration, pa.ArrowException, OSError):
             return
+        yield batch

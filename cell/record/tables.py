@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from cell.record.documents import sync_folder
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
+from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA
 from drivers.types import Array
 
@@ -27,10 +28,22 @@ class Tables:
 def assemble(folder: Path) -> Tables:
     """The tables of a run from its streams, whole or broken off.
 
-    Raises OSError when a stream cannot be read.
+    Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
     ticks = read_stream(folder / TICK_STREAM, TICK_ROWS)
     sights = read_stream(folder / SIGHT_STREAM, SIGHT_ROWS)
+    try:
+        with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
+            return _tables(ticks, sights)
+    except (pa.ArrowException, TypeError, ValueError) as error:
+        reason = (str(error).splitlines() or ["no reason given"])[0]
+        raise ConfigurationError(
+            f"{folder / SIGHT_STREAM}: rows do not fit each other: {reason}; "
+            "it was changed after the run"
+        ) from None
+
+
+def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
     return Tables(
         ticks=tick_table(ticks, sights),
         profile=profile_table(sights),
@@ -93,8 +106,9 @@ def write_parquet(path: Path, table: pa.Table) -> None:
     """`table` at `path`, whole or not at all, the schema's number in the file's metadata."""
     scratch = path.with_name(path.name + ".part")
     marked = table.replace_schema_metadata({"schema": str(SCHEMA)})
-    pq.write_table(marked, scratch, compression="zstd", row_group_size=1 << 20)
-    with scratch.open("rb") as file:
+    with scratch.open("wb") as file:  # pyarrow's own opening wants names that are UTF-8
+        pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
+        file.flush()
         os.fsync(file.fileno())
     scratch.replace(path)
     sync_folder(path.parent)

@@ -20,7 +20,7 @@ SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
 LENGTHS |= {"contact_height", "contact_x", "error"}
 UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
-UNITS |= {"areal_density": "kg/m²"}
+UNITS |= {"areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
 
 
@@ -151,10 +151,10 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, A
 
 def _text(key: str, value: Any) -> str:
     name = key.rpartition(".")[2]
-    if key.startswith("sigma.") and name != "touch_time":
+    if key.startswith("sigma.") and name not in UNITS and isinstance(value, float):
         return millimetres(value)
     if name.endswith("sha256"):
-        return f"{value:.12}…"
+        return f"{value!s:.12}…"
     if isinstance(value, list | tuple):
         joined = ", ".join(str(item) for item in value)
         return joined if len(joined) <= 100 else f"{len(value)} entries"

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.record.columns import Sights, Ticks
+from cell.record.columns import REACH, Sights, Ticks
 from cell.record.run import Run
 from cell.report.drawing import (
     BLUE,
@@ -56,7 +56,8 @@ def strip_figure(run: Run) -> str:
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
-            axes.plot(*(1e3 * points).T, color=shade, lw=1.1, alpha=0.85)
+            near = points[(np.abs(points) < REACH).all(axis=1)]  # a wild one would fill the page
+            axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85)
         _desk(axes, run)
         _path(axes, run.ticks)
         _touch_mark(axes, run)

@@ -4,9 +4,10 @@ import base64
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.record.columns import Sights, Ticks
+from cell.record.columns import REACH, Sights, Ticks
 from cell.record.frames import FrameNote, decode
 from cell.record.run import Run
 from cell.report.words import seconds
@@ -53,11 +54,16 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
         image = _read(note)
         if image is None:
             continue
-        if calibration is not None:
+        if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
             image = window.cut(_with_sight(image, note, calibration, sights, curves))
         pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights)))
     return tuple(pictures)
+
+
+def _fits(image: Image, calibration: Calibration) -> bool:
+    """Whether the calibration speaks of images of this size."""
+    return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
 def window_on(ticks: Ticks, calibration: Calibration) -> Window:
@@ -66,6 +72,8 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Window:
     x = (-MARGIN, float(np.max(ticks.x, initial=0.0)) + MARGIN)
     z = (-MARGIN, float(np.max(ticks.z, initial=0.0)) + MARGIN)
     corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
+    if not np.isfinite(corners).all():
+        return Window(0, height, 0, width)
     low, high = corners.min(axis=0), corners.max(axis=0)
     share = float(np.clip(np.max((high - low) / (width, height)), 0.25, 1.0))
     size = np.round(np.array([width, height]) * share)
@@ -81,14 +89,26 @@ def draw_sight(
     import cv2
 
     drawn = image.copy()
-    if len(curve) > 1:
-        pixels = np.rint(8 * calibration.to_image(curve)).astype(np.int32)
+    pixels = _pixels(curve, calibration)
+    if len(pixels) > 1:
         cv2.polylines(drawn, [pixels], False, PROFILE_BGR, 3, cv2.LINE_AA, shift=3)
     for point, colour in ((np.array([contact_x, 0.0]), CONTACT_BGR), (tip, TIP_BGR)):
-        if np.isfinite(point).all():
-            centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
+        for centre in _pixels(point[None], calibration):
             cv2.circle(drawn, tuple(centre.tolist()), 8 * 11, colour, 4, cv2.LINE_AA, shift=3)
     return drawn
+
+
+def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
+    """Eighths of pixels (k, 2) of the `points` (m, 2) [m] that are near the image: a line to a
+    wild one, drawn pixel by pixel, would never end.
+    """
+    near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < REACH).all(axis=1)]
+    if len(near) == 0:
+        return np.empty((0, 2), dtype=np.int32)
+    pixels = calibration.to_image(near)
+    side = max(calibration.lens.width, calibration.lens.height)
+    inside = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 4 * side).all(axis=1)
+    return np.rint(8 * pixels[inside]).astype(np.int32)
 
 
 def _read(note: FrameNote) -> Image | None:
@@ -132,7 +152,7 @@ def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
 def _jpeg(image: Image) -> str:
     import cv2
 
-    height = round(image.shape[0] * WIDTH / image.shape[1])
+    height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))
     small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
     _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
     return base64.b64encode(bytes(content)).decode()

@@ -1,11 +1,13 @@
 """The page about a run, put together."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from cell.record.documents import replace_file
 from cell.record.files import REPORT, is_under_way
-from cell.record.run import Run, read_run
+from cell.record.run import Run
+from cell.record.salvage import Salvage
 from cell.record.truth import read_truth
 from cell.report.facts import advice, checks, facts, listed_events, measures, remains
 from cell.report.figures import signals_figure, strip_figure
@@ -29,13 +31,14 @@ from drivers.errors import ConfigurationError
 def write_report(folder: Path) -> Path:
     """Write report.html into the run's folder and return its path.
 
-    A run that died is explained as far as it goes. Raises ConfigurationError for a folder that
-    cannot be read as a run, or not be written.
+    A run that died is explained as far as it goes, and of one that was spoilt what is whole.
+    Raises ConfigurationError for a folder without a run.yaml that can be read, or one that cannot
+    be written.
     """
-    run = read_run(folder)
+    run = Salvage.of(folder)
     path = folder / REPORT
     try:
-        replace_file(path, report(run).encode())
+        replace_file(path, report(run).encode(errors="backslashreplace"))
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
     return path
@@ -51,9 +54,12 @@ def _parts(run: Run) -> Iterator[str]:
     kicker = f"Fold of {run.header.strip}{policy}"
     yield masthead(kicker, run.name)
     under_way = is_under_way(run.folder)
-    said = verdict_of(run, read_truth(run.folder), under_way)
+    truth, spoilt = _truth(run)
+    said = verdict_of(run, truth, under_way)
     yield verdict_box(said.tone, said.headline, said.sentences, said.figure, said.error)
-    if run.died:
+    if spoilt:
+        yield section("What could not be read", steps(spoilt))
+    if run.died and not said.spoilt:
         yield section("What to do", steps(advice(run)))
         yield section("What is here", definitions(remains(run), "rows"))
     yield section("In numbers", definitions(measures(run), "tiles"))
@@ -61,6 +67,15 @@ def _parts(run: Run) -> Iterator[str]:
     yield section("Checks before the motion", table(("check", "result", "why"), checks(run)))
     yield section("What happened", table(("t [s]", "event", ""), listed_events(run)))
     yield section("Made with", definitions(facts(run), "rows"))
+
+
+def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
+    """The truth where it can be read, and what of the folder cannot be."""
+    spoilt = list(run.problems) if isinstance(run, Salvage) else []
+    try:
+        return read_truth(run.folder), spoilt
+    except ConfigurationError as error:
+        return None, [*spoilt, str(error)]
 
 
 def _pictures(run: Run) -> Iterator[str]:

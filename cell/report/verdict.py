@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cell.record.files import is_under_way
+from cell.record.files import RESULT, is_under_way
 from cell.record.header import Result
 from cell.record.run import Run
 from cell.report.words import millimetres, outcome_title, seconds, side
@@ -40,6 +40,7 @@ class Verdict:
     sentences: tuple[str, ...]
     figure: str = ""
     error: str = ""
+    spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
 def accuracy_of(run: Run) -> Accuracy:
@@ -62,6 +63,10 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
     """The verdict on `run`; `truth` is what the plant really did, where that is known."""
     if under_way:
         return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
+    if run.result is None and (run.folder / RESULT).exists():
+        sentences = (f"What {RESULT} holds cannot be read.", _last_seen(run, "at the last row"))
+        headline = "How the run ended cannot be read"
+        return Verdict("bad", headline, tuple(filter(None, sentences)), spoilt=True)
     if run.result is None:
         return _dead(run)
     if run.result.displacement is None:

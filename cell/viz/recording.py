@@ -16,8 +16,8 @@ import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
 from calibration.perception.measurement import StripMeasurement
-from cell.record.files import RECORDING, RUN, is_under_way
-from cell.record.run import read_run
+from cell.record.files import REBUILT, RECORDING, RUN, is_under_way
+from cell.record.salvage import Salvage
 from cell.viz.model_view import LOST, Shadow
 from cell.viz.playback import LogLine, TickView, moments_of
 from drivers.errors import ConfigurationError
@@ -48,25 +48,28 @@ STATES = {
 
 
 def viz_from_run(folder: Path) -> Path:
-    """Write run.rrd again from the record of a run, and return its path.
+    """Write the recording of a run again from its record, and return its path.
 
+    A run.rrd that is there stays: it was recorded during the fold, from every image, of which
+    the record keeps a few; the new one lies beside it. Broken parts of the record are left out.
     Raises ConfigurationError for a folder that cannot be read as a run, or not be written, and
     for a run under way, which writes its own.
     """
-    run = read_run(folder)
+    run = Salvage.of(folder)
     if is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
+    name = REBUILT if (folder / RECORDING).exists() else RECORDING
     stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
-        with open_recording(folder) as recording:
+        with open_recording(folder, name) as recording:
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)
             screen.finish()
     except (OSError, RuntimeError, ValueError) as error:
-        raise ConfigurationError(f"{folder / RECORDING}: cannot be written: {error}") from None
-    return folder / RECORDING
+        raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
+    return folder / name
 
 
 def blueprint() -> Any:
@@ -96,17 +99,21 @@ def blueprint() -> Any:
 
 @contextmanager
 def open_recording(
-    folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
+    folder: Path,
+    name: str = RECORDING,
+    *,
+    live: bool = False,
+    viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """A recording into run.rrd of `folder`, on the disk when this ends; `live` serves it too.
+    """A recording into the file `name` of `folder`, whole when this ends; `live` serves it too.
 
     `viewer` opens a viewer on the address that is served. Raises OSError, RuntimeError or
     ValueError when the file cannot be written.
     """
-    recording = rr.RecordingStream("cell", recording_id=folder.name)
-    sinks: list[Any] = [rr.FileSink(folder / RECORDING)]
+    recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
+    sinks: list[Any] = [rr.FileSink(folder / name)]
     if live:
-        port = _free_port()
+        port = free_port()
         sinks.append(rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY))
     recording.set_sinks(*sinks)
     recording.send_blueprint(blueprint())
@@ -210,7 +217,7 @@ class Screen:
 
     def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
         """An image, and what was seen in this very one."""
-        self._to.log("camera/image", _jpeg(image))
+        self._to.log("camera/image", jpeg(image))
         if sight is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
         else:
@@ -249,14 +256,16 @@ def _curve(points: Array, colour: int, radius: float) -> Any:
     return rr.LineStrips3D([flat] if len(flat) > 1 else [], colors=colour, radii=radius)
 
 
-def _jpeg(image: Image) -> Any:
+def jpeg(image: Image) -> Any:
+    """`image` (height, width, 3) BGR, compressed, as Rerun takes it."""
     import cv2
 
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
     return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port of the loopback that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

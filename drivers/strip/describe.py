@@ -1,5 +1,7 @@
 """From a strip file to the description that engines consume, and files that are checked by it."""
 
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,26 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
     `index` counts the runs that this specimen has been through before.
     """
+    effects = {**strip.effects, **(cell_effects or {})}
+    return _described(
+        _Question(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is to be described; equal where all numbers are."""
+
+    key: str
+    strip: StripFile = field(compare=False)
+    effects: Effects = field(compare=False)
+    index: int = field(compare=False)
+
+
+@lru_cache(maxsize=16)
+def _described(asked: _Question) -> StripModel:
+    """Descriptions are read-only, so that who asks for the same one shares it."""
+    strip = asked.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
         length=strip.length,
@@ -27,8 +49,8 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
         rest_curvature=frozen(np.zeros(CELLS)),
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
-    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=index)
-    return apply_effects(bare, {**strip.effects, **(cell_effects or {})})
+    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=asked.index)
+    return apply_effects(bare, asked.effects)
 
 
 def load_strip(path: Path) -> StripFile:

@@ -58,6 +58,11 @@ HEADER: dict[str, Any] = {
 @pytest.fixture(scope="session")
 def calibration() -> Calibration:
     """A camera 1.5 m before the strip, looking straight at it."""
+    return straight_camera()
+
+
+def straight_camera() -> Calibration:
+    """The same outside of a test."""
     scale = 1250.0 / 1.5
     to_image = np.array([[scale, 0, 640 - 0.35 * scale], [0, -scale, 400 + 0.1 * scale], [0, 0, 1]])
     lens = Lens(

@@ -8,14 +8,18 @@ import pytest
 
 import drivers.clock
 from cell.devices.rig_correction import CorrectedArm
+from drivers.camera.camera import V4l2Camera
+from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
+from drivers.twin.paced_clock import PacedClock
 from drivers.twin.settings import CameraSettings, TwinSettings
 from drivers.types import Pose
+from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"
 
@@ -72,7 +76,11 @@ def _corrected_bench() -> Bench:
 
 
 BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench, "corrected": _corrected_bench}
-CLOCKS: dict[str, Callable[[], Clock]] = {"twin": TwinClock, "wall": WallClock}
+CLOCKS: dict[str, Callable[[], Clock]] = {
+    "twin": TwinClock,
+    "wall": WallClock,
+    "paced": lambda: PacedClock(TwinClock()),
+}
 
 
 @pytest.fixture(params=sorted(BENCHES))
@@ -82,6 +90,35 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.arm.close()
     if made.camera is not None:
         made.camera.close()
+
+
+@dataclass(frozen=True)
+class CameraBench:
+    """A camera and the clock that its frames come by."""
+
+    clock: Clock
+    camera: Camera
+
+
+def _twin_camera() -> CameraBench:
+    twin = _twin()
+    return CameraBench(twin.clock, twin.camera)
+
+
+def _v4l2_camera() -> CameraBench:
+    kernel = FakeKernel()
+    settings = V4l2Settings(device=LINK, width=64, height=48, rate=60.0)
+    return CameraBench(kernel, V4l2Camera(settings, kernel, kernel))
+
+
+CAMERAS: dict[str, Callable[[], CameraBench]] = {"twin": _twin_camera, "v4l2": _v4l2_camera}
+
+
+@pytest.fixture(params=sorted(CAMERAS))
+def camera_bench(request: pytest.FixtureRequest) -> Iterator[CameraBench]:
+    made = CAMERAS[request.param]()
+    yield made
+    made.camera.close()
 
 
 @pytest.fixture(params=sorted(CLOCKS))

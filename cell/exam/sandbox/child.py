@@ -66,7 +66,7 @@ def tried(found: "Findings") -> list[dict[str, object]]:
             "mean_square": mean_square(m.estimate.residuals),
             "objective": m.estimate.objective,
         }
-        for m in found.judged.found.tried
+        for m in found.choice.fits.models
     ]
 
 

@@ -115,6 +115,16 @@ def _secants(candidate: Candidate) -> tuple[Array, ...]:
     return tuple(moved)
 
 
+def best_responses(about: Projection, probed: Probed) -> Array:
+    """Whitened responses (N, members) of the group of probes that could explain most."""
+    gains = []
+    for responses in probed.responses:
+        form = about.form(about.weighed(responses))
+        inverse = np.linalg.pinv(form.curvature, rcond=1e-8, hermitian=True)
+        gains.append(float(form.gradient @ inverse @ form.gradient))
+    return probed.responses[int(np.argmax(gains))]
+
+
 @dataclass(frozen=True, slots=True)
 class Table:
     """All probes of all candidates against the refitted objective, computed once.

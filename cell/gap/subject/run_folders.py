@@ -1,22 +1,38 @@
 """Run folders as the workflow finds them, and the checks that every subject's tables share."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
-from pyarrow import ArrowException
 
+from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError
-from drivers.settings import SCHEMA
 from drivers.types import Array
 
 HEAD = "run.yaml"
 TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet")
 
 
-def find_runs(paths: Sequence[Path]) -> list[Path]:
-    """Run folders among `paths`, each a run folder or a folder of run folders, by name."""
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A folder with a measured run, and the name that tells it from the others."""
+
+    path: Path
+    name: str
+
+
+def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
+    """The runs among `paths`, each a run folder or a folder of run folders, in order of path.
+
+    Raises ConfigurationError for fewer than two, for a folder without runs, and for measurements
+    that lie beside no run.yaml.
+    """
+    unique = _unique(paths)
+    return tuple(RunFolder(p, n) for p, n in zip(unique, _names(unique), strict=True))
+
+
+def _unique(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if (path / HEAD).is_file():
@@ -51,19 +67,24 @@ def _check_heads(folders: Sequence[Path]) -> None:
             )
 
 
-def run_names(folders: Sequence[Path]) -> list[str]:
-    """Folder names, with their parent's name where they would be equal."""
-    short = [f.name for f in folders]
+def _names(folders: Sequence[Path]) -> list[str]:
+    """Folder names, with their parent's name where they would be equal; all of them UTF-8."""
+    short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):
         return short
     long = [f"{f.parent.parent.name}/{f.name}" if f.parent.name == "runs"
             else f"{f.parent.name}/{f.name}" for f in folders]  # fmt: skip
+    long = [_utf8(name) for name in long]
     for i, name in enumerate(long):
         if name in long[:i]:
             raise ConfigurationError(
                 f"{folders[i]}: has the name of {folders[long.index(name)]}; rename one of them"
             )
     return long
+
+
+def _utf8(name: str) -> str:
+    return name.encode(errors="backslashreplace").decode()
 
 
 def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None:
@@ -86,20 +107,9 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 def read_table(path: Path) -> dict[str, Array]:
     """Columns of a parquet file as floats; a missing or broken file is a ConfigurationError."""
-    try:
-        table = pq.read_table(path)
-    except FileNotFoundError:
-        raise ConfigurationError(f"{path}: is missing; add it") from None
-    except (ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigurationError(
-            f"{path}: is not a whole Parquet file; write it again: {reason}"
-        ) from None
-    stored = (table.schema.metadata or {}).get(b"schema", b"1")
-    if not stored.isdigit() or int(stored) > SCHEMA:
-        raise ConfigurationError(
-            f"{path}: schema: is {stored.decode(errors='replace')}, this version reads {SCHEMA}"
-        )
+    table = read_parquet(
+        path, "is missing; add it", "is not a whole Parquet file; write it again", newer=""
+    )
     columns = {}
     for name in table.column_names:
         try:

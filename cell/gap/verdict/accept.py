@@ -2,18 +2,23 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.verdict.schema import write_text
+from cell.gap.verdict.stored import Acceptance, CellEffects, CellPatch, FitRecord, read_stored
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.files import MEGABYTE, read_bytes, read_text
+from drivers.settings import load, parse, read_yaml
+from drivers.strip.describe import load_strip
+from drivers.strip.effects import check_effects
 
-RECORD = "fit.json"
+RECORD, ACCEPTED = "fit.json", "accepted.json"
 PATCH, CELL_PATCH = "patch.yaml", "cell-patch.yaml"
 
 
@@ -27,10 +32,7 @@ class Accepted:
 
 def sha256(path: Path) -> str:
     """Hash of a file's bytes; a missing file is a ConfigurationError."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    return hashlib.sha256(read_bytes(path, MEGABYTE)).hexdigest()
 
 
 def dumped(content: Mapping[str, object]) -> str:
@@ -41,29 +43,32 @@ def dumped(content: Mapping[str, object]) -> str:
 def accept(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
     """Put the patches of the fit in `out` into `file` and, where one belongs there, the cell.
 
-    Refuses when `file` is not the one that was fitted, has changed since, or nothing was named.
+    Refuses when `file` is not the one that was fitted, has changed since, or nothing was named,
+    and patches that are no longer whole: what is written can be read again.
     """
     record = _record(out)
     patch, cell_patch = out / PATCH, out / CELL_PATCH
-    if not patch.is_file():
+    if not patch.exists():
         raise ConfigurationError(f"{out}: nothing was named, so there is nothing to accept")
-    if sha256(file) != record["file_sha256"]:
+    if sha256(file) != record.file_sha256:
         raise ConfigurationError(
             f"{file}: has changed since it was fitted (or is another file); fit again"
         )
-    changes = {file: patch.read_text(encoding="utf-8")}
-    if cell_patch.is_file():
+    changes = {file: _checked_patch(patch)}
+    if cell_patch.exists():
         if cell_file is None:
             raise ConfigurationError(
                 f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
             )
-        changes[cell_file] = _with_cell(cell_file, read_yaml(cell_patch))
-    before = {str(p.resolve()): p.read_text(encoding="utf-8") for p in changes}
-    after = {str(p.resolve()): _hash(text) for p, text in changes.items()}
-    write_text(out / "accepted.json", json.dumps({"before": before, "after": after}, indent=1))
+        changes[cell_file] = _with_cell(cell_file, cell_patch)
+    _check_writable(list(changes))
+    before = {_name(p): read_text(p) for p in changes}
+    after = {_name(p): _hash(text) for p, text in changes.items()}
+    kept = {"schema": 1, "before": before, "after": after}
+    write_text(out / ACCEPTED, json.dumps(kept, indent=1))
     for path, text in changes.items():
         write_text(path, text)
-    return Accepted(tuple(changes), tuple(record["effects"]))
+    return Accepted(tuple(changes), record.effects)
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
@@ -71,40 +76,76 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
 
     Refuses when a file has changed since the acceptance.
     """
-    kept = out / "accepted.json"
-    if not kept.is_file():
+    kept = out / ACCEPTED
+    if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
-    stored = json.loads(kept.read_text(encoding="utf-8"))
-    given = {str(p.resolve()): p for p in (file, cell_file) if p is not None}
-    if str(file.resolve()) not in stored["before"]:
+    stored, record = read_stored(kept, Acceptance), _record(out)
+    given = {_name(p): p for p in (file, cell_file) if p is not None}
+    if _name(file) not in stored.before:
         raise ConfigurationError(f"{file}: is not the file that was accepted into")
-    paths = {name: given.get(name, Path(name)) for name in stored["before"]}
+    paths = {name: given.get(name, Path(name)) for name in stored.before}
     for name, path in paths.items():
-        if sha256(path) != stored["after"][name]:
+        if name not in given:
+            raise ConfigurationError(
+                f"{kept}: names {name}, which is neither --strip nor the cell file; "
+                "name the same --configs as for accept"
+            )
+        if sha256(path) != stored.after.get(name):
             raise ConfigurationError(f"{path}: has changed since the acceptance; edit it by hand")
+    _check_writable(list(paths.values()))
     for name, path in paths.items():
-        write_text(path, stored["before"][name])
+        write_text(path, stored.before[name])
     kept.unlink()
-    return Accepted(tuple(paths.values()), tuple(_record(out)["effects"]))
+    return Accepted(tuple(paths.values()), record.effects)
 
 
-def _with_cell(path: Path, patch: Mapping[str, Any]) -> str:
-    """Text of the cell file with the patch's effects merged in."""
+def _checked_patch(patch: Path) -> str:
+    """Text of the patch, which is a whole file of a strip or a pendulum."""
+    if read_yaml(patch).get("kind") == "pendulum":
+        load_pendulum(patch)
+    else:
+        load_strip(patch)
+    return read_text(patch)
+
+
+def _with_cell(path: Path, patch: Path) -> str:
+    """Text of the cell file with the effects of `patch` merged in."""
+    added = load(patch, CellPatch, bare=True).effects
+    check_effects(added, origin=str(patch), of="cell")
     content = read_yaml(path)
-    effects = {**(content.get("effects") or {}), **patch["effects"]}
-    return dumped({**content, "effects": effects})
+    parse(content, CellEffects, str(path))
+    merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
+    return dumped(merged)
 
 
-def _record(out: Path) -> dict[str, Any]:
+def _check_writable(paths: Sequence[Path]) -> None:
+    """Refuse before the first of them is written, not between two."""
+    for path in paths:
+        for place in (path, path.parent):
+            if not os.access(place, os.W_OK):
+                raise ConfigurationError(
+                    f"{place}: cannot be written: permission denied; mend its permissions"
+                )
+
+
+def _record(out: Path) -> FitRecord:
+    if not out.is_dir():
+        raise ConfigurationError(
+            f"{out}: no such folder; name the one that `cell gap fit --out` wrote"
+        )
     path = out / RECORD
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return read_stored(path, FitRecord)
+    except ConfigurationError as error:
+        if "is missing; add it" in str(error):
+            raise ConfigurationError(f"{path}: lacks file_sha256 or effects; fit again") from None
         raise ConfigurationError(f"{path}: is missing or broken; fit again") from None
-    if not isinstance(record, dict) or not {"file_sha256", "effects"} <= set(record):
-        raise ConfigurationError(f"{path}: lacks file_sha256 or effects; fit again")
-    return record
+
+
+def _name(path: Path) -> str:
+    """The whole path as text that any file can hold."""
+    return str(path.resolve()).encode(errors="backslashreplace").decode()
 
 
 def _hash(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return hashlib.sha256(text.encode("utf-8", errors="backslashreplace")).hexdigest()

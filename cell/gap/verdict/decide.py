@@ -21,26 +21,26 @@ LARGE = 700.0  # nats whose exponential is still a number
 def kind(found: Findings) -> Kind:
     """Which of the four verdicts the findings bear."""
     judged = found.judged
-    if not judged.found.accepted.model.effects:
+    if not found.accepted.model.effects:
         return "unexplained" if found.fitted.gap else "no_gap"
     changes = judged.drifts or judged.unsteady or drifting(found)
     if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
-    return "named" if judged.sure else "ambiguous"
+    return "named" if found.sure else "ambiguous"
 
 
 def _mostly(found: Findings) -> bool:
     """Whether the whole model leaves only noise, or has removed most of the excess gap; where a
     run went another way, the others alone must bear the model out.
     """
-    judged, by = found.judged, found.judged.found.by
+    judged, by = found.judged, found.by
     if not judged.remains:
         return True
-    base = next(m for m in judged.found.tried if not m.model.effects)
-    each = margin(judged.found.accepted, base, by).each
+    base = found.choice.fits.base
+    each = margin(found.accepted, base, by).each
     others = [run.name != judged.astray for run in base.estimate.evidence.runs]
     gain = float(each[others].sum())
-    return gain > by.least and removed(judged.found.accepted, base, by, judged.astray) > MOST
+    return gain > by.least and removed(found.accepted, base, by, judged.astray) > MOST
 
 
 def unseen_remains(found: Findings) -> bool:
@@ -62,7 +62,7 @@ def _bounded_gap(estimate: Estimate, scale: float) -> float:
 
 def drifting(found: Findings) -> list[str]:
     """Effects whose amplitude does not serve all conditions: proxies, not causes."""
-    tests = found.judged.invariances.get(found.judged.found.accepted.model.name, {})
+    tests = found.judged.invariances.get(found.accepted.model.name, {})
     return [name for name, test in tests.items() if not test.holds]
 
 
@@ -70,13 +70,13 @@ def confidence(found: Findings) -> float:
     """Weight of the model of all that was earned, and of its rivals, among the models of its size
     and the base; of what it is ahead of the others a part may be feigned.
     """
-    judged, by = found.judged, found.judged.found.by
-    whole = judged.found.accepted
+    judged, by = found.judged, found.by
+    whole = found.accepted
     size = len(whole.model.effects)
     own = {whole.model.names, *(r.model.model.names for r in judged.rivals)}
-    among = [m for m in judged.found.tried if len(m.model.effects) in (0, size)]
+    among = [m for m in found.choice.fits.models if len(m.model.effects) in (0, size)]
     others = [m for m in among if m.model.names not in own]
-    base = next(m for m in judged.found.tried if not m.model.effects)
+    base = found.choice.fits.base
     feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
     ahead = [margin(whole, m, by).gain - feigned for m in others]
     return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
@@ -105,7 +105,7 @@ def unexplained_part(found: Findings) -> str:
         for q in quantities.values()
         if q.key in after
     )
-    best = found.judged.found.accepted.model.name
+    best = found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
     return "; ".join([f"{of} leaves {sizes} on held-out runs", *_reasons(found)])
 
@@ -122,5 +122,5 @@ def _reasons(found: Findings) -> Iterator[str]:
     if judged.unsteady:
         factor = max(judged.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
-    if judged.found.accepted.model.effects and unseen_remains(found):
+    if found.accepted.model.effects and unseen_remains(found):
         yield "the gap there is not even halved"

@@ -5,6 +5,12 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from cell.record.documents import replace_file
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE
+from drivers.settings import parse, read_json
+
+VERDICT = 8 * MEGABYTE
 Kind = Literal["named", "ambiguous", "no_gap", "unexplained"]
 
 
@@ -112,12 +118,19 @@ class Verdict(Entry):
 
 
 def read_verdict(path: Path) -> Verdict:
-    """The verdict at `path`."""
-    return Verdict.model_validate_json(path.read_text(encoding="utf-8"))
+    """The verdict at `path`; ConfigurationError where there is none that can be read."""
+    if not path.parent.is_dir():
+        raise ConfigurationError(
+            f"{path.parent}: no such folder; name the one that `cell gap fit --out` wrote"
+        )
+    return parse(read_json(path, VERDICT), Verdict, str(path))
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(path)
+    """Write a file whole or, with ConfigurationError, not at all."""
+    try:
+        replace_file(path, text.encode("utf-8", errors="backslashreplace"))
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: cannot be written: {error.strerror}; make room or mend its permissions"
+        ) from None

@@ -97,7 +97,8 @@ def test_run_under_way_is_neither_chosen_nor_removed(tmp_path):
 
 def test_listing_needs_none_of_the_heavy_libraries():
     code = (
-        "import sys, cell.runs; heavy = {'pyarrow', 'cv2', 'rerun', 'torch', 'mujoco', 'numpy'};"
+        "import sys, cell.record.listing; "
+        "heavy = {'pyarrow', 'cv2', 'rerun', 'torch', 'mujoco', 'numpy'};"
         "sys.exit(', '.join(heavy & set(sys.modules)) or 0)"
     )
     done = subprocess.run(

@@ -214,7 +214,7 @@ def test_process_that_is_killed_leaves_a_recording(tmp_path):
 import os, signal, time
 from pathlib import Path
 import rerun as rr
-from cell.viz.screen import open_recording
+from cell.viz.recording import open_recording
 with open_recording(Path({str(tmp_path)!r})) as recording:
     for k in range(200):
         recording.set_time("t", duration=0.01 * k)

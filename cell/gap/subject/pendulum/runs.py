@@ -78,8 +78,12 @@ def make_run(
 
 
 def _head(head: dict[str, Any], path: Path, pendulum: PendulumFile) -> float:
-    stated_name, schema = head.get("pendulum"), head.get("schema", SCHEMA)
-    if not isinstance(schema, int) or schema > SCHEMA:
+    stated_name, schema = head.get("pendulum"), head.get("schema")
+    if schema is None:
+        raise ConfigurationError(
+            f"{path}: schema: is missing; add it: this version reads schema: {SCHEMA}"
+        )
+    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
         raise ConfigurationError(
             f"{path}: schema: is {schema!r}, this version reads {SCHEMA}; update the cell"
         )

@@ -1,15 +1,17 @@
 """Measured folds: read, checked, and reduced to what the model is compared with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.run_folders import check_indices, find_runs, run_names
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.curves import Images, images_of
 from cell.gap.subject.strip.gripper import smoothed
+from cell.gap.subject.strip.plausible import check_plausible
+from cell.gap.subject.strip.repeats import sort_out
 from cell.record.files import RUN, is_under_way
 from cell.record.header import Header, Result, Sigma
 from cell.record.run import Run as Recorded
@@ -23,8 +25,6 @@ from drivers.types import Array, frozen
 LEAST = 30  # rows of a usable run
 SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 NEAR = 0.03  # m from where a run must start
-REACH = 5.0  # m, further from the fixed edge nothing of a cell can be
-NOISY = 0.05  # m, no instrument of a cell is worse
 LATE = 1.0  # s, no image is so long before the first or after the last row
 
 
@@ -67,22 +67,26 @@ class MeasuredRun:
         return len(self.measured.t) > 0
 
 
-def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
+def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
     """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
 
     Raises ConfigurationError, in one line, for whatever cannot be trusted.
     """
-    found = find_runs(folders)
     heads, read = [], []
-    for folder, name in zip(found, run_names(found), strict=True):
-        header, run = _read(folder, name, strip)
-        heads.append(header.index if run.usable else None)
+    for folder in folders:
+        header, run = _read(folder.path, folder.name, strip)
+        heads.append(header if run.usable else None)
         read.append(run)
-    check_indices(found, heads)
+    same = sort_out([folder.path for folder in folders], heads)
+    known = {folder.path: folder.name for folder in folders}
+    read = [
+        _left_out(run, known[same[folder.path]]) if folder.path in same else run
+        for folder, run in zip(folders, read, strict=True)
+    ]
     usable = sum(run.usable for run in read)
     if usable < 2:
         raise ConfigurationError(
-            f"{found[0].parent}: {usable} of {len(read)} runs can be used; at least two are "
+            f"{folders[0].path.parent}: {usable} of {len(read)} runs can be used; at least two are "
             "needed, better ten"
         )
     return sorted(read, key=lambda run: (run.measured.index, run.name))
@@ -97,6 +101,7 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
     if recorded.result is None and is_under_way(folder):
         raise ConfigurationError(f"{folder}: is still under way; let it finish")
     _check_header(folder, recorded.header, strip)
+    check_plausible(folder, recorded)
     _check_ticks(folder, recorded)
     _check_profile(folder, recorded)
     touch = _touch(folder, recorded, strip)
@@ -107,6 +112,12 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
     notes = _notes(name, recorded, usable=usable)
     condition = recorded.header.condition or name
     return recorded.header, MeasuredRun(name, condition, measured, notes)
+
+
+def _left_out(run: MeasuredRun, first: str) -> MeasuredRun:
+    note = f"{run.name}: is the same fold of the twin as {first}, by the same seed, and is left out"
+    nothing = replace(run.measured, t=frozen([]))
+    return replace(run, measured=nothing, notes=(note,))
 
 
 def _check_kind(folder: Path) -> None:
@@ -171,17 +182,6 @@ def _check_header(folder: Path, header: Header, strip: StripFile) -> None:
             f"{origin}: strip: is {header.strip!r}, the strip file describes {strip.name!r}; "
             "give runs of one strip and its file"
         )
-    for key in ("contact_x", "profile", "gripper", "displacement"):
-        if getattr(header.sigma, key) > NOISY:
-            raise ConfigurationError(
-                f"{origin}: sigma.{key}: is {getattr(header.sigma, key):g} m, at most {NOISY:g} m "
-                "is believable; give it in m"
-            )
-    if (header.sigma.touch_time or 0.0) > LATE:
-        raise ConfigurationError(
-            f"{origin}: sigma.touch_time: is {header.sigma.touch_time:g} s, at most {LATE:g} s is "
-            "believable; give it in s"
-        )
 
 
 def _check_ticks(folder: Path, run: Recorded) -> None:
@@ -215,13 +215,6 @@ def _check_profile(folder: Path, run: Recorded) -> None:
     origin = folder / "profile.parquet"
     if len(run.ticks.t) >= LEAST:
         _check_within(run.profile.t, run.ticks.t, f"{origin}: t")
-    for name in ("x", "z"):
-        values = np.abs(getattr(run.profile, name))
-        if len(values) and float(np.median(values)) > REACH:
-            raise ConfigurationError(
-                f"{origin}: {name}: is {np.median(values):.3g} in the middle, must stay within "
-                f"{REACH:g} m; give it in m"
-            )
 
 
 def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:

@@ -7,12 +7,14 @@ from typing import cast
 
 import numpy as np
 
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.prepare import Fold, corrected, prepared
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
@@ -77,7 +79,7 @@ class Strip:
         ]
         seen = self._compared(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
         return [
-            fold.corrected(seen[look], float(request.local[0]))
+            fold.corrected(seen[look], request.run, request.local)
             for request, fold, look in zip(requests, folds, looks, strict=True)
         ]
 
@@ -122,7 +124,8 @@ class Strip:
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
         runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs)
+        slack = [e for e in RUN_EFFECTS if e.name == "slack"]
+        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs, slack)
         asked = {run.name: run for run in runs}
         return [
             Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
@@ -168,7 +171,7 @@ def _lifted(runs: Sequence[MeasuredRun]) -> float:
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
-def open_strip(path: Path, folders: Sequence[Path], jobs: int = 1) -> Strip:
+def open_strip(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Strip:
     """The strip of a file with its measured runs, checked."""
     strip = load_strip(path)
     return Strip(strip, read_runs(folders, strip), jobs)

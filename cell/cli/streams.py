@@ -1,0 +1,70 @@
+"""Standard output and errors that cannot spoil a command, whatever becomes of the terminal."""
+
+import errno
+import io
+import os
+import sys
+from contextlib import suppress
+from typing import Any, TextIO
+
+GONE = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no news to anyone
+
+
+class Outlet(io.FileIO):
+    """A file that takes every byte; `failure` is what the system said when it refused the first.
+
+    A fold is not ended, nor its exit code changed, because the reader of its line has gone.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, content: Any) -> int:
+        """Hand on to the system what it still takes."""
+        block = memoryview(content)
+        rest = block.cast("B")
+        while self.failure is None and rest.nbytes:
+            try:
+                rest = rest[super().write(rest) or 0 :]
+            except OSError as error:
+                self.failure = error
+        return block.nbytes
+
+
+def guard_streams() -> Outlet | None:
+    """Replace sys.stdout and sys.stderr by streams that never fail; what the first writes to.
+
+    None where they have been replaced already, by whoever called this from a program of his.
+
+    Text that the encoding does not hold is escaped. A descriptor that was closed leads to
+    nowhere from now on: else the next file to be opened, a record, would get what is printed.
+    """
+    if sys.stdout is not sys.__stdout__ or sys.stderr is not sys.__stderr__:
+        return None
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest one free, which is this
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            if stream is not None:  # there is none where the descriptor was closed at the start
+                stream.flush()
+    out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
+    sys.stdout, sys.stderr = _text(out, sys.stdout), _text(err, sys.stderr)
+    return out
+
+
+def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
+    """A stream like `before` that escapes what it cannot encode."""
+    encoding = getattr(before, "encoding", None) or "utf-8"
+    at_once = outlet.isatty() or outlet.fileno() == 2
+    return io.TextIOWrapper(
+        io.BufferedWriter(outlet), encoding, "backslashreplace", line_buffering=at_once
+    )
+
+
+def lost(outlet: Outlet | None) -> str:
+    """Why what was printed did not arrive, in words; empty where it did or nobody listened."""
+    if outlet is None or outlet.failure is None or outlet.failure.errno in GONE:
+        return ""
+    return outlet.failure.strerror or "no reason given"

@@ -1,0 +1,76 @@
+"""What no measurement of a fold can be, however good the file around it looks."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cell.record.files import RESULT, RUN, TICKS
+from cell.record.outcomes import is_outcome
+from cell.record.run import Run
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+NOISY, QUIET = 0.05, 1e-7  # m, no instrument of a cell is worse or better
+LATE, EXACT = 1.0, 1e-6  # s
+FAST = 5.0  # m/s, and TURNING rad/s: faster than any arm
+TURNING = 30.0
+SHORT = 0.01  # s, over shorter times noise looks like speed
+JUMPS = 3  # that may be slips of an instrument
+
+
+def check_plausible(folder: Path, run: Run) -> None:
+    """Raise ConfigurationError for a run whose numbers no fold can have."""
+    _check_noise(folder / RUN, run)
+    if run.result is not None and not is_outcome(run.result.outcome):
+        raise ConfigurationError(
+            f"{folder / RESULT}: outcome: is {run.result.outcome!r}; allowed: layer_touch, "
+            "path_done, or the name of a fault as `cell fold` writes it"
+        )
+    _check_motion(folder / TICKS, run)
+
+
+def _check_noise(origin: Path, run: Run) -> None:
+    sigma = run.header.sigma
+    for key in ("contact_x", "profile", "gripper", "displacement"):
+        value = getattr(sigma, key)
+        if value > NOISY:
+            raise ConfigurationError(
+                f"{origin}: sigma.{key}: is {value:g} m, at most {NOISY:g} m "
+                "is believable; give it in m"
+            )
+        if value < QUIET:
+            raise ConfigurationError(
+                f"{origin}: sigma.{key}: is {value:g} m, at least {QUIET:g} m "
+                "is believable; give it in m, as repeated readings scatter"
+            )
+    touch_time = sigma.touch_time
+    if touch_time is not None and not EXACT <= touch_time <= LATE:
+        limit = f"at most {LATE:g}" if touch_time > LATE else f"at least {EXACT:g}"
+        raise ConfigurationError(
+            f"{origin}: sigma.touch_time: is {touch_time:g} s, {limit} s is "
+            "believable; give it in s"
+        )
+
+
+def _check_motion(origin: Path, run: Run) -> None:
+    """Refuse columns whose rows are not in the order in which they were measured."""
+    ticks = run.ticks
+    if len(ticks.t) < 2:
+        return
+    span = np.maximum(np.diff(ticks.t), SHORT)
+    noise = 10 * run.header.sigma.gripper
+    columns = (("x", "z"), ("x_cmd", "z_cmd"))
+    for names in columns:
+        steps = np.hypot(*(np.diff(getattr(ticks, name)) for name in names))
+        _check_jumps(origin, ", ".join(names), steps, FAST * span + noise, "m")
+    _check_jumps(origin, "pitch", np.abs(np.diff(ticks.pitch)), TURNING * span, "rad")
+
+
+def _check_jumps(origin: Path, names: str, steps: Array, allowed: Array, unit: str) -> None:
+    jumps = np.flatnonzero(steps > allowed)
+    if len(jumps) > JUMPS:
+        row = int(jumps[0]) + 1
+        raise ConfigurationError(
+            f"{origin}: {names}: {len(jumps)} rows jump, row {row} by {steps[row - 1]:.3g} {unit}, "
+            "as no arm moves; sort all columns by t"
+        )

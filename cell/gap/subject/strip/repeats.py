@@ -1,0 +1,55 @@
+"""Folds of one command are one specimen; folds made twice from one seed are one fold."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cell.gap.subject.run_folders import check_indices
+from cell.record.header import Header
+
+
+def sort_out(folders: Sequence[Path], headers: Sequence[Header | None]) -> Mapping[Path, Path]:
+    """The folders that repeat a fold of the twin -> the first of the same.
+
+    The twin gives the same fold for the same seed: it tells nothing new, and counted twice it
+    would tell it too surely. `cell fold --repeat` and `cell gap plan` number the folds of one
+    specimen from 0, with seeds that grow as the index does; several such batches are several
+    specimens. Elsewhere ConfigurationError for two runs of one index. A header is None where
+    the run is not used.
+    """
+    first: dict[str, Path] = {}
+    same: dict[Path, Path] = {}
+    batches: dict[str, list[tuple[Path, int | None]]] = {}
+    for folder, header in zip(folders, headers, strict=True):
+        if header is None:
+            continue
+        known = _fold(header)
+        if known is not None and known in first:
+            same[folder] = first[known]
+            continue
+        if known is not None:
+            first[known] = folder
+        batches.setdefault(_batch(header), []).append((folder, header.index))
+    for batch in batches.values():
+        check_indices([folder for folder, _ in batch], [index for _, index in batch])
+    return same
+
+
+def _on_twin(header: Header) -> bool:
+    drivers = header.drivers
+    return drivers is not None and drivers.arm == "twin" and header.seed is not None
+
+
+def _fold(header: Header) -> str | None:
+    """All that decides a fold of the twin, as text; None for any other run."""
+    if not _on_twin(header):
+        return None
+    keys = {"seed", "index", "plant_sha256", "condition", "strip_file", "config", "versions"}
+    return json.dumps(header.model_dump(mode="json", include=keys), sort_keys=True)
+
+
+def _batch(header: Header) -> str:
+    """The command that a fold of the twin belongs to; one for all runs of elsewhere."""
+    if not _on_twin(header) or header.seed is None:
+        return ""
+    return f"{header.plant_sha256} {header.seed - (header.index or 0)}"

@@ -1,0 +1,130 @@
+"""What can still be read of a run when a part of its folder cannot."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self, TypeVar
+
+import pyarrow as pa
+
+from calibration.calibration import Calibration
+from cell.record.columns import Profile, Sights, Ticks
+from cell.record.files import PROFILE, RESULT, RUN, TICK_STREAM, TICKS, is_run
+from cell.record.frames import FrameNote, read_frame
+from cell.record.header import Header, Result
+from cell.record.parquet_file import read_parquet
+from cell.record.run import Event, Run, broken_off
+from cell.record.stream import SIGHT_ROWS, TICK_ROWS
+from cell.record.tables import Tables, profile_table, tick_table
+from drivers.errors import ConfigurationError
+from drivers.settings import load
+from drivers.types import Array, Frame, frozen
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True, slots=True)
+class Salvage(Run):
+    """A run whose broken parts are empty; `problems` says in a line each what they were."""
+
+    problems: tuple[str, ...]
+
+    @classmethod
+    def of(cls, folder: Path) -> Self:
+        """What there is in `folder`; ConfigurationError only where no run.yaml can be read."""
+        if not is_run(folder):
+            raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
+        header, problems = load(folder / RUN, Header), list[str]()
+        ticks = _part(
+            lambda: Ticks.of(*_table(folder, header, "ticks", problems)),
+            lambda: Ticks.of(NOTHING.ticks, TICKS),
+            problems,
+        )
+        profile = _part(
+            lambda: Profile.of(*_table(folder, header, "profile", problems)),
+            lambda: Profile.of(NOTHING.profile, PROFILE),
+            problems,
+        )
+        result = _part(lambda: _result(folder), lambda: None, problems)
+        run = cls(folder, header, ticks, profile, result, ())
+        problems += run.broken()
+        return cls(folder, header, ticks, profile, result, tuple(dict.fromkeys(problems)))
+
+    def broken(self) -> list[str]:
+        """What is wrong with the parts that are read when they are asked for."""
+        said: list[str] = []
+        readers: tuple[Callable[[], Any], ...] = (
+            lambda: Run.events(self),
+            lambda: Run.sights(self),
+            lambda: Run.costs(self),
+            lambda: Run.calibration(self),
+            lambda: Run.frame_index(self),
+        )
+        for read in readers:
+            _part(read, lambda: None, said)
+        return said
+
+    def events(self) -> tuple[Event, ...]:
+        """What happened; nothing where that cannot be read."""
+        return _part(lambda: Run.events(self), lambda: (), [])
+
+    def origin(self) -> float:
+        """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
+        return _part(lambda: Run.origin(self), lambda: 0.0, [])
+
+    def sights(self) -> Sights:
+        """What each image showed; nothing where that cannot be read."""
+        return _part(lambda: Run.sights(self), Sights.none, [])
+
+    def costs(self) -> Array:
+        """The computer's own time of each turn (n,) [s]; empty where that cannot be read."""
+        return _part(lambda: Run.costs(self), lambda: frozen([]), [])
+
+    def calibration(self) -> Calibration | None:
+        """What the camera was calibrated to, where that can be read."""
+        return _part(lambda: Run.calibration(self), lambda: None, [])
+
+    def frame_index(self) -> tuple[FrameNote, ...]:
+        """Every image that perception saw; nothing where that cannot be read."""
+        return _part(lambda: Run.frame_index(self), lambda: (), [])
+
+    def frames(self) -> Iterator[Frame]:
+        """The kept images that are whole and the ones that were recorded."""
+        for note in self.frame_index():
+            frame = _part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
+            if frame is not None:
+                yield frame
+
+
+NOTHING = Tables(
+    ticks=tick_table(TICK_ROWS.empty_table(), SIGHT_ROWS.empty_table()),
+    profile=profile_table(SIGHT_ROWS.empty_table()),
+    sights=SIGHT_ROWS.empty_table(),
+)
+
+
+def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tuple[pa.Table, str]:
+    """ticks or profile (`name`) from its table, or else from the streams; and where from."""
+    path, stream = folder / f"{name}.parquet", folder / TICK_STREAM
+    try:
+        if path.exists():
+            return read_parquet(path), str(path)
+    except ConfigurationError as error:
+        if not stream.is_file():
+            raise
+        problems.append(f"{error}; read from {TICK_STREAM} instead")
+    tables, origin = broken_off(folder, header)
+    return getattr(tables, name), origin
+
+
+def _result(folder: Path) -> Result | None:
+    path = folder / RESULT
+    return load(path, Result, bare=True) if path.exists() else None
+
+
+def _part(read: Callable[[], Part], empty: Callable[[], Part], problems: list[str]) -> Part:
+    try:
+        return read()
+    except ConfigurationError as error:
+        problems.extend(str(error).splitlines()[:1])
+        return empty()
