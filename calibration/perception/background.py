@@ -54,7 +54,7 @@ class Background:
 def background(
     image: Image, calibration: Calibration, length: float, height: tuple[float, float]
 ) -> Background:
-    """The scene of `image` with the resting strip taken out.
+    """The scene of `image` (height, width, 3) with the resting strip taken out.
 
     The strip is `length` [m] long and seen between two heights [m] of the near edge's plane.
     """

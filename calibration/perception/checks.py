@@ -36,7 +36,7 @@ class PreflightCheck:
 
 
 def size(image: Image, calibration: Calibration) -> PreflightCheck:
-    """Whether the picture has the calibration's size."""
+    """Whether the picture (h, w, 3) has the calibration's size."""
     lens = calibration.lens
     return PreflightCheck(
         "picture fits calibration",
@@ -88,7 +88,7 @@ def told_from_desk(scenery: Scenery, desk: Array, settings: PerceptionSettings) 
 
 
 def solid(levels: Image, calibration: Calibration, strip: StripFile) -> PreflightCheck:
-    """Whether no part of the strip looks like desk in the softened matte `levels`."""
+    """Whether no part of the strip looks like desk in the softened matte `levels` (h, w)."""
     least = float(np.quantile(shares_along(levels, calibration, strip), 0.05))
     return PreflightCheck(
         "solid",

@@ -53,10 +53,10 @@ def matte(strip: Array, desk: Array, backdrop: Array) -> Matte:
 
 
 def soft(levels: Image) -> Image:
-    """Matte levels with half the noise, borders in place."""
+    """Matte levels (h, w) with half the noise, borders in place."""
     return np.asarray(cv2.GaussianBlur(levels, (3, 3), 0), dtype=np.uint8)
 
 
 def share(levels: Array | Image) -> Array:
-    """Matte grey levels as shares of strip, 0 to 1 and a little beyond."""
+    """Matte grey levels (...,) as shares of strip, 0 to 1 and a little beyond."""
     return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO) / SCALE)

@@ -70,7 +70,7 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
 
 
 def whole(image: Image) -> Region:
-    """All of `image`."""
+    """All of `image` (height, width, ...)."""
     return Region(0, 0, image.shape[1], image.shape[0])
 
 

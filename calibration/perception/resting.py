@@ -59,7 +59,7 @@ class Samples:
 
 
 def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
-    """What `image` shows where strip, desk and backdrop are expected."""
+    """What `image` (h, w, 3) shows where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT[0] - lower, FRONT[1] - lower)
     face = face_height(calibration, strip)
@@ -109,7 +109,7 @@ def shares_along(levels: Image, calibration: Calibration, strip: StripFile) -> A
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
-    """The lower border of the strip in the softened matte `levels` of the whole picture."""
+    """The lower border of the strip in softened matte `levels` (h, w) of the whole picture."""
     x = np.arange(0.005, strip.length + 0.06, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = share(_sample(levels, calibration, _grid(x, z)))

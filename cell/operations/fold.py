@@ -19,6 +19,7 @@ from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
+from cell.operations.feasible import check_feasible
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -79,6 +80,7 @@ def fold(
     calibration = calibration or calibration_of(settings)
     check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
+    check_feasible(settings, strip, policy, calibration)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames

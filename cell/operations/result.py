@@ -1,7 +1,10 @@
 """What a fold leaves: one line for a program, one for a person."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
+
+from cell.orchestrator.outcome import StopReason
+from drivers.errors import CellError
 
 LINE = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
 LINE += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
@@ -33,9 +36,32 @@ class FoldResult:
     exit_code: int
     foretold: str | None = None
 
+    @classmethod
+    def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
+        """A fold that did not begin: `error` says why, and nothing was recorded."""
+        stopped = StopReason.by(error)
+        return cls(
+            run="",
+            strip=strip,
+            policy=policy,
+            seed=seed,
+            outcome=stopped.name,
+            reason=stopped.reason,
+            displacement=None,
+            displacement_true=None,
+            layer_touch=None,
+            edge_offset=None,
+            edge_offset_true=None,
+            duration=0.0,
+            wall=0.0,
+            calibration="",
+            exit_code=stopped.exit_code,
+        )
+
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints: the keys that programs agreed on, no more."""
         values = {name: getattr(self, name) for name in LINE}
+        values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in ROUNDED.items():
             if values[key] is not None:
                 values[key] = round(values[key], digits)

@@ -25,6 +25,7 @@ from cell.orchestrator.steps import (
     open_hand,
     pause,
     still_picture,
+    turn,
 )
 from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
@@ -259,8 +260,11 @@ def _camera_checks(
     if landmarks is None:
         return ()
     yield from open_hand()
+    start = yield from turn(landmarks.pitch)
     yield from move(landmarks.pose)
     frame = (yield from still_picture()).frame
+    yield from move(Pose(start.x, start.z, landmarks.pitch))
+    yield from move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
     return (camera_check(shift, cell.settings.landmarks),)
 

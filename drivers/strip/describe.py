@@ -10,6 +10,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.file import StripFile
+from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
 from drivers.types import frozen
 
@@ -50,13 +51,15 @@ def _described(asked: _Question) -> StripModel:
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
     bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=asked.index)
-    return apply_effects(bare, asked.effects)
+    whole = apply_effects(bare, asked.effects)
+    return with_law(whole, strip.law) if strip.law else whole
 
 
 def load_strip(path: Path) -> StripFile:
     """The strip file at `path`; raises ConfigurationError where it or its effects are wrong."""
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
+    check_law(strip.law, origin=str(path))
     check_described(strip, origin=str(path))
     return strip
 
@@ -71,6 +74,7 @@ def load_plant(path: Path) -> StripFile:
     own = {n: v for n, v in plant.effects.items() if n not in rig}
     check_effects(own, origin=str(path), of="strip")
     check_effects(rig, origin=str(path), of="cell")
+    check_law(plant.law, origin=str(path))
     check_described(plant, origin=str(path))
     return plant
 

@@ -17,7 +17,7 @@ import yaml
 
 from calibration.calibration import Calibration
 from cell.config.places import Configs, find_configs
-from cell.devices.devices import Choice
+from cell.devices.devices import DeviceSelection
 from cell.operations.calibrate import calibration_of
 from cell.operations.fold import Request, fold
 from cell.operations.result import FoldResult
@@ -47,7 +47,7 @@ def in_look(configs: Configs, look: str, folder: Path) -> Path:
 
 def folded(look: str, strip: str, policy: str, place: Path, calibration: Calibration) -> FoldResult:
     request = Request(
-        strip, policy, None, Choice(), place / "runs", place / look, "none", True, "off"
+        strip, policy, None, DeviceSelection(), place / "runs", place / look, "none", True, "off"
     )
     return fold(request, calibration=calibration, page=False)
 
