@@ -26,22 +26,56 @@ class BoardView:
 
     def tilt(self, lens: Lens) -> tuple[float, float]:
         """Angles [rad] by which the board's top and right edge lean away from the camera."""
-        ideal = lens.undistort(self.image)
-        _, rotation, _ = cv2.solvePnP(self.board, ideal, lens.matrix, None)
-        turned = cv2.Rodrigues(rotation)[0]
+        turned = cv2.Rodrigues(self._pose(lens)[0])[0]
         return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
+
+    def depth(self, lens: Lens) -> float:
+        """Distance [m] from the camera to the middle of the corners, along the optical axis."""
+        rotation, shift = self._pose(lens)
+        middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
+        return float(middle[2])
+
+    def _pose(self, lens: Lens) -> tuple[Array, Array]:
+        ideal = lens.undistort(self.image)
+        _, rotation, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
+        return rotation, shift
+
+
+@dataclass(frozen=True, slots=True)
+class BoardLook:
+    """What one image shows of the board: the `view`, None without a corner, the number of
+    `markers` and their mean `side` [px].
+    """
+
+    view: BoardView | None
+    markers: int
+    side: float
+
+    @property
+    def corners(self) -> int:
+        """How many corners are seen."""
+        return 0 if self.view is None else len(self.view.ids)
 
 
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
-) -> BoardView | None:
-    """The view of `board` in `image` (h, w, 3), or None where no corner is seen."""
-    corners, ids, _, _ = detector.detectBoard(image)
+) -> BoardLook:
+    """What `image` (h, w, 3) shows of `board`."""
+    corners, ids, outlines, marks = detector.detectBoard(image)
+    markers = 0 if marks is None else len(marks)
+    side = _side(outlines) if markers else 0.0
     if ids is None or len(ids) == 0:
-        return None
+        return BoardLook(None, markers, side)
     on_board, in_image = board.matchImagePoints(corners, ids)
-    return BoardView(
+    view = BoardView(
         np.ravel(ids).astype(np.float64),
         np.asarray(on_board, dtype=np.float64).reshape(-1, 3),
         np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
     )
+    return BoardLook(view, markers, side)
+
+
+def _side(outlines: object) -> float:
+    """Mean side [px] of marker outlines, each (4, 2)."""
+    square = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
+    return float(np.hypot(*np.moveaxis(square - np.roll(square, 1, axis=1), -1, 0)).mean())

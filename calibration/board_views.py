@@ -1,214 +1,172 @@
-"""The lens, from views of a board: asks for board poses, is told images, gives a verdict."""
+"""The lens, from views of a board: asks for views, is told images, gives a verdict."""
 
 from dataclasses import dataclass
-from math import radians
-from typing import Annotated
 
 import cv2
 import numpy as np
-from pydantic import Field
 
-from calibration.board_view import BoardView, find_board
-from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
-from drivers.errors import ConfigurationError
-from drivers.settings import Settings
+from calibration.board_settings import BoardSettings
+from calibration.board_view import BoardLook, BoardView, find_board
+from calibration.lens import MINIMUM_VIEWS, Lens, fit_lens
+from calibration.wizard.coverage import Gate, Placement, coverage, guessed_lens, placement
+from calibration.wizard.lens_verdict import LensVerdict, lens_verdict, needs
+from calibration.wizard.wanted_view import WantedView, wanted_views
 from drivers.types import Frame
 
-Squares = Annotated[int, Field(ge=5, le=25)]
-DICTIONARY = cv2.aruco.DICT_5X5_100
-CELLS = (4, 3)  # of the image, over which the views must spread
-
-
-class BoardSettings(Settings):
-    """The printed ChArUco board, which views are wanted, and what the verdict demands.
-
-    `square` and `marker` are lengths of sides [m]; `rows` must be odd (older patterns with even
-    rows show markers and no corners). `x`, `z` [m] are the middle of the view, `reach` how far
-    from it (x, z) board centres go, `depth` the range of y; `lean` the largest tilt [rad].
-    """
-
-    columns: Squares = 9
-    rows: Squares = 7
-    square: float = Field(0.028, gt=0.002, le=0.2)
-    marker: float = Field(0.021, gt=0.001, le=0.2)
-    x: float = Field(0.31, ge=-1.0, le=2.0)
-    z: float = Field(0.16, ge=-0.5, le=1.5)
-    reach: tuple[float, float] = (0.24, 0.10)
-    depth: tuple[float, float] = (-0.25, 0.10)
-    lean: float = Field(radians(32), ge=radians(10), le=radians(50))
-    corners: int = Field(16, ge=6)  # that a view must show
-    distinct: float = Field(15.0, gt=0)  # px by which a view must differ from every other
-    tilted: float = Field(radians(15), gt=0)  # rad from which a view counts as tilted
-    tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
-    covered: float = Field(0.8, gt=0, le=1)  # share of image cells that corners must reach
-    rms: float = Field(0.6, gt=0, le=5)  # px allowed
-    split: float = Field(0.02, gt=0, le=0.2)  # allowed difference in focal length of two halves
-    patience: int = Field(3, ge=1, le=50)  # images at one pose before it is given up
-
-    def board(self) -> cv2.aruco.CharucoBoard:
-        """The board as OpenCV knows it; even rows are a ConfigurationError."""
-        if self.rows % 2 == 0:
-            raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
-        if self.marker >= self.square:
-            raise ConfigurationError("board: marker: must be smaller than square; measure both")
-        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
-        return cv2.aruco.CharucoBoard(
-            (self.columns, self.rows), self.square, self.marker, dictionary
-        )
+ENOUGH = 4  # views from which a lens is fitted to tell how the board leans
+NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view may miss the wanted
 
 
 @dataclass(frozen=True, slots=True)
-class BoardPose:
-    """Where the board's centre is wanted (x, y, z) [m] in the cell frame, and how it faces.
+class ToldView:
+    """What came of one image: its `number`, the `view` that was taken, or why it was `refused`.
 
-    Upright and facing the camera's side (normal along -y) at zero; `tilt` [rad] leans its top
-    away from the camera, `turn` [rad] moves its right edge away, `roll` [rad] turns it clockwise.
+    `waits` says that the next image decides.
     """
 
-    x: float
-    y: float
-    z: float
-    tilt: float
-    turn: float
-    roll: float
-
-
-@dataclass(frozen=True, slots=True)
-class LensVerdict:
-    """The lens fit, how far two independent halves differ in focal length, and why it fails."""
-
-    fit: LensFit | None
-    split: float
-    views: int
-    reasons: tuple[str, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether the lens may be used."""
-        return self.fit is not None and not self.reasons
+    number: int
+    look: BoardLook
+    view: BoardView | None
+    refused: str | None
+    waits: bool = False
 
 
 class BoardViews:
-    """Ask and tell: the caller brings the board to `ask()` and tells what the camera then saw."""
+    """Ask and tell: the caller shows the board as `ask()` says and tells what the camera saw.
 
-    def __init__(self, settings: BoardSettings) -> None:
+    Views that nobody asked for count as well. With `patience` a wanted view is given up after so
+    many refused images; a person who is `patient` says `skip` instead.
+    """
+
+    def __init__(self, settings: BoardSettings, *, patient: bool = False) -> None:
         self._settings = settings
         self._board = settings.board()
         self._detector = cv2.aruco.CharucoDetector(self._board)
-        self._plan = _plan(settings)
-        self._at = 0
+        self._wanted = list(wanted_views(settings.lean, settings.sizes))
+        self._patience = None if patient else settings.patience
         self._tries = 0
-        self._views: list[BoardView] = []
+        self._told = 0
+        self._length: float | None = None
+        self._last: BoardView | None = None
+        self._views: dict[int, BoardView] = {}
         self._size: tuple[int, int] | None = None
+        self._lens: Lens | None = None
 
-    def ask(self) -> BoardPose | None:
-        """Where to hold the board next; None when the views suffice."""
-        return self._plan[self._at] if self._at < len(self._plan) else None
+    def ask(self) -> WantedView | None:
+        """How to show the board next; None when the views suffice."""
+        return self._wanted[0] if self._wanted else None
 
-    def tell(self, frame: Frame) -> str | None:
-        """An image of the board at rest; why another is needed, or None.
+    def tell(self, frame: Frame) -> ToldView:
+        """An image of the board; a view is taken once two in a row show it at the same place."""
+        number, self._told = self._told, self._told + 1
+        look = find_board(frame.image, self._detector, self._board)
+        refused = self._refuse(frame, look)
+        if refused is not None:
+            self._last = None
+            self._give_up()
+            return ToldView(number, look, None, refused)
+        last, self._last = self._last, look.view
+        view = look.view
+        if last is None or view is None:
+            return ToldView(number, look, None, None, waits=True)
+        moved = view.distance(last)
+        if moved > self._settings.still:
+            self._give_up()
+            reason = f"the board moved by {moved:.1f} px between two images; hold it still"
+            return ToldView(number, look, None, reason)
+        self._take(number, frame, view)
+        return ToldView(number, look, view, None)
 
-        After `patience` refused images the pose is given up.
-        """
-        self._tries += 1
-        refused = self._take(frame)
-        if refused is None or self._tries >= self._settings.patience:
-            self._at += 1
-            self._tries = 0
-        return refused
+    def skip(self) -> None:
+        """Give up the wanted view."""
+        self._wanted = self._wanted[1:]
+        self._tries, self._last = 0, None
+
+    def measured(self, length: float) -> None:
+        """The board's printed squares measure `length` [m] across all columns, by a ruler."""
+        self._length = length
+
+    def drop(self, number: int) -> bool:
+        """Leave the view out that image `number` gave; whether there was one."""
+        return self._views.pop(number, None) is not None
+
+    def drop_last(self) -> bool:
+        """Leave the newest view out; whether there was one."""
+        return bool(self._views) and self.drop(max(self._views))
+
+    @property
+    def views(self) -> tuple[BoardView, ...]:
+        """All views that were taken."""
+        return tuple(self._views.values())
+
+    def gates(self) -> tuple[Gate, ...]:
+        """What the views cover so far."""
+        views, lens = [*self._views.values()], self._lens or guessed_lens((1280, 720))
+        return coverage(views, self._settings.outline(), lens, needs(self._settings))
 
     def verdict(self) -> LensVerdict:
         """What the views told so far amount to."""
-        if self._size is None or len(self._views) < 2 * MINIMUM_VIEWS:
-            reason = f"{len(self._views)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
-            return LensVerdict(None, float("nan"), len(self._views), (reason,))
-        fit = _fit(self._views, self._size)
-        halves = [_fit(self._views[start::2], self._size).lens.matrix[0, 0] for start in (0, 1)]
-        split = abs(halves[0] - halves[1]) / float(fit.lens.matrix[0, 0])
-        reasons = [*self._uncovered(fit.lens)]
-        if fit.rms > self._settings.rms:
-            reasons.append(
-                f"corners are {fit.rms:.2f} px off, allowed {self._settings.rms:.2f}; "
-                "hold the board still and flat"
-            )
-        if split > self._settings.split:
-            reasons.append(
-                f"two halves of the views differ by {100 * split:.1f} % in focal length, allowed "
-                f"{100 * self._settings.split:.1f} %; tilt the board more"
-            )
-        return LensVerdict(fit, split, len(self._views), tuple(reasons))
+        return lens_verdict(self._views, self._size, self._length, self._settings)
 
-    def _take(self, frame: Frame) -> str | None:
+    def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
+        """Why this image shows no usable view, or None."""
         size = (frame.image.shape[1], frame.image.shape[0])
         if self._size is not None and size != self._size:
-            return f"the image is {size[0]} x {size[1]} pixels, the others {self._size}"
-        view = find_board(frame.image, self._detector, self._board)
-        if view is None or len(view.ids) < self._settings.corners:
-            seen = 0 if view is None else len(view.ids)
             return (
-                f"{seen} corners of the board are seen, {self._settings.corners} are needed; "
-                "bring it into the image, light it"
+                f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]} x "
+                f"{self._size[1]} px; set the camera back"
             )
-        moved = min((view.distance(other) for other in self._views), default=np.inf)
-        if moved < self._settings.distinct:
-            return f"a view that differs by only {moved:.0f} px was taken before; move the board"
-        self._size = size
-        self._views.append(view)
+        if look.view is None or look.corners < self._settings.corners:
+            return self._unseen(look, size)
+        if look.side < self._settings.smallest:
+            return (
+                f"the board is too far: its markers are {look.side:.0f} px, at least "
+                f"{self._settings.smallest:.0f} px are needed; come nearer"
+            )
+        apart = min((look.view.distance(view) for view in self._views.values()), default=np.inf)
+        if apart < self._settings.distinct:
+            return f"a view that differs by only {apart:.0f} px was taken before; move the board"
         return None
 
-    def _uncovered(self, lens: Lens) -> list[str]:
-        """What the views lack of tilt and of the image."""
-        tilts = np.array([view.tilt(lens) for view in self._views])
-        limit = self._settings.tilted
-        sides = {
-            "its top away": tilts[:, 0] > limit,
-            "its top nearer": tilts[:, 0] < -limit,
-            "its right edge away": tilts[:, 1] > limit,
-            "its right edge nearer": tilts[:, 1] < -limit,
-        }
-        lacking = [
-            f"{int(seen.sum())} views with {side}, {self._settings.tilted_views} are needed"
-            for side, seen in sides.items()
-            if seen.sum() < self._settings.tilted_views
-        ]
-        points = np.vstack([view.image for view in self._views]) / (lens.width, lens.height)
-        cells = np.unique((points * CELLS).astype(int) @ (1, CELLS[0]))
-        share = len(cells) / (CELLS[0] * CELLS[1])
-        if share < self._settings.covered:
-            lacking.append(f"corners reach {100 * share:.0f} % of the image; go to its edges")
-        return lacking
+    def _unseen(self, look: BoardLook, size: tuple[int, int]) -> str:
+        """Why too few corners are seen: too close, too far, or not there."""
+        settings = self._settings
+        need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"
+        width = look.side * settings.columns * settings.square / settings.marker
+        if look.markers and width > size[0]:
+            return f"{need}; the board is too close, it fills {width:.0f} px; go back"
+        if look.markers and look.side < settings.smallest:
+            return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
+        return f"{need}; bring it into the image, light it, uncover it"
+
+    def _take(self, number: int, frame: Frame, view: BoardView) -> None:
+        self._size = (frame.image.shape[1], frame.image.shape[0])
+        self._views[number] = view
+        self._last, self._tries = None, 0
+        lens = self._lens = self._fitted_so_far(self._size)
+        shown = placement(view, self._settings.outline(), lens)
+        width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
+        self._wanted = [want for want in self._wanted if not _meets(want, shown, width)]
+
+    def _give_up(self) -> None:
+        self._tries += 1
+        if self._patience is not None and self._tries >= self._patience and self._wanted:
+            self.skip()
+
+    def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
+        """The lens as far as it is known, to tell how the board leans."""
+        if len(self._views) < max(ENOUGH, MINIMUM_VIEWS):
+            return guessed_lens(size)
+        views = [*self._views.values()]
+        return fit_lens([v.board for v in views], [v.image for v in views], size).lens
 
 
-def _plan(settings: BoardSettings) -> tuple[BoardPose, ...]:
-    """Twelve views: five places, four leans and four leans with roll, near and far."""
-    lean, (dx, dz), (near, far) = settings.lean, settings.reach, settings.depth
-    wanted = [
-        (0, 0, 0, 0, 0, 0.0),
-        (-1, 1, 0, 0.5, 0.5, 0.0),
-        (1, -1, 0, -0.5, -0.5, 0.0),
-        (-1, -1, 1, -0.5, 0.5, 0.0),
-        (1, 1, 1, 0.5, -0.5, 0.0),
-        (0.3, 0, 1, 1, 0, 0.1),
-        (-0.3, 0, 1, -1, 0, -0.1),
-        (0.4, 0, 0, 0, 1, 0.1),
-        (-0.4, 0, 0, 0, -1, -0.1),
-        (1, 0, 0, 0.8, 0.8, 0.2),
-        (-1, 0, 0, -0.8, -0.8, -0.2),
-        (0, 1, 0, 0.8, -0.8, 0.3),
-        (0, -1, 0, -0.8, 0.8, -0.3),
-    ]
-    return tuple(
-        BoardPose(
-            x=settings.x + u * dx,
-            y=far if back else near,
-            z=settings.z + v * dz,
-            tilt=tilt * lean,
-            turn=turn * lean,
-            roll=roll,
-        )
-        for u, v, back, tilt, turn, roll in wanted
+def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
+    """Whether a view is near enough to the wanted one."""
+    misses = (
+        abs(shown.x - wanted.x),
+        abs(shown.y - wanted.y),
+        abs(width / wanted.size - 1.0),
+        max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
     )
-
-
-def _fit(views: list[BoardView], size: tuple[int, int]) -> LensFit:
-    return fit_lens([view.board for view in views], [view.image for view in views], size)
+    return all(miss <= allowed for miss, allowed in zip(misses, NEAR, strict=True))

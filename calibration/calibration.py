@@ -3,7 +3,8 @@
 import hashlib
 import json
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,12 +12,15 @@ import yaml
 from pydantic import Field
 
 from calibration.homography import Homography, Viewpoint, viewpoint
+from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
 from drivers.errors import ConfigurationError
 from drivers.settings import Settings, load
 from drivers.types import Array
 
 NotNegative = Annotated[float, Field(ge=0)]
+OPTIONAL = ("contact_bias", "locks", "landmarks", "accepted_anyway")
+KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +30,9 @@ class Calibration:
     `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s]
     how much earlier than its stamp an image shows the world, `contact_bias` [m] by how much
     contact_x is off besides, `date` ISO 8601, `camera` the identity of the device that it belongs
-    to, `id` the hash of all of this but the date: calibrating the twin again gives the same id.
+    to, `locks` the values at which its controls were locked, `landmarks` what it must still see
+    where it was. `accepted_anyway` says why it was refused by the wizard and taken nevertheless.
+    `id` is the hash of all of this but the date: calibrating the twin again gives the same id.
     """
 
     lens: Lens
@@ -38,6 +44,9 @@ class Calibration:
     camera: str
     id: str
     contact_bias: float = 0.0
+    locks: Mapping[str, int] = field(default_factory=dict)
+    landmarks: Landmarks | None = None
+    accepted_anyway: tuple[str, ...] = ()
 
     def to_plane(self, pixels: Array) -> Array:
         """(n, 2) raw image points [px] -> (n, 2) x, z [m] in the plane of the near edge."""
@@ -60,10 +69,13 @@ class CalibrationFile(Settings):
     homography: MatrixFile
     lens: CameraFile
     contact_bias: float = 0.0
+    locks: dict[str, int] = Field(default_factory=dict)
+    landmarks: Landmarks | None = None
+    accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """Plain mapping for YAML."""
-        left_out = None if self.contact_bias else {"contact_bias"}
+        """Plain mapping for YAML; what is empty is left out."""
+        left_out = {key for key in OPTIONAL if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
     def calibration(self, origin: str) -> Calibration:
@@ -86,6 +98,9 @@ class CalibrationFile(Settings):
             camera=self.camera,
             id=self.id,
             contact_bias=self.contact_bias,
+            locks=dict(self.locks),
+            landmarks=self.landmarks,
+            accepted_anyway=self.accepted_anyway,
         )
 
 
@@ -98,18 +113,36 @@ def calibrated(
     camera: str,
     latency: float = 0.0,
     contact_bias: float = 0.0,
+    locks: Mapping[str, int] | None = None,
+    landmarks: Landmarks | None = None,
+    accepted_anyway: Sequence[str] = (),
 ) -> Calibration:
     """A calibration of its parts, with its id."""
-    file = _file(
-        lens,
-        homography,
-        residual_mm=residual_mm,
-        latency=latency,
-        date=date,
+    unsigned = CalibrationFile(
+        schema=1,
+        id="",
         camera=camera,
+        date=date,
+        latency=latency,
+        residual_mm=residual_mm,
+        homography=MatrixFile.of(homography.matrix),
+        lens=CameraFile.of(lens, camera),
         contact_bias=contact_bias,
+        locks=dict(locks or {}),
+        landmarks=landmarks,
+        accepted_anyway=tuple(accepted_anyway),
     )
-    return file.calibration("calibration")
+    return _signed(unsigned).calibration("calibration")
+
+
+def changed(calibration: Calibration, **facts: Any) -> Calibration:
+    """The calibration with other `facts`, keywords of `calibrated`, and its own new id."""
+    kept = {name: getattr(calibration, name) for name in KEYWORDS}
+    return calibrated(
+        facts.pop("lens", calibration.lens),
+        facts.pop("homography", calibration.homography),
+        **kept | facts,
+    )
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
@@ -118,15 +151,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     The old file, if any, stays until the new one is complete.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    file = _file(
-        calibration.lens,
-        calibration.homography,
-        residual_mm=calibration.residual_mm,
-        latency=calibration.latency,
-        date=calibration.date,
-        camera=calibration.camera,
-        contact_bias=calibration.contact_bias,
-    )
+    file = _file(calibration)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("w", encoding="utf-8") as stream:
@@ -145,29 +170,22 @@ def load_calibration(path: Path) -> Calibration:
     return load(path, CalibrationFile).calibration(str(path))
 
 
-def _file(
-    lens: Lens,
-    homography: Homography,
-    *,
-    residual_mm: float,
-    latency: float,
-    date: str,
-    camera: str,
-    contact_bias: float,
-) -> CalibrationFile:
-    content = {
-        "schema": 1,
-        "id": "",
-        "camera": camera,
-        "date": date,
-        "latency": latency,
-        "residual_mm": residual_mm,
-        "homography": MatrixFile.of(homography.matrix),
-        "lens": CameraFile.of(lens, camera),
-        "contact_bias": contact_bias,
-    }
-    unsigned = CalibrationFile.model_validate(content)
-    return unsigned.model_copy(update={"id": _identity(unsigned.content())})
+def _file(calibration: Calibration) -> CalibrationFile:
+    """What is written of a calibration."""
+    facts = {name: getattr(calibration, name) for name in KEYWORDS if name != "locks"}
+    unsigned = CalibrationFile(
+        schema=1,
+        id="",
+        homography=MatrixFile.of(calibration.homography.matrix),
+        lens=CameraFile.of(calibration.lens, calibration.camera),
+        locks=dict(calibration.locks),
+        **facts,
+    )
+    return _signed(unsigned)
+
+
+def _signed(file: CalibrationFile) -> CalibrationFile:
+    return file.model_copy(update={"id": _identity(file.content())})
 
 
 def _identity(content: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calibration.calibration import Calibration, calibrated
+from calibration.calibration import Calibration, changed
 from calibration.homography import Homography
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.observation import true_points
@@ -14,17 +14,16 @@ def corrected(calibration: Calibration, model: StripModel) -> Calibration:
     """The calibration with which images show what is true, by the effects that `model` has.
 
     Places, contact_x and stamps, all over the true desk. Without such effects it is the very same;
-    with some it is one of its own, with its own id.
+    with some it is one of its own, with its own id, and without landmarks: those are where they
+    were before.
     """
     observation, plain = model.observation, AS_CALIBRATED
     if observation == plain and model.rig.desk_height == 0:
         return calibration
-    return calibrated(
-        calibration.lens,
-        Homography.of(_truth_of(model) @ calibration.homography.matrix),
-        residual_mm=calibration.residual_mm,
-        date=calibration.date,
-        camera=calibration.camera,
+    return changed(
+        calibration,
+        homography=Homography.of(_truth_of(model) @ calibration.homography.matrix),
+        landmarks=None,
         latency=calibration.latency + observation.camera_latency,
         contact_bias=calibration.contact_bias
         + observation.contact_bias / (1.0 + observation.scale),

@@ -41,15 +41,15 @@ class Homography:
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A touched point that the fit refused: its index, place [m] and distance [px] from the map."""
+    """A touched point that the fit refused: number, place [m], distance [px] from the map."""
 
-    index: int
+    number: int
     x: float
     z: float
     error: float
 
     def __str__(self) -> str:
-        return f"point {self.index} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
+        return f"point {self.number} at x {self.x:.3f}, z {self.z:.3f} m is {self.error:.1f} px off"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import cv2
@@ -10,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from drivers.errors import ConfigurationError
-from drivers.settings import Settings, load
+from drivers.settings import Settings
 from drivers.types import Array, frozen
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
@@ -63,12 +62,14 @@ def fit_lens(
 ) -> LensFit:
     """Lens from board corners: per view (m, 3) [m] on the board and (m, 2) [px] in the image.
 
-    `size` is (width, height) [px]. Fewer than three views are a ConfigurationError.
+    `size` is (width, height) [px]. Fewer than three views, or corners outside of an image of that
+    size, are a ConfigurationError.
     """
     if len(object_points) < MINIMUM_VIEWS:
         raise ConfigurationError(
             f"lens: {len(object_points)} board views, at least {MINIMUM_VIEWS} are needed; add more"
         )
+    _check_inside(np.vstack(list(image_points)), size)
     rms, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
         [np.float32(p).reshape(-1, 1, 3) for p in object_points],
         [np.float32(p).reshape(-1, 1, 2) for p in image_points],
@@ -79,6 +80,17 @@ def fit_lens(
     )
     lens = Lens(size[0], size[1], frozen(matrix), frozen(np.ravel(distortion)[:5]))
     return LensFit(lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0]))
+
+
+def _check_inside(points: Array, size: tuple[int, int]) -> None:
+    """Refuse points (n, 2) [px] that an image of `size` cannot show; OpenCV itself would not."""
+    width, height = size
+    u, v = points.max(axis=0)
+    if u > width or v > height:
+        raise ConfigurationError(
+            f"lens: a corner at u {u:.0f}, v {v:.0f} px lies outside of an image of "
+            f"{width} x {height} px; state its width first, then its height"
+        )
 
 
 Positive = Annotated[int, Field(gt=0)]
@@ -141,8 +153,3 @@ class CameraFile(Settings):
     def content(self) -> dict[str, Any]:
         """Plain mapping for YAML or JSON."""
         return self.model_dump(mode="json")
-
-
-def load_lens(path: Path) -> Lens:
-    """The lens in a ROS camera_info YAML file."""
-    return load(path, CameraFile).lens(str(path))

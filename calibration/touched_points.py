@@ -1,168 +1,162 @@
 """The map to the plane, by touching: asks for gripper poses, is told images, gives a verdict."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
-from calibration.homography import MINIMUM_POINTS, Homography, Rejected, fit_homography
+from calibration.homography import MINIMUM_POINTS
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
+from calibration.touch_settings import TouchSettings
+from calibration.wizard.touch_fit import Touched, suspects
+from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from drivers.errors import ConfigurationError
-from drivers.settings import Settings
 from drivers.types import Array, Frame, Pose
 
-Count = Annotated[int, Field(ge=3, le=12)]
-
-
-class TouchSettings(Settings):
-    """Where to touch, how often to look, and what the verdict demands.
-
-    The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th
-    decides and is not fitted. An image is taken when two in a row agree within `still` [px].
-    """
-
-    x_min: float = Field(0.02, ge=-0.5, le=1.0)
-    x_max: float = Field(0.60, gt=0, le=2.0)
-    z_min: float = Field(0.015, ge=0.0, le=0.2)
-    z_max: float = Field(0.30, gt=0, le=1.0)
-    columns: Count = 5
-    rows: Count = 4
-    hold_out: int = Field(4, ge=2, le=10)
-    still: float = Field(0.3, gt=0, le=2)
-    patience: int = Field(8, ge=2, le=100)  # images at one pose before it is given up
-    worst_mm: float = Field(1.0, gt=0, le=10)  # allowed at the held-out points
-    rejected: int = Field(2, ge=0, le=10)  # allowed refused points
-
 
 @dataclass(frozen=True, slots=True)
-class TouchVerdict:
-    """The map, its rms and worst distance [mm] at points not used in the fit, and why it fails.
-
-    `rejected` names fitted points that disagree; `reasons` is empty when `passed`.
+class ToldTouch:
+    """What came of one image of the pose `number`: the disc's `centre` (2,) [px], None unseen,
+    the point that was `taken`, or why it was `refused`; `waits` says that the next image decides.
     """
 
-    homography: Homography | None
-    residual_mm: float
-    worst_mm: float
-    used: int
-    held_out: int
-    rejected: tuple[Rejected, ...]
-    reasons: tuple[str, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether the map may be used."""
-        return self.homography is not None and not self.reasons
-
-
-@dataclass(frozen=True, slots=True)
-class Touched:
-    """One point: where the arm was (x, z) [m], where the undistorted image shows it [px]."""
-
-    place: Array
-    pixel: Array
-    held_out: bool
+    number: int
+    centre: Array | None
+    taken: Touched | None
+    refused: str | None
+    waits: bool = False
 
 
 class TouchedPoints:
-    """Ask and tell: the caller moves the pointer to `ask()` and tells what the camera then saw."""
+    """Ask and tell: the caller moves the pointer to `ask()` and tells what the camera then saw.
 
-    def __init__(self, lens: Lens, settings: TouchSettings) -> None:
+    After all poses the ones that disagree with the rest are asked for once more.
+    """
+
+    def __init__(
+        self, lens: Lens, settings: TouchSettings, plan: Sequence[Pose] | None = None
+    ) -> None:
+        """`plan` are other poses than those of the settings' grid, e.g. edited ones."""
         self._lens = lens
         self._settings = settings
-        self._plan = _plan(settings)
-        self._at = 0
+        self._plan = touch_plan(settings) if plan is None else checked_plan(plan, settings)
+        self._queue = list(range(len(self._plan)))
+        self._second = False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
-        self._points: list[Touched] = []
+        self._touches: list[Touched] = []
+
+    @property
+    def plan(self) -> tuple[Pose, ...]:
+        """All poses, by number."""
+        return self._plan
+
+    @property
+    def touches(self) -> tuple[Touched, ...]:
+        """All points that were taken, in the order in which they were."""
+        return tuple(self._touches)
+
+    @property
+    def number(self) -> int | None:
+        """Which pose is asked for, None when there are enough points."""
+        return self._queue[0] if self._queue else None
+
+    @property
+    def again(self) -> bool:
+        """Whether the points that disagreed are being touched once more."""
+        return self._second
 
     def ask(self) -> Pose | None:
         """Where to bring the pointer next and hold it still; None when there is enough."""
-        return self._plan[self._at] if self._at < len(self._plan) else None
+        return self._plan[self._queue[0]] if self._queue else None
 
-    def tell(self, frame: Frame, pose: Pose) -> str | None:
-        """An image of the pointer at rest at the measured `pose`; why one more is needed, or None.
+    def tell(self, frame: Frame, pose: Pose) -> ToldTouch:
+        """An image of the pointer at rest at the measured `pose`.
 
-        After `patience` images without two that agree the point is given up.
+        After `patience` images without two that agree the point is given up. Raises
+        ConfigurationError for an image of another size than the lens was found with.
         """
+        self._check_size(frame)
         self._tries += 1
-        refused = self._take(frame, pose)
-        if refused is None or self._tries >= self._settings.patience:
-            self._at += 1
-            self._tries = 0
-            self._last = None
-        return refused
+        told = self._take(self._queue[0], frame, pose)
+        if told.taken is not None or self._tries >= self._settings.patience:
+            self.skip()
+        return told
+
+    def skip(self) -> None:
+        """Give up the pose that is asked for."""
+        self._queue = self._queue[1:]
+        self._tries, self._last = 0, None
+        if not self._queue and not self._second:
+            self._second = True
+            self._queue = list(suspects(self._touches, self._lens, self._settings))
+
+    def repeat(self) -> None:
+        """Ask for the point before again; its touch is dropped."""
+        if self._touches:
+            dropped = self._touches.pop()
+            self._queue = [dropped.number, *self._queue]
+            self._tries, self._last = 0, None
 
     def verdict(self) -> TouchVerdict:
         """What the points told so far amount to."""
-        fitted = [p for p in self._points if not p.held_out]
-        decide = [p for p in self._points if p.held_out]
-        try:
-            fit = fit_homography(
-                np.array([p.pixel for p in fitted]), np.array([p.place for p in fitted])
-            )
-        except ConfigurationError as error:
-            nan = float("nan")
-            return TouchVerdict(None, nan, nan, 0, len(decide), (), (str(error),))
-        errors = _distances_mm(fit.homography, decide)
-        worst = float(errors.max(initial=0.0))
-        reasons = []
-        if len(decide) < 3:
-            reasons.append(f"{len(decide)} held-out points, at least 3 must decide; touch more")
-        if worst > self._settings.worst_mm:
-            reasons.append(
-                f"a held-out point is {worst:.2f} mm off, allowed {self._settings.worst_mm:.2f}; "
-                "check that the pointer is tight and the camera has not moved"
-            )
-        if len(fit.rejected) > self._settings.rejected:
-            reasons.append("; ".join(str(point) for point in fit.rejected))
-        return TouchVerdict(
-            homography=fit.homography,
-            residual_mm=float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan"),
-            worst_mm=worst,
-            used=int(fit.used.sum()),
-            held_out=len(decide),
-            rejected=fit.rejected,
-            reasons=tuple(reasons),
-        )
+        return touch_verdict(self._touches, self._lens, self._settings)
 
-    def _take(self, frame: Frame, pose: Pose) -> str | None:
+    def _check_size(self, frame: Frame) -> None:
+        size = (frame.image.shape[1], frame.image.shape[0])
+        if size != (self._lens.width, self._lens.height):
+            raise ConfigurationError(
+                f"touch: the image is {size[0]} x {size[1]} px, the lens was found with "
+                f"{self._lens.width} x {self._lens.height} px; set the camera to that size, "
+                "or run `cell calibrate camera` at this one"
+            )
+
+    def _take(self, number: int, frame: Frame, pose: Pose) -> ToldTouch:
         centre = find_pointer(frame.image)
         if centre is None:
             self._last = None
-            return "the pointer's disc is not seen exactly once; uncover it, light it"
+            reason = "the pointer's disc is not seen exactly once; uncover it, light it"
+            return ToldTouch(number, None, None, reason)
         place = np.array([pose.x, pose.z])
         last, self._last = self._last, (centre, place)
         if last is None:
-            return "one more image, to see that the pointer is still"
-        moved = float(np.hypot(*(centre - last[0])))
+            return ToldTouch(number, centre, None, None, waits=True)
+        moved, drifted = np.hypot(*(centre - last[0])), np.hypot(*(place - last[1]))
+        if drifted > self._settings.arm_still:
+            reason = f"the arm moved by {1e3 * drifted:.1f} mm between two images"
+            return ToldTouch(number, centre, None, f"{reason}; wait until it is still")
         if moved > self._settings.still:
-            return f"the pointer moved by {moved:.1f} px between two images; wait until it is still"
-        pixel = self._lens.undistort((centre + last[0])[None] / 2)[0]
-        held_out = self._at % self._settings.hold_out == self._settings.hold_out // 2
-        self._points.append(Touched((place + last[1]) / 2, pixel, held_out))
-        return None
-
-
-def _plan(settings: TouchSettings) -> tuple[Pose, ...]:
-    """Poses over the work area, row by row, back and forth; at least twelve to fit."""
-    if settings.columns * settings.rows * (1 - 1 / settings.hold_out) < MINIMUM_POINTS:
-        raise ConfigurationError(
-            f"touch: {settings.columns} x {settings.rows} points with every "
-            f"{settings.hold_out}th held out leave too few; at least {MINIMUM_POINTS} are fitted"
+            reason = f"the pointer moved by {moved:.1f} px between two images"
+            return ToldTouch(number, centre, None, f"{reason}; wait until it is still")
+        touched = Touched(
+            number, place, centre, held_out(number, self._settings), again=self._second
         )
+        self._touches.append(touched)
+        return ToldTouch(number, centre, touched, None)
+
+
+def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
+    """Poses over the work area, row by row, back and forth; at least twelve to fit."""
     poses: list[Pose] = []
     for i, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
         columns = np.linspace(settings.x_min, settings.x_max, settings.columns)
         poses += [Pose(float(x), float(z), pi / 2) for x in columns[:: 1 if i % 2 == 0 else -1]]
-    return tuple(poses)
+    return checked_plan(poses, settings)
 
 
-def _distances_mm(homography: Homography, points: list[Touched]) -> Array:
-    if not points:
-        return np.empty(0)
-    seen = homography.to_plane(np.array([p.pixel for p in points]))
-    return np.asarray(1e3 * np.hypot(*(seen - np.array([p.place for p in points])).T))
+def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, ...]:
+    """`plan`, unless it leaves fewer than twelve points to fit: a ConfigurationError."""
+    fitted = sum(not held_out(number, settings) for number in range(len(plan)))
+    if fitted < MINIMUM_POINTS:
+        raise ConfigurationError(
+            f"touch: {len(plan)} points with every {settings.hold_out}th held out leave "
+            f"{fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
+        )
+    return tuple(plan)
+
+
+def held_out(number: int, settings: TouchSettings) -> bool:
+    """Whether the point with this number decides and is not fitted."""
+    return number % settings.hold_out == settings.hold_out // 2

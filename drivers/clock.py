@@ -4,10 +4,15 @@ import time
 
 
 class WallClock:
-    """Monotonic seconds since it was made."""
+    """Monotonic seconds since it was made, or since another one's `origin` on the same machine."""
 
-    def __init__(self) -> None:
-        self._start = time.monotonic()
+    def __init__(self, origin: float | None = None) -> None:
+        self._start = time.monotonic() if origin is None else origin
+
+    @property
+    def origin(self) -> float:
+        """When time began, for a clock in another process that is to show the same."""
+        return self._start
 
     def now(self) -> float:
         """Seconds since the run began."""

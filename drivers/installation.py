@@ -12,12 +12,13 @@ from drivers.settings import Settings
 class Mounting(Settings):
     """The cell frame in the robot's base: its origin [m] and the turn of its x-axis [rad].
 
-    By default the strip lies sideways before the robot, 0.5 m away and centred.
+    By default the strip lies sideways before the robot, centred, on a desk that stands higher than
+    the robot's foot: so the hand lies flat over both of its ends.
     """
 
-    x: float = Field(0.5, ge=-2, le=2)
+    x: float = Field(0.36, ge=-2, le=2)
     y: float = Field(-0.3, ge=-2, le=2)
-    z: float = Field(0.0, ge=-1, le=1)
+    z: float = Field(0.1, ge=-1, le=1)
     yaw: float = Field(pi / 2, ge=-pi, le=pi)
 
     def transform(self) -> CellInRobot:

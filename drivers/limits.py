@@ -23,6 +23,14 @@ class AxisLimits(Settings):
     acceleration: float = Field(gt=0, le=25)
     jerk: float = Field(gt=0, le=12500)
 
+    def lower(self, other: "AxisLimits") -> "AxisLimits":
+        """The lower of both limits."""
+        return AxisLimits(
+            velocity=min(self.velocity, other.velocity),
+            acceleration=min(self.acceleration, other.acceleration),
+            jerk=min(self.jerk, other.jerk),
+        )
+
 
 class MotionLimits(Settings):
     """Limits of the gripper's motion on each axis.
@@ -39,6 +47,14 @@ class MotionLimits(Settings):
     def axes(self) -> tuple[AxisLimits, AxisLimits, AxisLimits]:
         """The limits in the order x, z, pitch."""
         return self.x, self.z, self.pitch
+
+    def within(self, other: "MotionLimits") -> "MotionLimits":
+        """The lower of both limits on each axis."""
+        lower = {
+            name: axis.lower(getattr(other, name))
+            for name, axis in zip(AXES, self.axes, strict=True)
+        }
+        return MotionLimits(**lower)
 
     def check(self, velocity: Velocity) -> None:
         """Refuse a velocity that is not finite or too fast, with Fault `velocity_refused`."""

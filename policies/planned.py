@@ -121,7 +121,7 @@ class Motions:
     def __init__(self, strip: StripFile, speed: float) -> None:
         self.dt = 0.0
         self._strip = strip
-        self._settings = Rollout(speed=speed, sensing=EXACT)
+        self._settings = Rollout(speed=speed, sensing=EXACT, profile=False)
         self._known: dict[int, Array] = {}
 
     def poses(self, steps: Array) -> Array:

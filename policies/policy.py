@@ -1,6 +1,6 @@
 """The seam of every policy: an observation in, a direction out, for a batch of strips."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -16,7 +16,10 @@ class Observation:
     """What n strips show a policy; every array is (n,), [m] and [s].
 
     `x`, `z` are the gripper's, measured now; `contact_x` is the desk contact and `tip_x`, `tip_z`
-    the fold's rightmost point at `stamp`, when the newest image was so; `time` is now.
+    the fold's rightmost point at `stamp`, when the newest image was so; `time` is now. NaN is
+    what was not seen. `profile` (n, m, 2) is the midline from the desk contact to the gripper at
+    `stamp`, the gripper itself its last point, and `profile_confidence` (n,) from 0 to 1 how much
+    of it deserves belief; both are empty where nobody measures profiles.
     """
 
     time: Array
@@ -26,6 +29,8 @@ class Observation:
     contact_x: Array
     tip_x: Array
     tip_z: Array
+    profile: Array = field(default_factory=lambda: np.empty((0, 0, 2)))
+    profile_confidence: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,8 @@ from policies.path import TAKEOVER_HEIGHT, Path
 from policies.policy import Decision, Policy
 from policies.sensing import Eye, Sensing
 
+NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
+
 
 @runtime_checkable
 class Marching(Protocol):
@@ -32,7 +34,7 @@ class Rollout:
 
     Decisions at `rate` [Hz], `substeps` engine steps in between; the gripper turns its velocity
     with at most `acceleration` [m/s^2]; a fold that has not touched after `patience` times the
-    strip's length of travel is given up.
+    strip's length of travel is given up. Policies that read no `profile` fold faster without.
     """
 
     speed: float = 0.1
@@ -41,6 +43,7 @@ class Rollout:
     acceleration: float = 2.0
     patience: float = 2.4
     sensing: Sensing = field(default_factory=Sensing)
+    profile: bool = True
 
     @property
     def period(self) -> float:
@@ -81,7 +84,14 @@ def roll_out(
     """
     policy.reset(strip, settings.speed, len(models))
     engine.reset(models)
-    eye = Eye(settings.sensing, settings.period, count=len(models), groups=groups, rng=rng)
+    eye = Eye(
+        settings.sensing,
+        settings.period,
+        count=len(models),
+        groups=groups,
+        rng=rng,
+        profile=settings.profile,
+    )
     loop = _Loop(engine, settings, eye)
     loop.lift(policy.lift(), len(models))
     for _ in range(round(settings.patience * strip.length / settings.speed * settings.rate)):
@@ -170,7 +180,10 @@ class _Loop:
         self._looks += self._going
         self.time += self._settings.period
         self.poses = poses[-1]
-        self.eye.remember(seen)
+        shapes, arc = NO_SHAPES
+        if self.eye.wants_shapes:
+            shapes, arc = self._engine.shapes(), self._engine.arc()
+        self.eye.remember(seen, shapes, arc, self.poses[:, :2])
         self._trace.append(self.poses[:, :2].copy())
 
     def _step(self, poses: Array, dt: float) -> Observables:

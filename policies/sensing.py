@@ -1,78 +1,212 @@
-"""What a policy sees of simulated strips: late and noisy, as through a camera."""
+"""What a policy sees of simulated strips: late, noisy and with gaps, as through a camera."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from drivers.strip.engine import Observables
 from drivers.types import Array
 from policies.policy import Observation
+from policies.profile import POINTS, profiles
+
+Range = tuple[float, float]
+CONTACT, TIP_X, TIP_Z = range(3)
+STATE = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """How images spoil the state.
+    """How images spoil the state; lengths [m], times [s], sigmas one standard deviation.
 
-    One-sigma noise [m] of `desk_contact` and of the fold's rightmost point, anew in each image;
-    one-sigma bias [m] of the contact, as calibration leaves it, and the delay [s] of images,
-    uniform over (low, high): both one value a strip.
+    Anew in each image: noise of desk_contact, of the tip's x (and z, where `tip_z_sigma` says
+    otherwise), of each point of the profile; a share `wild` of images shows the contact off by
+    about `wild_size`. One value a strip: biases of contact, tip and profile, the `delay` of images
+    over a range, its error `delay_error` (stamps claim the delay without it), the share of images
+    that never come over the range `dropped`, a factor on every noise, log-uniform over `factor`.
     """
 
     contact_sigma: float = 0.001
     tip_sigma: float = 0.001
     contact_bias: float = 0.001
-    delay: tuple[float, float] = (0.0, 0.06)
+    delay: Range = (0.0, 0.06)
+    tip_z_sigma: float | None = None
+    tip_bias: float = 0.0
+    profile_sigma: float = 0.0003
+    profile_bias: float = 0.0003
+    wild: float = 0.0
+    wild_size: float = 0.02
+    dropped: Range = (0.0, 0.0)
+    delay_error: float = 0.0
+    factor: Range = (1.0, 1.0)
+
+    @property
+    def sigmas(self) -> Array:
+        """Noise (STATE,) of contact, tip x and tip z [m]."""
+        tip_z = self.tip_sigma if self.tip_z_sigma is None else self.tip_z_sigma
+        return np.array([self.contact_sigma, self.tip_sigma, tip_z])
+
+    @property
+    def biases(self) -> Array:
+        """One-sigma biases (STATE,) [m]."""
+        return np.array([self.contact_bias, self.tip_bias, self.tip_bias])
 
 
-EXACT = Sensing(contact_sigma=0.0, tip_sigma=0.0, contact_bias=0.0, delay=(0.0, 0.0))
+EXACT = Sensing(
+    contact_sigma=0.0,
+    tip_sigma=0.0,
+    contact_bias=0.0,
+    delay=(0.0, 0.0),
+    profile_sigma=0.0,
+    profile_bias=0.0,
+)
+
+IMAGES = Sensing(
+    contact_sigma=0.0005,
+    tip_sigma=0.0004,
+    contact_bias=0.0006,
+    delay=(0.02, 0.04),
+    tip_z_sigma=0.003,
+    tip_bias=0.0004,
+    profile_sigma=0.0003,
+    profile_bias=0.0005,
+    wild=0.002,
+    delay_error=0.002,
+)
+"""Images of the twin (`python -m tests.benchmarks.measure_sensing`)."""
+TRAINING = replace(
+    IMAGES, delay=(0.0, 0.06), wild=0.01, dropped=(0.0, 0.5), delay_error=0.005, factor=(0.5, 6.0)
+)
+"""Images of the twin, and worse ones: later, with gaps, outliers, and up to six times the noise."""
+
+
+class Shown(NamedTuple):
+    """What images showed of n strips: `stamp` (n,), `state` (n, STATE), `profile` (n, m, 2)."""
+
+    stamp: Array
+    state: Array
+    profile: Array
+
+
+class Draws:
+    """Random numbers of one group of strips, given to every group alike."""
+
+    def __init__(self, groups: int, size: int, rng: np.random.Generator) -> None:
+        self._groups, self._size, self._rng = groups, size, rng
+
+    def normal(self, *shape: int) -> Array:
+        """Standard normal (n, *shape)."""
+        return self._tiled(self._rng.normal(size=(self._size, *shape)))
+
+    def uniform(self, low: float, high: float) -> Array:
+        """Uniform (n,) over [low, high)."""
+        return self._tiled(self._rng.uniform(low, high, size=self._size))
+
+    def _tiled(self, values: Array) -> Array:
+        return np.concatenate([values] * self._groups)
 
 
 class Eye:
-    """Remembers what n strips showed at each decision and gives it back late and noisy.
+    """Remembers what n strips showed at each decision and gives it back as images would.
 
     The strips come in `groups` equal groups which get the same noise and the same delays.
+    Without `profile` no profiles are measured.
     """
 
     def __init__(
-        self, sensing: Sensing, period: float, *, count: int, groups: int, rng: np.random.Generator
+        self,
+        sensing: Sensing,
+        period: float,
+        *,
+        count: int,
+        groups: int,
+        rng: np.random.Generator,
+        profile: bool = False,
     ) -> None:
-        size = count // groups
-        self._sigma = np.array([sensing.contact_sigma, sensing.tip_sigma, sensing.tip_sigma])
-        self._rng = rng
-        late = np.tile(rng.uniform(*sensing.delay, size=size), groups) / period
-        self._delay = late * period
-        self._bias = np.zeros((groups, size, 3))
-        self._bias[..., 0] = rng.normal(size=size) * sensing.contact_bias
-        depth = int(np.ceil(sensing.delay[1] / period)) + 2
-        self._recent: Array = np.full((depth, count, 3), np.nan)
+        draws = Draws(groups, count // groups, rng)
+        self._sensing, self._draws = sensing, draws
+        self._delay = draws.uniform(*sensing.delay)
+        self._bias = draws.normal(STATE) * sensing.biases
+        late = self._delay / period
+        if sensing.delay_error > 0:
+            late = np.maximum(late + draws.normal() * sensing.delay_error / period, 0.0)
+        self._factor = np.exp(draws.uniform(*np.log(sensing.factor)))
+        self._dropped = draws.uniform(*sensing.dropped)
+        self._shift = draws.normal(1, 2) * sensing.profile_bias
+        depth = int(np.ceil(late.max(initial=0.0))) + 2
+        self._points = POINTS if profile else 0
+        self._recent: Array = np.full((depth, count, STATE + 2 * self._points), np.nan)
         self._newest = 0
         self._back = np.floor(late).astype(int)
         self._share = (late - self._back)[:, None]
         self._lane = np.arange(count)
+        self._shown: Shown | None = None
 
-    def remember(self, seen: Observables) -> None:
-        """Take note of the strips' true state at the next decision time."""
+    def remember(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
+        """Take note of the strips' true state at the next decision time.
+
+        Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] count only
+        where profiles are measured.
+        """
         self._newest = (self._newest - 1) % len(self._recent)
         newest = self._recent[self._newest]
-        newest[:, 0] = seen.contact_x
-        newest[:, 1:] = seen.tip
+        newest[:, CONTACT] = seen.contact_x
+        newest[:, TIP_X : TIP_Z + 1] = seen.tip
+        if self._points:
+            found = profiles(shapes, arc, seen.contact_x, grip)
+            newest[:, STATE:] = found.reshape(len(found), -1)
+
+    @property
+    def wants_shapes(self) -> bool:
+        """Whether `remember` reads midlines."""
+        return self._points > 0
 
     def look(self, time: float, points: Array) -> Observation:
         """The observation at `time` [s], grippers at `points` (n, 2), exact."""
-        near = (self._newest + self._back) % len(self._recent)
-        far = (near + 1) % len(self._recent)
-        state = (1 - self._share) * self._recent[near, self._lane]
-        state += self._share * self._recent[far, self._lane]
-        spoiled = state.reshape(self._bias.shape)
-        spoiled += self._bias
-        spoiled += self._rng.normal(size=self._bias.shape[1:]) * self._sigma
-        now = np.full(len(points), time)
+        shown = self._kept(self._spoiled(time))
         return Observation(
-            time=now,
+            time=np.full(len(points), time),
             x=points[:, 0],
             z=points[:, 1],
-            stamp=now - self._delay,
-            contact_x=state[:, 0],
-            tip_x=state[:, 1],
-            tip_z=state[:, 2],
+            stamp=shown.stamp,
+            contact_x=shown.state[:, CONTACT],
+            tip_x=shown.state[:, TIP_X],
+            tip_z=shown.state[:, TIP_Z],
+            profile=shown.profile,
+            profile_confidence=np.ones(len(points) if self._points else 0),
         )
+
+    def _spoiled(self, time: float) -> Shown:
+        """The newest image of each strip, with its noise."""
+        near = (self._newest + self._back) % len(self._recent)
+        far = (near + 1) % len(self._recent)
+        true = (1 - self._share) * self._recent[near, self._lane]
+        true += self._share * self._recent[far, self._lane]
+        noise = self._draws.normal(STATE) * self._sensing.sigmas * self._factor[:, None]
+        state = true[:, :STATE] + self._bias + noise
+        profile = true[:, STATE:].reshape(len(true), self._points, 2)
+        if self._points:
+            profile = self._blurred(profile)
+        if self._sensing.wild > 0:
+            wild = self._draws.uniform(0.0, 1.0) < self._sensing.wild
+            state[:, CONTACT] += wild * self._draws.normal() * self._sensing.wild_size
+        return Shown(time - self._delay, state, profile)
+
+    def _blurred(self, profile: Array) -> Array:
+        """Profiles with noise on all points but the last one, which the arm measures."""
+        noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
+        noise = noise * self._factor[:, None, None] + self._shift
+        noise[:, -1] = 0.0
+        return profile + noise
+
+    def _kept(self, new: Shown) -> Shown:
+        """The newest image that came: a dropped one leaves the one before it."""
+        if self._shown is not None and self._sensing.dropped[1] > 0:
+            gone = self._draws.uniform(0.0, 1.0) < self._dropped
+            new = Shown(
+                np.where(gone, self._shown.stamp, new.stamp),
+                np.where(gone[:, None], self._shown.state, new.state),
+                np.where(gone[:, None, None], self._shown.profile, new.profile),
+            )
+        self._shown = new
+        return new

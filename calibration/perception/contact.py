@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance, share
+from calibration.perception.appearance import Appearance
+from calibration.perception.matte import share
 from drivers.types import Array, Image
 
 SPACING = 0.0003  # m between samples along the line

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.perception.appearance import share
+from calibration.perception.matte import share
 from calibration.perception.silhouette import Side
 from drivers.types import Array, Image
 

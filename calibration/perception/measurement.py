@@ -11,7 +11,8 @@ class StripMeasurement:
 
     `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the
     fold's rightmost point; `gap` the smallest visible vertical distance between the layers'
-    midlines and `gap_x` its place, NaN before the upper layer begins to fall.
+    midlines and `gap_x` its place, NaN before the upper layer begins to fall; `gripper` where the
+    arm says that it held the strip when the image was taken.
     """
 
     stamp: float
@@ -23,6 +24,7 @@ class StripMeasurement:
     tip: tuple[float, float]
     gap: float
     gap_x: float
+    gripper: tuple[float, float] = (float("nan"), float("nan"))
 
     @property
     def confidence(self) -> float:

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance, matte, soft
+from calibration.perception.appearance import Appearance
+from calibration.perception.background import CELL
 from calibration.perception.contact import Contact, SearchLine, find_contact
+from calibration.perception.matte import matte, soft
 from calibration.perception.measurement import StripMeasurement
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
 from calibration.perception.region import START, Region, hide_hand, strip_region, zones
@@ -45,7 +47,9 @@ class Perception:
         self._strip = strip
         self._appearance = appearance
         self._matte = matte(appearance.strip, appearance.desk, appearance.backdrop)
-        self._faint = max(settings.faint, 2.0 * self._matte.noise)
+        self._scenery = appearance.scenery
+        noise = self._matte.noise if self._scenery is None else self._scenery.noise
+        self._faint = max(settings.faint, 2.0 * noise)
         self._line = SearchLine.of(
             calibration,
             appearance,
@@ -64,7 +68,9 @@ class Perception:
         Never raises for what an image shows: what is not seen is NaN with confidence 0.
         """
         region = strip_region(self._calibration, self._strip.length, gripper)
-        levels = self._matte.of(region.of(frame.image))
+        if self._scenery is not None:
+            region = region.snapped(CELL, *frame.image.shape[1::-1])
+        levels = self._levels(frame.image, region, gripper)
         smooth = soft(levels)
         contact = find_contact(smooth, self._line, region.origin)
         curve = self._curve(levels, smooth, region, contact, gripper)
@@ -79,7 +85,16 @@ class Perception:
             tip=tip,
             gap=gap.height if gap else NAN,
             gap_x=gap.x if gap else NAN,
+            gripper=(gripper.x, gripper.z),
         )
+
+    def _levels(self, image: Image, region: Region, gripper: Pose) -> Image:
+        """How much of each pixel of `region` is strip, in matte levels."""
+        if self._scenery is None:
+            return self._matte.of(region.of(image))
+        visible = np.full(region.of(image).shape[:2], 255, dtype=np.uint8)
+        hide_hand(visible, region, self._calibration, gripper)
+        return self._scenery.of(image, region, visible)
 
     def _curve(
         self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose

@@ -2,31 +2,34 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance, Matte, matte, share, soft
+from calibration.perception.appearance import Appearance
+from calibration.perception.checks import (
+    PreflightCheck,
+    contrast,
+    exposed,
+    lies_there,
+    rests_well,
+    size,
+    solid,
+    thin_enough,
+    told_from_background,
+    told_from_desk,
+)
+from calibration.perception.matte import matte, share, soft
+from calibration.perception.palette import palette
+from calibration.perception.region import way_of, whole
+from calibration.perception.resting import Samples, resting_line, samples, underside
+from calibration.perception.scenery import Scenery, learnt
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
-from drivers.types import Array, Frame, Image, frozen
+from drivers.types import Frame, Image, frozen
 
-FRONT = (-0.008, -0.003)  # m of height where the desk shows before the strip
-BACKDROP = (0.06, 0.25)  # m of height where the backdrop shows
-SEARCH = 0.008  # m above and below rest in which the underside is looked for
-DEGREE = 3  # of the polynomial that the homography's remainder follows
-NAN = float("nan")
-
-
-@dataclass(frozen=True, slots=True)
-class PreflightCheck:
-    """One named check: what was found, and what to do when it failed."""
-
-    name: str
-    passed: bool
-    reason: str
-    remedy: str
+SURE = 7.0  # separation from which one row of numbers tells the strip in any light
+ALIKE = 0.15  # share of strip from which something else in the picture looks like it
+FEW = 0.001  # share of the background where that may be
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,163 +45,68 @@ class Preflight:
         return self.appearance is not None and all(check.passed for check in self.checks)
 
 
-@dataclass(frozen=True, slots=True)
-class Underside:
-    """Where the strip's lower border was seen: `x` (n,) [m], midline height `z` (n,) [m] by it,
-    NaN where no strip was, and `end` [m], x of the strip's free edge.
-    """
-
-    x: Array
-    z: Array
-    end: float
-
-    @property
-    def present(self) -> NDArray[np.bool_]:
-        """Where a strip was seen."""
-        return np.isfinite(self.z)
-
-
 def inspect(
     frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile
 ) -> Preflight:
-    """Checks of the picture `frame` of a strip lying flat on the desk, not yet grasped."""
+    """Checks of the picture `frame` of a strip lying flat on the desk, not yet grasped.
+
+    A uniform strip before a uniform scene is told by three colours. Of any other the background
+    is learnt pixel by pixel, and the strip's colours one by one.
+    """
     image = frame.image
-    if image.shape[:2] != (calibration.lens.height, calibration.lens.width):
-        found = f"the picture is {image.shape[1]} x {image.shape[0]} pixels"
-        return Preflight((_size(found, calibration),), None)
-    desk = _colour(image, calibration, _span(strip, 0.03), FRONT)
-    backdrop = _colour(image, calibration, _span(strip, 0.0), BACKDROP)
-    face = calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
-    colour = _colour(image, calibration, _span(strip, 0.05), (0.0, 0.7 * face))
-    look = matte(colour, desk, backdrop)
-    contrast = _contrast(look, colour, desk, backdrop, settings)
-    seen = _underside(image, look, calibration, strip)
-    there = float(seen.present[seen.x < strip.length - 0.01].mean())
-    lies = PreflightCheck(
-        "strip lies there",
-        contrast.passed and there > 0.9,
-        f"seen along {100 * there:.0f} % of its place",
-        "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
+    refused = [
+        check for check in (size(image, calibration), thin_enough(strip)) if not check.passed
+    ]
+    if refused:
+        return Preflight(tuple(refused), None)
+    case = _Case(calibration, settings, strip, samples(image, calibration, strip))
+    look = matte(*case.seen.colours)
+    levels = look.of(image)
+    plain = _judged(case, levels, (contrast(look, *case.seen.colours, settings),))
+    if look.separation >= SURE and _uniform(levels, case):
+        return plain
+    scenery = learnt(image, case.seen.inner, calibration, strip)
+    levels = scenery.of(image, whole(image), np.full(image.shape[:2], 255, np.uint8))
+    told = (
+        exposed(case.seen),
+        told_from_desk(scenery, case.seen.colours[1], settings),
+        told_from_background(scenery, calibration, strip),
+        solid(soft(levels), calibration, strip),
     )
+    better = _judged(case, levels, told, scenery)
+    misplaced = plain.appearance is not None and not plain.passed
+    return plain if misplaced and not better.passed else better
+
+
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """What a picture is judged by, and the pixels sampled from it."""
+
+    calibration: Calibration
+    settings: PerceptionSettings
+    strip: StripFile
+    seen: Samples
+
+
+def _judged(
+    case: _Case, levels: Image, told: tuple[PreflightCheck, ...], scenery: Scenery | None = None
+) -> Preflight:
+    """The strip by matte `levels` of the whole picture, after the checks that it can be `told`."""
+    lying = underside(soft(levels), case.calibration, case.strip)
+    lies = lies_there(lying, case.strip, clear=all(check.passed for check in told))
     if not lies.passed:
-        return Preflight((contrast, lies), None)
-    rest = _rest(seen)
-    appearance = Appearance(frozen(colour), frozen(desk), frozen(backdrop), frozen(rest))
-    checks = (contrast, lies, *_shape(seen, appearance, settings, strip))
-    return Preflight(checks, appearance)
+        return Preflight((*told, lies), None)
+    strip, desk, backdrop = (frozen(colour) for colour in case.seen.colours)
+    appearance = Appearance(strip, desk, backdrop, frozen(resting_line(lying)), scenery)
+    rests = rests_well(lying, appearance, case.settings, case.strip)
+    return Preflight((*told, lies, *rests), appearance)
 
 
-def _size(found: str, calibration: Calibration) -> PreflightCheck:
-    lens = calibration.lens
-    return PreflightCheck(
-        "picture fits calibration",
-        False,
-        f"{found}, the calibration is for {lens.width} x {lens.height}",
-        "set the camera to the calibrated size, or calibrate again",
-    )
+def _uniform(levels: Image, case: _Case) -> bool:
+    """Whether the strip has one colour and nothing behind its way looks like it.
 
-
-def _contrast(
-    look: Matte, colour: Array, desk: Array, backdrop: Array, settings: PerceptionSettings
-) -> PreflightCheck:
-    least = float(min(np.linalg.norm(colour - desk), np.linalg.norm(colour - backdrop)))
-    return PreflightCheck(
-        "contrast",
-        least >= settings.contrast and look.separation >= settings.separation,
-        f"strip and surroundings differ by {least:.0f} grey levels, {settings.contrast:.0f} are "
-        f"needed; their separation is {look.separation:.1f}, {settings.separation:.1f} is needed",
-        "check that a strip lies there; change the mat, the backdrop or the light",
-    )
-
-
-def _shape(
-    seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
-) -> tuple[PreflightCheck, ...]:
-    x, z = seen.x[seen.present], seen.z[seen.present]
-    bump = float(np.abs(z - appearance.rest_height(x)).max())
-    high = float(np.abs(appearance.rest_height(x)).max())
-    flat = PreflightCheck(
-        "flat and straight",
-        bump <= settings.flatness,
-        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, "
-        f"allowed {1e3 * settings.flatness:.1f} mm",
-        "smooth the strip out, lay it straight along the line",
-    )
-    level = PreflightCheck(
-        "on the desk plane",
-        high <= settings.level,
-        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.level:.1f} mm",
-        "lay the near edge on the marked line; if it is, calibrate the camera again",
-    )
-    error = seen.end - strip.length
-    length = PreflightCheck(
-        "length",
-        abs(error) <= settings.length_tolerance,
-        f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
-        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
-        "push the fixed edge to x = 0, or state the strip's own length",
-    )
-    return flat, level, length
-
-
-def _span(strip: StripFile, margin: float) -> tuple[float, float]:
-    return margin + 0.01, strip.length - margin - 0.01
-
-
-def _colour(
-    image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
-) -> Array:
-    """Median colour (3,) BGR over a rectangle of x and z [m] in the plane of the near edge."""
-    grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
-    colours = _sample(image, calibration, grid).reshape(-1, 3)
-    return np.asarray(np.median(colours, axis=0), dtype=np.float64)
-
-
-def _sample(image: Image, calibration: Calibration, points: Array) -> Array:
-    """Values of `image` (n, m) or (n, m, 3) at points (n, m, 2) of the plane [m]."""
-    pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
-    at = pixels.astype(np.float32)
-    sampled = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
-    return np.asarray(sampled, dtype=np.float64)
-
-
-def _grid(x: Array, z: Array) -> Array:
-    """Points (n, m, 2) of the plane at all x (n,) and z (m,) [m]."""
-    return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
-
-
-def _underside(image: Image, look: Matte, calibration: Calibration, strip: StripFile) -> Underside:
-    levels = soft(look.of(image))
-    x = np.arange(0.005, strip.length + 0.06, 0.002)
-    z = np.arange(-SEARCH, SEARCH, 0.0001)
-    across = share(_sample(levels, calibration, _grid(x, z)))
-    solid = across > 0.5
-    first = solid.argmax(axis=1)
-    rows = np.arange(len(x))
-    before = across[rows, np.maximum(first - 1, 0)]
-    part = (0.5 - before) / np.maximum(across[rows, first] - before, 1e-6)
-    low = z[0] + (first - 1 + part) * (z[1] - z[0])
-    found = solid.any(axis=1) & (first > 0)
-    height = np.where(found, low + strip.thickness / 2, NAN)
-    return Underside(x, height, _end(levels, calibration, strip))
-
-
-def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """x [m] of the last strip along the near edge's own line."""
-    x = np.arange(0.1, strip.length + 0.06, 0.0003)
-    heights = np.array([0.0, 0.0005, 0.001])
-    along = share(_sample(levels, calibration, _grid(x, heights)).max(axis=1))
-    inside = np.flatnonzero(along > 0.5)
-    return float(x[inside[-1]]) if len(inside) else NAN
-
-
-def _rest(seen: Underside) -> Array:
-    """Polynomial (DEGREE + 1,) of the resting midline's height over x, robust to a bump."""
-    x, z = seen.x[seen.present], seen.z[seen.present]
-    kept = np.ones(len(x), dtype=bool)
-    fit: Array = np.zeros(DEGREE + 1)
-    for _ in range(3):
-        fit = np.asarray(np.polynomial.polynomial.polyfit(x[kept], z[kept], DEGREE), np.float64)
-        off = np.abs(z - np.polynomial.polynomial.polyval(x, fit))
-        kept = off <= max(3.0 * float(np.median(off)), 1e-4)
-    return fit
+    `levels` are those of the whole picture.
+    """
+    way = way_of(case.calibration, case.strip.length)
+    alike = np.abs(share(soft(levels)[way > 0])) > ALIKE
+    return len(palette(case.seen.inner)) == 1 and float(alike.mean()) < FEW

@@ -1,19 +1,24 @@
 """The part of the image where the strip can be, and what the hand hides of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self, TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from drivers.types import Array, Image, Pose
 
+T = TypeVar("T", bound=np.generic)
 START = 0.001  # m, right of the clamp that holds the fixed edge
 BELOW = 0.009  # m under the resting strip: desk, not yet its front
 BEYOND = 0.03  # m past the furthest that the strip can reach
 OVER = 0.012  # m above the gripper point
 FOLD = 0.09  # m of height that is always looked at
 FINGER = (0.045, 0.020)  # m: length along the approach, half width
+LOW, HIGH = 0.012, 0.09  # m of height: free of the resting strip, below the waiting hand
+WAY = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
 HAND = (0.60, 0.100)  # m: hand and what carries it
 
 
@@ -31,9 +36,19 @@ class Region:
         """(2,) the image point of its first pixel."""
         return np.array([self.left, self.top], dtype=np.float64)
 
-    def of(self, image: Image) -> Image:
+    def of(self, image: NDArray[T]) -> NDArray[T]:
         """The part of `image` (h, w, ...), a view."""
         return image[self.top : self.bottom, self.left : self.right]
+
+    def snapped(self, cell: int, width: int, height: int) -> Self:
+        """The region widened to whole cells of `cell` [px] in an image of `width` x `height`."""
+        return replace(
+            self,
+            left=self.left // cell * cell,
+            top=self.top // cell * cell,
+            right=min(-(-self.right // cell) * cell, width),
+            bottom=min(-(-self.bottom // cell) * cell, height),
+        )
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
@@ -54,6 +69,21 @@ def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Regi
     )
 
 
+def whole(image: Image) -> Region:
+    """All of `image` (height, width, ...)."""
+    return Region(0, 0, image.shape[1], image.shape[0])
+
+
+def way_of(calibration: Calibration, length: float) -> Image:
+    """Mask (height, width) of what a strip of `length` [m] moves before while it is folded.
+
+    Above the desk; where the hand waits before the grasp only what is low.
+    """
+    start, middle, end, top = (share * length for share in WAY)
+    outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
+    return _filled(calibration, np.array(outline))
+
+
 @dataclass(frozen=True, slots=True)
 class Zones:
     """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
@@ -72,7 +102,12 @@ def zones(calibration: Calibration, length: float, shadow_height: float) -> Zone
 def _zone(calibration: Calibration, length: float, low: float) -> Image:
     right, ceiling = length + BEYOND, length
     corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
-    pixels = np.rint(calibration.homography.to_image(np.array(corners)))
+    return _filled(calibration, np.array(corners))
+
+
+def _filled(calibration: Calibration, corners: Array) -> Image:
+    """Mask (height, width), 255 within `corners` (n, 2) [m]."""
+    pixels = np.rint(calibration.homography.to_image(corners))
     mask = np.zeros((calibration.lens.height, calibration.lens.width), dtype=np.uint8)
     cv2.fillPoly(mask, [pixels.astype(np.int32)], 255)
     return mask

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.perception.appearance import SCALE, ZERO
+from calibration.perception.matte import SCALE, ZERO
 from drivers.types import Array, Image
 
 SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk

@@ -7,6 +7,7 @@ import typer
 
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
+from cell.cli.camera import camera
 from cell.cli.fold import fold
 from cell.cli.gap import gap
 from cell.cli.record import report, viz
@@ -14,6 +15,7 @@ from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
 from cell.cli.train import train
+from cell.cli.twin import twin
 
 app = typer.Typer(
     name="cell",
@@ -28,11 +30,13 @@ app.command()(runs)
 app.command()(report)
 app.command()(viz)
 app.command()(replay)
-app.command()(calibrate)
+app.command()(camera)
+app.add_typer(calibrate, name="calibrate")
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")
 app.command()(train)
+app.add_typer(twin, name="twin")
 
 
 def _tell_version(wanted: bool) -> None:

@@ -1,4 +1,4 @@
-"""`cell calibrate`."""
+"""`cell calibrate`: the twin's own calibration, and the wizards."""
 
 import sys
 from pathlib import Path
@@ -6,14 +6,24 @@ from typing import Annotated
 
 import typer
 
+from cell.cli.calibrate_camera import calibrate_camera
+from cell.cli.calibrate_homography import calibrate_homography
 from cell.cli.options import Configs
 
+calibrate = typer.Typer(help="Calibrate the camera: `camera` its lens, `homography` its place.")
+calibrate.command(name="camera")(calibrate_camera)
+calibrate.command(name="homography")(calibrate_homography)
 
-def calibrate(
+
+@calibrate.callback(invoke_without_command=True)
+def twin(
+    context: typer.Context,
     out: Annotated[Path | None, typer.Option(help="Also write the calibration here.")] = None,
     configs: Configs = None,
 ) -> None:
-    """Calibrate the twin's camera anew: lens from boards, homography from touched points."""
+    """Without a wizard: calibrate the twin's camera anew, for the folds to come."""
+    if context.invoked_subcommand is not None:
+        return
     from calibration.calibration import save_calibration
     from cell.config.places import find_configs
     from cell.operations.calibrate import calibrate_anew

@@ -20,3 +20,4 @@ class MonitorLimits(Settings):
     force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
     duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
     state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
+    calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people

@@ -4,12 +4,16 @@ from typing import Literal
 
 from pydantic import Field
 
-from calibration.board_views import BoardSettings
+from calibration.board_settings import BoardSettings
+from calibration.landmarks import LandmarkSettings
 from calibration.perception.settings import PerceptionSettings
-from calibration.touched_points import TouchSettings
+from calibration.touch_settings import TouchSettings
+from calibration.wizard.latency import LatencySettings
 from cell.config.fold import FoldSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.record.frames import Keep
+from drivers.arm.settings import FciSettings
+from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
 from drivers.settings import Settings
 
@@ -44,12 +48,17 @@ class CellSettings(Settings):
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     drivers: DriverChoice = DriverChoice()
     calibration: str | None = None  # file, from this one; None: what `cell calibrate` keeps
+    camera: V4l2Settings | None = None  # the real one; None: this cell has none
     installation: Installation = Installation()
+    fci: FciSettings = FciSettings()
     fold: FoldSettings = FoldSettings()
     monitors: MonitorLimits = MonitorLimits()
     perception: PerceptionSettings = PerceptionSettings()
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
+    latency: LatencySettings = LatencySettings()
+    landmarks: LandmarkSettings = LandmarkSettings()
+    calibration_days: float = Field(30.0, gt=0, le=3650)  # after which hardware calibrates anew
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)

@@ -1,20 +1,33 @@
 """The devices of a cell, as the orchestrator drives them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
-from calibration.board_views import BoardPose
+from calibration.wizard.wanted_view import WantedView
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
+
+
+class Closable(Protocol):
+    """Something that is let go in the end."""
+
+    def close(self) -> None:
+        """Let go; allowed twice."""
+        ...
 
 
 class CalibrationAids(Protocol):
     """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
 
-    def show_board(self, pose: BoardPose) -> Frame:
-        """An image of the calibration board held at `pose`."""
+    def show_board(self, wanted: WantedView) -> Frame:
+        """An image of the calibration board held as `wanted`."""
+        ...
+
+    def measure_board(self) -> float:
+        """Length [m] of the printed squares across all columns, as a ruler shows it."""
         ...
 
     def hold_pointer(self, held: bool) -> None:
@@ -24,7 +37,11 @@ class CalibrationAids(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What the orchestrator drives. `camera_identity` is what a calibration must belong to."""
+    """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
+
+    `camera_locks` are the values at which the camera's controls are held, `others` what else has
+    to be let go in the end.
+    """
 
     clock: Clock
     arm: Arm
@@ -33,6 +50,8 @@ class Devices:
     camera_identity: str
     aids: CalibrationAids | None
     plant: "Plant | None"
+    camera_locks: Mapping[str, int] = field(default_factory=dict)
+    others: tuple[Closable, ...] = ()
 
     def connect(self) -> None:
         """Take hold of arm and camera."""
@@ -41,10 +60,9 @@ class Devices:
 
     def close(self) -> None:
         """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
-        try:
-            self.arm.close()
-        finally:
-            self.camera.close()
+        with ExitStack() as left:
+            for device in (*reversed(self.others), self.camera, self.arm):
+                left.callback(device.close)
 
 
 class Plant(Protocol):

@@ -1,11 +1,13 @@
 """The one place that picks drivers."""
 
+from importlib.util import find_spec
 from typing import Protocol
 
 import cv2
 
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.real_camera import camera_settings, with_real_camera
 from cell.devices.rig_correction import corrected_devices
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
@@ -24,12 +26,27 @@ class DeviceFactory(Protocol):
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
     """Refuse devices that this version cannot drive, with a ConfigurationError."""
     arm = choice.arm or settings.drivers.arm
-    camera = choice.camera or settings.drivers.camera
-    if (arm, camera) != ("twin", "twin"):
+    if arm == "fci" and find_spec("pylibfranka") is None:
         raise ConfigurationError(
-            f"drivers: arm {arm!r} with camera {camera!r} is not available in this version; "
-            "allowed: arm twin with camera twin"
+            "drivers: arm 'fci' needs the robot's library; install it with "
+            "`pip install 'folding-cell[fci]'` on Linux x86_64, Python 3.11 or 3.12"
         )
+    if real_camera(settings, choice):
+        camera_settings(settings)
+
+
+def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
+    """Refuse to fold with a real camera that has no calibration; the twin makes its own."""
+    if real_camera(settings, choice) and settings.calibration is None:
+        raise ConfigurationError(
+            "cell.yaml: calibration: is missing, camera v4l2 needs one; run `cell calibrate "
+            "camera` and `cell calibrate homography`, then name the file that they make"
+        )
+
+
+def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether the camera is a real one."""
+    return (choice.camera or settings.drivers.camera) == "v4l2"
 
 
 def open_cell(
@@ -41,7 +58,14 @@ def open_cell(
     """
     check_drivers(settings, choice)
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
-    from cell.devices.twin import twin_devices
+    if (choice.arm or settings.drivers.arm) == "twin":
+        from cell.devices.twin import twin_devices
 
-    devices = twin_devices(settings, strip, choice, calibrating=calibrating)
+        devices = twin_devices(settings, strip, choice, calibrating=calibrating)
+    else:
+        from cell.devices.fci import fci_devices
+
+        devices = fci_devices(settings, strip, choice, calibrating=calibrating)
+    if real_camera(settings, choice):
+        devices = with_real_camera(devices, settings)
     return devices if calibrating else corrected_devices(devices, settings, strip)

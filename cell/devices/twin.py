@@ -4,37 +4,40 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from calibration.board_views import BoardPose
+from calibration.wizard.wanted_view import WantedView
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
 from drivers.strip.describe import load_plant
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
-from drivers.twin.board import board_frame, facing
-from drivers.twin.open import ORDINARY, PlantOptions, Twin, open_twin
+from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.open import ORDINARY, Desk, PlantOptions, Twin, open_twin
+from drivers.twin.settings import TwinSettings
 from drivers.types import Frame
 
 
 class TwinCalibrationAids:
     """Holds boards before the twin's camera and puts the pointer into its hand."""
 
-    def __init__(self, twin: Twin, settings: CellFile, seed: int) -> None:
+    def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
         self.settings = settings
         self.seed = seed
         self._shown = 0
 
-    def show_board(self, pose: BoardPose) -> Frame:
-        """An image of the board held at `pose`."""
-        centre = np.array([pose.x, pose.y, pose.z])
-        placed = facing(centre, pose.tilt, pose.turn, pose.roll)
-        self._shown += 1
+    def show_board(self, wanted: WantedView) -> Frame:
+        """An image of the board held as `wanted`."""
         board = self.settings.boards.board()
+        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
+        placed = held_before(self.settings.twin.camera, board, held)
+        self._shown += 1
         return board_frame(
             self.settings.twin.camera, board, placed, self.seed, sequence=self._shown
         )
+
+    def measure_board(self) -> float:
+        """Length [m] of the printed squares across all columns."""
+        return self.settings.boards.width
 
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers, or take it out."""
@@ -45,7 +48,7 @@ class TwinCalibrationAids:
 class TwinPlant:
     """What really happened to the strip on the twin."""
 
-    twin: Twin
+    twin: Twin | Desk
     plant: StripFile
 
     def truth(self, origin: float) -> Mapping[str, Any]:
@@ -74,15 +77,10 @@ def twin_devices(
 
     Without a plant the twin is what the controller believes, accepted effects of the rig included.
     """
-    if choice.plant is None:
-        plant, lying, rig = strip, strip, settings.effects
-    else:
-        plant = load_plant(choice.plant)
-        lying, rig = _divided(plant)
+    plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
-        world = settings.twin.world.model_copy(update={"strip": False})
-        bare = settings.twin.model_copy(update={"world": world})
-        twin = open_twin(bare, lying, {}, choice.seed, installation=settings.installation)
+        desk, place = bare(settings), settings.installation
+        twin = open_twin(desk, lying, {}, choice.seed, installation=place)
     else:
         twin = open_twin(
             settings.twin, lying, rig, choice.seed, choice.index, settings.installation, staging
@@ -96,6 +94,22 @@ def twin_devices(
         aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(twin, plant),
     )
+
+
+def bare(settings: CellFile) -> TwinSettings:
+    """The twin without a strip on its desk, as it is calibrated."""
+    world = settings.twin.world.model_copy(update={"strip": False})
+    return settings.twin.model_copy(update={"world": world})
+
+
+def on_desk(
+    settings: CellFile, strip: StripFile, choice: DeviceSelection
+) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
+    """The plant as it is told in the record, what of it is strip, and the effects of the rig."""
+    if choice.plant is None:
+        return strip, strip, settings.effects
+    plant = load_plant(choice.plant)
+    return plant, *_divided(plant)
 
 
 def _divided(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:

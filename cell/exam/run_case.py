@@ -134,7 +134,9 @@ def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool
     sandboxed = None if again else _sat(out, by.verdict(case))
     if sandboxed is None:
         shutil.rmtree(out, ignore_errors=True)
-        sandboxed = run_sandboxed(strip, runs, out, [folder], workdirs=workdirs)
+        sandboxed = run_sandboxed(
+            strip, [run.path for run in runs], out, [folder], workdirs=workdirs
+        )
         facts = {
             "of": by.verdict(case),
             "wall": sandboxed.wall,
@@ -143,13 +145,13 @@ def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool
         }
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT)
-    tried = json.loads((out / NOTES).read_text(encoding="utf-8"))["tried"]
+    notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
     return Entry(
         case=case, of=by.entry(case), state="scored",
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
-        baselines=baselines(verdict, tried, case),
-        wall=sandboxed.wall, memory=sandboxed.memory,
+        baselines=baselines(verdict, notes["tried"], case),
+        wall=sandboxed.wall, memory=sandboxed.memory, spreads=notes.get("scatter", {}),
     )  # fmt: skip
 
 

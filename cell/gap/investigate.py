@@ -6,28 +6,38 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from cell.gap.diagnosis import held_out_gap, lack_of_fit
+from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
 from cell.gap.diagnosis.drift import drift
-from cell.gap.diagnosis.invariance import Invariance, invariance
 from cell.gap.diagnosis.localise import localise
-from cell.gap.diagnosis.next_experiment import Advice, advise
-from cell.gap.diagnosis.sparse_law import describe
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import Evidence, Model, Point, evidence
+from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.starts import refined, refit_base, refit_base_fine, refit_fine, undetermined
+from cell.gap.fitting.spreads import Spread, estimated, scattered, spreads, with_scatter
+from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
-from cell.gap.selection.choice import Found, choose, exhausted
+from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, holm, likelihood_scale
-from cell.gap.selection.rivals import classes, rivals
-from cell.gap.selection.screening import Score, probe, ranked, ranked_pairs, table
-from cell.gap.subject.subject import Experiment, Subject
-from cell.gap.verdict.findings import Findings, Fitted, Judged, Screened, Shown
-from drivers.types import Array
+from cell.gap.selection.screening import (
+    Probed,
+    Score,
+    best_responses,
+    probe,
+    ranked,
+    ranked_pairs,
+    table,
+)
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.advice import advice
+from cell.gap.verdict.decide import kind
+from cell.gap.verdict.findings import Findings, Fitted, Screened
+from cell.gap.verdict.judge import chosen, judge, show
+from cell.gap.verdict.offered_law import offered_law
 
+SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
 
@@ -40,54 +50,111 @@ def investigate(
     train = [run for run in subject.runs if run.name not in held_out]
     test = [run for run in subject.runs if run.name in held_out]
     progress("refit the base", 0.02)
-    fitted = _fit_base(subject, evidence(train), simulate, rng)
+    whole = evidence(train)
+    fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
+    less = _less_scatter(fitted, screened, whole, simulate)
+    if less is not None:
+        again = with_scatter(fitted.base.estimate, less, whole)
+        fitted = _judged_base(subject, again, less, simulate, rng)
+        screened = _screened(subject, fitted, screened.probed)
     progress("refit the best", 0.25)
-    pool = _refit(subject, fitted, screened, simulate, progress)
-    better = search.better_base(simulate, pool)
+    fits = _refit_singles(subject, fitted, screened, simulate)
+    beside = _scatter_beside(fits, fitted, whole, simulate)
+    if beside is not None:
+        progress("begin anew with what differs from run to run", 0.35)
+        again = with_scatter(fitted.base.estimate, beside, whole)
+        fitted = _judged_base(subject, again, beside, simulate, rng)
+        screened = _screened(subject, fitted, screened.probed)
+        fits = _refit_singles(subject, fitted, screened, simulate)
+    fits = _refit_further(subject, fits, screened, simulate, progress)
+    better = search.better_base(simulate, fits)
     if better is not None:
-        progress("begin anew from a better base", 0.3)
-        fitted = _judged_base(subject, better, simulate, rng)
+        progress("begin anew from a better base", 0.5)
+        fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
         screened = _screen(subject, fitted, simulate)
-        pool = _refit(subject, fitted, screened, simulate, progress)
+        fits = _refit_singles(subject, fitted, screened, simulate)
+        fits = _refit_further(subject, fits, screened, simulate, progress)
     progress("judge", 0.8)
-    judged = _judge(subject, pool, simulate, rng)
+    choice = chosen(subject, simulate, fits)
+    judged = judge(subject, choice, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
-    shown = _show(subject, simulate, fitted, judged, evidence(test), rng)
+    unseen = scattered(evidence(test), fitted.scatter)
+    shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
-    advice = _advise(subject, screened, judged, simulate)
-    return Findings(subject, tuple(held_out), fitted, screened, judged, shown, tuple(advice))
+    advised = advice(subject, screened, choice, judged, simulate)
+    found = Findings(
+        subject, tuple(held_out), fitted, screened, choice, judged, shown, tuple(advised)
+    )
+    if kind(found) != "unexplained":
+        return found
+    law = offered_law(subject, simulate, fitted.base, choice.by, shown.before, rng)
+    return replace(found, offered=law)
 
 
 def _fit_base(
     subject: Subject, runs: Evidence, simulate: Simulate, rng: np.random.Generator
 ) -> Fitted:
+    """The base refitted from several starts, and how much the runs differ for no reason."""
     rough = refit_base(simulate, Model(subject.scope.base), runs, rng)
-    return _judged_base(subject, rough, simulate, rng)
+    found = spreads(rough)
+    return _judged_base(subject, with_scatter(rough, found, runs), found, simulate, rng)
 
 
 def _judged_base(
-    subject: Subject, rough: Estimate, simulate: Simulate, rng: np.random.Generator
+    subject: Subject,
+    rough: Estimate,
+    scatter: Sequence[Spread],
+    simulate: Simulate,
+    rng: np.random.Generator,
 ) -> Fitted:
+    """The base refitted finely from `rough`, and what it leaves beyond noise, scatter, repeats."""
     base = refit_base_fine(subject, simulate, rough)
-    inflation, noise = _inflation(base), _noise(base, rng)
+    change = drift(base)
+    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
+    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
     allowed = lack_of_fit.slack(base.evidence, inflation, {})
     return Fitted(
         run_one(simulate, validate(base)),
         inflation,
-        drift(base),
+        change,
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
         tuple(undetermined(base)),
+        tuple(scatter),
     )
+
+
+def _less_scatter(
+    fitted: Fitted, screened: Screened, whole: Evidence, simulate: Simulate
+) -> tuple[Spread, ...] | None:
+    """Spreads beside the most promising candidate, where they are clearly smaller.
+
+    A base that lacks an effect takes a part of it for scatter.
+    """
+    by = likelihood_scale([fitted.base])
+    first = next(iter(screened.singles), None)
+    if first is None or not fitted.scatter or first.gain < by.least * by.inefficiency:
+        return None
+    base = fitted.base.estimate
+    probed = next(p for p in screened.probed if p.candidate.name == first.names[0])
+    found = estimated(simulate, base, whole, best_responses(projection(base), probed))
+    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
+    smaller = any(now.get(name, 0.0) < SMALLER * value for name, value in before.items())
+    return found if smaller else None
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
-    about = projection(base)
-    by = likelihood_scale([fitted.base])
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
+    return _screened(subject, fitted, probed)
+
+
+def _screened(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
+    """Scores of the candidates by their responses, beside the base as it was refitted."""
+    about = projection(fitted.base.estimate)
+    by = likelihood_scale([fitted.base])
     known = table(about, probed)
     singles = ranked(known)
     return Screened(
@@ -111,163 +178,72 @@ def _screened_p(
     return dict(zip(names, adjusted, strict=True))
 
 
-def _refit(
-    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate, progress: Progress
-) -> list[Validated]:
-    """Every model worth comparing, refitted: nothing more where there is nothing to find."""
+def _scatter_beside(
+    fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
+) -> tuple[Spread, ...] | None:
+    """Spreads beside the best single effect, where they differ clearly from those at the base."""
+    best = choose(fits).accepted
+    if not best.model.effects:
+        return None
+    found = estimated(simulate, best.estimate, whole)
+    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
+    changed = set(before) ^ set(now) or any(
+        not SMALLER < now[name] / value < 1.0 / SMALLER for name, value in before.items()
+    )
+    return found if changed else None
+
+
+def _refit_singles(
+    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate
+) -> Fits:
+    """The base and the most promising single effects, where any effect could be earned."""
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
+    fits = Fits((base,))
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
-        return [base]
+        return fits
+    singles = screened.singles[: search.SINGLES]
+    fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
+    if not exhausted(fits):
+        fits = fits.merged(search.shape_parameters(simulate, fits))
+    return fits
 
-    def tried(pool: Sequence[Validated], scores: Sequence[Score]) -> list[Validated]:
-        known = search.with_shape_parameters(candidates, pool)
-        more = search.fit_scores(simulate, base.estimate, scores, known)
-        return search.merged(pool, more)
 
-    pool = tried([base], screened.singles[: search.SINGLES])
-    if not exhausted(pool):
-        pool = search.merged(pool, search.shape_parameters(simulate, pool))
-    if exhausted(pool) or not _unsettled(pool, anywhere=True):
-        return pool
+def _refit_further(
+    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
+) -> Fits:
+    """Larger models beside the single effects, where these leave something to find."""
+    base, candidates = fits.base.estimate, subject.scope.candidates
+
+    def tried(fits: Fits, scores: Sequence[Score]) -> Fits:
+        known = search.with_shape_parameters(candidates, fits)
+        return fits.merged(search.fit_scores(simulate, base, scores, known))
+
+    def more(fits: Fits, size: int) -> Fits:
+        known = search.with_shape_parameters(candidates, fits)
+        return tried(fits, search.extended(simulate, fits, size, known))
+
+    if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
+        return fits
     progress("refit pairs", 0.45)
-    pairs = search.shortlist(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
-    pool = tried(pool, pairs)
-    pool = tried(
-        pool, search.extended(simulate, pool, 1, search.with_shape_parameters(candidates, pool))
-    )
-    pair = len(choose(pool).accepted.model.effects) == 2
-    if pair and not exhausted(pool) and _unsettled(pool, anywhere=False):
+    pairs = search.shortlist(simulate, base, screened.pairs, candidates, search.PAIRS)
+    fits = more(tried(fits, pairs), 1)
+    pair = len(choose(fits).accepted.model.effects) == 2
+    if pair and not exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
-        pool = tried(
-            pool, search.extended(simulate, pool, 2, search.with_shape_parameters(candidates, pool))
-        )
-    return tried(pool, search.without_each(pool))
+        fits = more(fits, 2)
+    return tried(fits, search.without_each(fits))
 
 
-def _unsettled(pool: Sequence[Validated], *, anywhere: bool) -> bool:
-    """Whether the best model of the pool leaves more than noise: overall, or `anywhere`."""
-    best = min(pool, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
-    noise = _noise(best, np.random.default_rng(1))
-    allowed = lack_of_fit.slack(best.evidence, _inflation(best), {})
+def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:
+    """Whether the best model leaves more than noise: overall, or `anywhere`."""
+    best = min(fits.models, key=lambda m: (m.estimate.scale, m.estimate.objective)).estimate
+    change = drift(best)
+    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
+    rng = np.random.default_rng(1)
+    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
+    allowed = lack_of_fit.slack(best.evidence, inflation, {})
     if lack_of_fit.lack_of_fit(best, noise, allowed).p < LEVEL:
         return True
     return anywhere and any(place.p < LEVEL for place in localise(best, noise, allowed))
-
-
-def _inflation(estimate: Estimate) -> dict[str, float]:
-    """Factor by channel on the stated noise, of repeats whose drift, if any, is no noise."""
-    change = drift(estimate)
-    return change.inflation if change is not None else lack_of_fit.pure_error(estimate)
-
-
-def _noise(estimate: Estimate, rng: np.random.Generator) -> Array:
-    return lack_of_fit.noise_left(projection(estimate, robustly=False), rng)
-
-
-def _judge(
-    subject: Subject, pool: Sequence[Validated], simulate: Simulate, rng: np.random.Generator
-) -> Judged:
-    found = _finished(subject, simulate, choose(pool))
-    best = found.accepted.estimate
-    tested = [(m, e.name) for m in found.tried if _worth_testing(m, found) for e in m.model.effects]
-    results = run_all(simulate, [invariance(m.estimate, e, found.by) for m, e in tested])
-    invariances: dict[str, dict[str, Invariance]] = {}
-    for (m, e), result in zip(tested, results, strict=True):
-        invariances.setdefault(m.model.name, {})[e] = result
-    tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
-    noise, inflation = _noise(best, rng), _inflation(best)
-    strict = lack_of_fit.slack(best.evidence, inflation, {})
-    kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
-    misfit = lack_of_fit.lack_of_fit(best, noise, strict)
-    kind[lack_of_fit.unshown(best)] = np.inf
-    leftover, astray = _leftover(best, noise, kind)
-    close = rivals(found.accepted, found.tried, found.by) if best.model.effects else []
-    groups = classes(found.accepted, close)
-    terms = run_all(simulate, [probe(best, t) for t in subject.scope.terms])
-    law = describe(best, projection(best), terms, found.by.inefficiency, rng)
-    return Judged(
-        found, invariances, misfit, leftover, astray, drift(best), inflation,
-        tuple(close), tuple(map(tuple, groups)), law,
-    )  # fmt: skip
-
-
-def _leftover(
-    estimate: Estimate, noise: Array, allowed: Array
-) -> tuple[lack_of_fit.Misfit, str | None]:
-    """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
-    whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
-    if whole.p >= LEVEL or not estimate.model.effects:
-        return whole, None
-    name, samples = lack_of_fit.astray(estimate)
-    others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
-    return (others, name) if others.p >= LEVEL else (whole, None)
-
-
-def _finished(subject: Subject, simulate: Simulate, found: Found) -> Found:
-    """The accepted model fitted to the end; the others are compared as they are."""
-    rough = found.accepted
-    if not rough.model.effects:
-        return found
-    done = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
-    tried = tuple(done if m is rough else m for m in found.tried)
-    return replace(found, accepted=done, tried=tried)
-
-
-def _worth_testing(model: Validated, found: Found) -> bool:
-    return model is found.accepted or len(model.model.effects) == 1
-
-
-def _show(
-    subject: Subject,
-    simulate: Simulate,
-    fitted: Fitted,
-    judged: Judged,
-    test: Evidence,
-    rng: np.random.Generator,
-) -> Shown:
-    def at(fit: Estimate) -> Evidence:
-        return refined(subject, fit.model, Point(fit.shared, test.start()), test)
-
-    base, best = fitted.base.estimate, judged.found.accepted.estimate
-    known = at(base)
-    before = after = held_out_gap.unseen(simulate, base, known)
-    if best.model.effects:
-        after = held_out_gap.unseen(simulate, best, Evidence(at(best).runs, known.scales))
-    share = held_out_gap.shrink(
-        held_out_gap.run_squares(before), held_out_gap.run_squares(after), rng
-    )
-    return Shown(before, after, share)
-
-
-def _advise(
-    subject: Subject, screened: Screened, judged: Judged, simulate: Simulate
-) -> list[Advice]:
-    experiments: Sequence[Experiment] = subject.experiments()
-    found = judged.found
-    first = found.accepted.estimate
-    second = _alternative(screened, judged)
-    if second is None or not experiments:
-        return []
-    return run_one(simulate, advise(first, second, experiments, found.by))
-
-
-def _alternative(screened: Screened, judged: Judged) -> tuple[Model, Array] | None:
-    """The explanation that most deserves to be told from the accepted one."""
-    found = judged.found
-    if judged.rivals:
-        other = judged.rivals[0].model
-        return other.model, other.estimate.shared
-    level = len(found.accepted.model.effects) or 1
-    others = [m for m in found.tried if len(m.model.effects) == level and m is not found.accepted]
-    if others:
-        best = min(others, key=lambda m: float(m.losses(found.by.scale).sum()))
-        return best.model, best.estimate.shared
-    alive = [p for p in screened.probed if not p.dead]
-    if not alive:
-        return None
-    base = found.accepted.estimate
-    candidate = alive[0].candidate
-    model = Model(base.model.base, (candidate,))
-    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from calibration.calibration import Calibration
 from cell.config.places import find_configs
-from cell.devices.open import check_drivers
+from cell.devices.open import check_calibrated, check_drivers
 from cell.operations.fold import Request, fold
 from cell.operations.interrupt import Interrupted
 from cell.operations.result import FoldResult
@@ -153,7 +153,9 @@ def checked(wanted: Sequence[Request]) -> Sequence[Request]:
     """
     first = wanted[0]
     configs = find_configs(first.configs)
-    check_drivers(configs.cell(), first.choice)
+    settings = configs.cell()
+    check_drivers(settings, first.choice)
+    check_calibrated(settings, first.choice)
     configs.strip(first.strip)
     make_policy(first.policy, first.checkpoint)
     for request in wanted:

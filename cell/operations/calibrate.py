@@ -4,22 +4,20 @@ import fcntl
 import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 from calibration.board_views import BoardViews
-from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.calibration import Calibration, load_calibration, save_calibration
 from calibration.lens import Lens
-from calibration.touched_points import TouchVerdict
 from cell.config.cell import CellFile
 from cell.config.places import cache_folder
 from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
 from cell.devices.open import open_cell
-from cell.operations.interrupt import Interrupted
+from cell.operations.homography_wizard import assembled, touch
+from cell.operations.keyboard import TwinOperator
 from cell.orchestrator.context import CalibrationContext
-from cell.orchestrator.recorder import NullRecorder
-from cell.orchestrator.run import Run
-from drivers.errors import CellError, ConfigurationError, Fault
+from cell.orchestrator.operator import Unattended
+from drivers.errors import CellError, ConfigurationError
 from drivers.strip.file import StripFile
 
 NO_STRIP = StripFile(
@@ -41,8 +39,8 @@ def calibration_of(
     """The calibration that this cell uses.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run. Where it cannot be kept `tell` is told so. Raises
-    Interrupted when `interrupted` while it is made.
+    points and kept for the next run. `tell` is told when one is made, and where it cannot be
+    kept. Raises Interrupted when `interrupted` while it is made.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
@@ -51,6 +49,7 @@ def calibration_of(
         try:
             return load_calibration(path)
         except ConfigurationError:
+            tell("this twin has no calibration yet: its camera is calibrated first")
             made = calibrate_now(settings, interrupted)
         try:
             save_calibration(made, path)
@@ -71,7 +70,8 @@ def calibrate_anew(
 
 def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
     """A calibration of the twin, which is not kept."""
-    devices = open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
+    twin = DeviceSelection(arm="twin", camera="twin")
+    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     return calibrate(settings, devices, interrupted)
 
 
@@ -88,7 +88,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 def kept_calibration(settings: CellFile) -> Path:
     """Where the calibration of this very cell and camera is kept."""
-    facts = settings.model_dump_json(include={"twin", "touches", "boards"})
+    facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
     return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
 
@@ -104,18 +104,11 @@ def calibrate(
     if devices.aids is None:
         raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
     lens = lens_from_boards(settings, devices.aids)
-    context = CalibrationContext(settings.controller, lens)
-    try:
-        devices.connect()
-        devices.aids.hold_pointer(True)
-        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
-    finally:
-        devices.close()
-    if outcome.exit_code == Interrupted.exit_code:
-        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
-    if outcome.exit_code != 0 or context.touches is None:
-        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
-    return _assembled(lens, context.touches, devices.camera_identity)
+    operator = TwinOperator(devices.aids, Unattended())
+    context = CalibrationContext(settings.controller, lens, operator)
+    touch(devices, context, interrupted)
+    camera = devices.camera_identity
+    return assembled(lens, context.touches, context.latency, camera=camera)
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
@@ -123,19 +116,8 @@ def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:
         views.tell(aids.show_board(pose))
+    views.measured(aids.measure_board())
     verdict = views.verdict()
     if verdict.fit is None or not verdict.passed:
         raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
     return verdict.fit.lens
-
-
-def _assembled(lens: Lens, touches: TouchVerdict, camera: str) -> Calibration:
-    if touches.homography is None or not touches.passed:
-        raise CellError("homography failed: " + "; ".join(touches.reasons))
-    return calibrated(
-        lens,
-        touches.homography,
-        residual_mm=touches.residual_mm,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
-        camera=camera,
-    )

@@ -4,7 +4,8 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
+from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
@@ -31,7 +33,7 @@ from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
-from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.errors import CellError, Fault
 from drivers.settings import parse
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
@@ -76,7 +78,7 @@ def fold(
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
     calibration = calibration or calibration_of(settings)
-    _check_camera(calibration, devices)
+    check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
     check_feasible(settings, strip, policy, calibration)
     begun = time.perf_counter()
@@ -140,6 +142,8 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
     if outcome.edge_offset is not None:
         content["edge_offset"] = outcome.edge_offset
+    if outcome.foretold is not None:
+        content["foretold"] = asdict(outcome.foretold)
     return content
 
 
@@ -171,21 +175,12 @@ def run_header(
             "arm": choice.arm or settings.drivers.arm,
             "camera": choice.camera or settings.drivers.camera,
         },
-        "calibration": {"id": calibration.id, "error": calibration.residual_mm / 1e3},
+        "calibration": recorded(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),
         "plant_sha256": _plant_hash(choice, strip),
     }
-
-
-def _check_camera(calibration: Calibration, devices: Devices) -> None:
-    """A calibration serves the camera that it was made with and no other."""
-    if calibration.camera != devices.camera_identity:
-        raise ConfigurationError(
-            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
-            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
-        )
 
 
 def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
@@ -244,4 +239,5 @@ def _result(
         wall=time.perf_counter() - begun,
         calibration=calibration.id,
         exit_code=outcome.exit_code,
+        foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
     )

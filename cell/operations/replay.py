@@ -19,10 +19,12 @@ from cell.record.run import Event, Run, read_run
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
-from drivers.types import Frame, Pose
+from drivers.types import Array, Frame, Pose
 from policies.policy import Observation
+from policies.profile import seen_profile
 from policies.registry import make_policy
 
+UNSEEN: Array = np.empty((0, 2))
 SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
 
 
@@ -137,25 +139,37 @@ def _other_decisions(
     policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
     policy.reset(strip, settings.fold.speed, 1)
     rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    curves = dict(run.profile.curves())
     for then in decided:
         row = rows.get(then.sequence)
         if row is None:
             yield f"image {then.sequence}: was decided on, but its sight is not in the record"
             continue
-        decision = policy.decide(
-            Observation(
-                time=np.array([then.time]),
-                x=np.array([then.x]),
-                z=np.array([then.z]),
-                stamp=sights.stamp[row : row + 1],
-                contact_x=sights.contact_x[row : row + 1],
-                tip_x=sights.tip_x[row : row + 1],
-                tip_z=sights.tip_z[row : row + 1],
-            )
-        )
+        decision = policy.decide(_observed(then, run, sights, row, curves))
         now = float(decision.direction[0])
         if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
             yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+
+
+def _observed(
+    then: _Decided, run: Run, sights: Sights, row: int, curves: dict[float, Array]
+) -> Observation:
+    """What the policy was shown: the recorded sight in `row`, and the gripper as measured."""
+    stamp = float(sights.stamp[row])
+    gripper = _gripper(run, stamp)
+    return Observation(
+        time=np.array([then.time]),
+        x=np.array([then.x]),
+        z=np.array([then.z]),
+        stamp=sights.stamp[row : row + 1],
+        contact_x=sights.contact_x[row : row + 1],
+        tip_x=sights.tip_x[row : row + 1],
+        tip_z=sights.tip_z[row : row + 1],
+        profile=seen_profile(
+            curves.get(stamp, UNSEEN), float(sights.contact_x[row]), (gripper.x, gripper.z)
+        ),
+        profile_confidence=sights.profile_confidence[row : row + 1],
+    )
 
 
 def _checkpoint(run: Run) -> Path | None:

@@ -14,9 +14,9 @@ ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset`
-    where the grasped edge was let go, seen from the fixed one, with the sign of d; those called
-    true come from the twin alone. None where there is none.
+    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset` how far
+    the edges lie apart once laid, with the sign of d; those called true come from the twin alone.
+    None where there is none. `foretold` is what the policy expected, in words.
     """
 
     run: str
@@ -34,6 +34,7 @@ class FoldResult:
     wall: float
     calibration: str
     exit_code: int
+    foretold: str | None = None
 
     @classmethod
     def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
@@ -74,7 +75,9 @@ class FoldResult:
         if self.displacement_true is not None:
             text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
         if self.edge_offset is not None:
-            text += f", edge let go {1e3 * self.edge_offset:+.1f} mm from the fixed one"
+            text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         if self.edge_offset_true is not None:
-            text += f", where it lies {1e3 * self.edge_offset_true:+.1f} mm from it"
+            text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
+        if self.foretold is not None:
+            text += f"\n  {self.foretold}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

@@ -142,6 +142,15 @@ def _overtime(snapshot: Snapshot, rules: Rules) -> str | None:
     return f"the run lasts {snapshot.time:.0f} s, allowed {limits.duration:.0f} s"
 
 
+def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
+    limits = rules.limits
+    spent = snapshot.time - snapshot.entered
+    if spent <= limits.calibration:
+        return None
+    return f"the calibration lasts {spent:.0f} s, allowed {limits.calibration:.0f} s"
+
+
+_WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
 _SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
 _FOLDING = frozenset({State.LIFT, State.FOLD})
@@ -159,8 +168,9 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_stale", _SEEING, _image_stale),
     Monitor("image_frozen", _SEEING, _image_frozen),
     Monitor("low_confidence", _FOLDING, _low_confidence),
-    Monitor("state_overtime", _ALIVE, _state_overtime),
-    Monitor("overtime", _ALIVE, _overtime),
+    Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
+    Monitor("overtime", _ALIVE - _WAITING, _overtime),
+    Monitor("calibration_overtime", _WAITING, _calibration_overtime),
 )
 
 

@@ -5,15 +5,26 @@ that one loop with its monitors and its record serves every motion.
 """
 
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 
 from cell.orchestrator.snapshot import CloseHand, Command, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event
-from drivers.types import Pose
+from drivers.types import Frame, Pose
 
 Phase = Generator[Command, Snapshot, Event]
 Motion = Generator[Command, Snapshot, Snapshot]
 
+SETTLE = 0.3  # s for strip and image to come to rest
 REACHED = 0.002  # m, rad: how near a finished move must have come
+
+
+@dataclass(frozen=True, slots=True)
+class Pictured:
+    """An image taken at rest: when it was looked at [s], and where the gripper stood."""
+
+    time: float
+    frame: Frame
+    gripper: Pose
 
 
 def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
@@ -35,9 +46,22 @@ def move(pose: Pose) -> Motion:
     """Move to rest at `pose`."""
     snapshot = yield MoveTo(pose)
     snapshot = yield MoveTo(pose)
-    while snapshot.arm.moving or _distance(snapshot.arm.commanded, pose) > REACHED:
+    while not arrived(snapshot, pose):
         snapshot = yield MoveTo(pose)
     return snapshot
+
+
+def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Pictured]":
+    """Wait until arm, strip and picture are at rest; the first image taken after that.
+
+    Without `settle` they already are, and the next image serves.
+    """
+    still = (yield from pause(SETTLE if settle else 0.0)).time
+    while True:
+        snapshot = yield Hold()
+        frame = snapshot.view.frame
+        if snapshot.view.fresh and frame is not None and frame.stamp > still:
+            return Pictured(snapshot.time, frame, snapshot.arm.pose)
 
 
 def open_hand() -> Motion:
@@ -55,6 +79,21 @@ def close_hand() -> Motion:
 def _fingers_rest() -> Motion:
     yield Hold()
     return (yield from wait_for(lambda now: not now.hand.moving))
+
+
+def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
+    """Turn the hand to `pitch` [rad] where it is; returns where that was, as it stood before.
+
+    An arm that turns its hand while it reaches far can run into the limits of its joints.
+    """
+    start = (yield Hold()).arm.commanded
+    yield from move(Pose(start.x, start.z, pitch))
+    return start
+
+
+def arrived(snapshot: Snapshot, pose: Pose) -> bool:
+    """Whether the arm rests at `pose`."""
+    return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= REACHED
 
 
 def _distance(a: Pose, b: Pose) -> float:

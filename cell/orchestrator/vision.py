@@ -51,9 +51,9 @@ class View:
     """What the camera has shown so far; times in seconds of the cell's clock.
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts
-    the images in a row that equal it byte for byte. `measurement` is what was last read from an
-    image, `touch` the layer_touch once it is seen, `doubtful_since` when confidence fell below
-    its limit, None while it is good.
+    the images in a row that equal it byte for byte although the gripper moved. `measurement` is
+    what was last read from an image, `touch` the layer_touch once it is seen, `doubtful_since`
+    when confidence fell below its limit, None while it is good.
     """
 
     frame: Frame | None = None
@@ -80,7 +80,7 @@ class Vision:
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: StripReader | None) -> View:
         """The view at `now` [s] in `state`; raises Fault where images are due and unreadable."""
-        fresh = self._take_frame(state, now)
+        fresh = self._take_frame(state, now, arm)
         if fresh and state in MEASURED and self._frame is not None:
             self._measure(self._frame, state, arm, reader)
         return View(
@@ -92,7 +92,7 @@ class Vision:
             self._doubtful_since,
         )
 
-    def _take_frame(self, state: State, now: float) -> bool:
+    def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
         """Whether a frame arrived that is newer than the last one taken."""
         after = self._frame.stamp if self._frame is not None else -1.0
         after = after if state in MEASURED else after + GLANCE
@@ -100,7 +100,7 @@ class Vision:
         if frame is None:
             return False
         self._frame = frame
-        self._identical = self._sanity.tell(frame, now).identical
+        self._identical = self._sanity.tell(frame, now, arm.pose_at(frame.stamp)).identical
         return True
 
     def _measure(

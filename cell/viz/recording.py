@@ -113,7 +113,7 @@ def open_recording(
     recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
     sinks: list[Any] = [rr.FileSink(folder / name)]
     if live:
-        port = _free_port()
+        port = free_port()
         sinks.append(rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY))
     recording.set_sinks(*sinks)
     recording.send_blueprint(blueprint())
@@ -217,7 +217,7 @@ class Screen:
 
     def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
         """An image, and what was seen in this very one."""
-        self._to.log("camera/image", _jpeg(image))
+        self._to.log("camera/image", jpeg(image))
         if sight is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
         else:
@@ -256,14 +256,16 @@ def _curve(points: Array, colour: int, radius: float) -> Any:
     return rr.LineStrips3D([flat] if len(flat) > 1 else [], colors=colour, radii=radius)
 
 
-def _jpeg(image: Image) -> Any:
+def jpeg(image: Image) -> Any:
+    """`image` (height, width, 3) BGR, compressed, as Rerun takes it."""
     import cv2
 
     _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
     return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port of the loopback that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -36,17 +36,23 @@ class Gap:
 
 
 def desk_contact(points: Array, height: float) -> float:
-    """x [m] where the midline `points` (n, 2) first stands `height` above rest, from the fixed end.
+    """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
 
-    The whole strip below `height` gives the x of its grasped end.
+    Searched from the fold's rightmost point back to the desk: ripples that friction leaves in the
+    strip that lies do not count. A rightmost point that lies itself is searched from towards the
+    grasped end, whose x it is where nothing stands higher.
     """
-    above = np.flatnonzero(points[:, 1] > height)
-    if len(above) == 0:
-        return float(points[-1, 0])
-    j = int(above[0])
-    if j == 0:
+    tip = int(np.argmax(points[:, 0]))
+    lying = np.flatnonzero(points[: tip + 1, 1] <= height)
+    if len(lying) == 0:
         return float(points[0, 0])
-    (xa, za), (xb, zb) = points[j - 1], points[j]
+    j = int(lying[-1])
+    if j == tip:
+        above = np.flatnonzero(points[tip:, 1] > height)
+        if len(above) == 0:
+            return float(points[-1, 0])
+        j = tip + int(above[0]) - 1
+    (xa, za), (xb, zb) = points[j], points[j + 1]
     return float(xa + (xb - xa) * (height - za) / (zb - za))
 
 

@@ -1,5 +1,7 @@
 """A ChArUco board before the twin's camera."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
@@ -17,22 +19,57 @@ FINE = 2  # samples per pixel and direction
 PAPER, INK = 232.0, 26.0  # grey levels of the print
 
 
-def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
-    """Pose (4, 4) in the cell frame of a board whose centre is at `centre` (x, y, z) [m].
+@dataclass(frozen=True, slots=True)
+class Held:
+    """How a board is held before the camera, as its image shows it.
 
-    The board's own frame starts at its centre, x to its right, y down, z into it. At zero angles
-    it stands upright and faces the camera; `tilt` [rad] leans its top away, `turn` moves its
+    `x`, `y` are the centre as shares of the image, `size` the board's width as a share of the
+    image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
     right edge away, `roll` turns it clockwise.
     """
+
+    x: float
+    y: float
+    size: float
+    tilt: float = 0.0
+    turn: float = 0.0
+    roll: float = 0.0
+
+
+def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: Held) -> Matrix:
+    """Pose (4, 4) in the cell frame of `board` held so before the camera.
+
+    The board's own frame starts at its centre, x to its right, y down, z into it.
+    """
+    optics = Optics.of(settings)
+    distance = optics.focal * board.getChessboardSize()[0] * board.getSquareLength()
+    distance /= held.size * settings.width
+    at = np.array([held.x * settings.width, held.y * settings.height], dtype=np.float32)
+    ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
+    pose = np.eye(4)
+    pose[:3, :3] = optics.rotation.T @ _turned(held.tilt, held.turn, held.roll)
+    pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
+    return pose
+
+
+def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
+    """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
+
+    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
+    """
+    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    pose = np.eye(4)
+    pose[:3, :3] = upright @ _turned(tilt, turn, roll)
+    pose[:3, 3] = centre
+    return pose
+
+
+def _turned(tilt: float, turn: float, roll: float) -> Array:
     ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
     about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
-    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    pose = np.eye(4)
-    pose[:3, :3] = upright @ about_y @ about_x @ about_z
-    pose[:3, 3] = centre
-    return pose
+    return np.asarray(about_y @ about_x @ about_z)
 
 
 def board_frame(
@@ -44,7 +81,7 @@ def board_frame(
     stamp: float = 0.0,
     sequence: int = 0,
 ) -> Frame:
-    """The camera's image of `board` at rest at `pose` (4, 4) in the cell frame, see `facing`.
+    """The camera's image of `board` at rest at `pose` (4, 4) in the cell frame.
 
     Noise depends on `seed` and `sequence`. Raises ConfigurationError for a board that stands
     behind the camera.

@@ -9,6 +9,8 @@ from drivers.errors import Fault
 from drivers.protocols import Clock
 from drivers.strip.model import Observation
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
+from drivers.twin.renderer.looks.look import Look
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -36,7 +38,7 @@ class TwinCamera:
     has it moved, so that places appear scaled and shifted, has lint or glare where the strip leaves
     the desk, and frames show the world `camera_latency` [s] before their stamps; a negative one
     delays them until the world has been there. The desk stands `desk_height` [m] higher than it
-    did. Scenes are over the true desk.
+    did. Scenes are over the true desk. `surround` is the look of the cell about the strip.
     """
 
     def __init__(
@@ -48,12 +50,14 @@ class TwinCamera:
         seed: int,
         observation: Observation = AS_CALIBRATED,
         desk_height: float = 0.0,
+        surround: Look = PLAIN,
     ) -> None:
         self._world = world
         self._clock = clock
         self._settings = settings
         optics = optics_now(settings, observation, desk_height)
-        self._renderer = Renderer(settings, look, seed, optics, observation.contact_bias)
+        bias = observation.contact_bias
+        self._renderer = Renderer(settings, look, seed, optics, bias, surround)
         self._latency = observation.camera_latency
         self._delay = settings.transport_delay + max(0.0, -self._latency)
         self._newest: Frame | None = None

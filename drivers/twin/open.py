@@ -8,13 +8,14 @@ import numpy as np
 from drivers.installation import Installation
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import Effects
+from drivers.strip.model import Effects, StripModel
 from drivers.twin.arm import TwinArm
 from drivers.twin.camera import TwinCamera, Visible
 from drivers.twin.chain.engine import Chain
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.hand import TwinHand
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import looks
 from drivers.twin.scene import Truth
 from drivers.twin.settings import TwinSettings
 from drivers.twin.world import Plant, World
@@ -57,6 +58,21 @@ class Twin:
         return self.world.truth()
 
 
+@dataclass(frozen=True, slots=True)
+class Desk:
+    """What a twin has besides arm and hand: clock, world, camera, and `home`, where it begins."""
+
+    clock: TwinClock
+    world: World
+    camera: TwinCamera
+    model: StripModel
+    home: Pose
+
+    def truth(self) -> Truth:
+        """What really happened; for scoring alone."""
+        return self.world.truth()
+
+
 def open_twin(
     settings: TwinSettings,
     plant: StripFile,
@@ -71,23 +87,39 @@ def open_twin(
     Same `seed`, same bytes. `index` counts the runs that this specimen has been through before.
     Raises Unsupported for a plant or an effect that the chain cannot simulate.
     """
+    desk = open_desk(TwinClock(), settings, plant, cell_effects, seed, index, staging)
+    (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
+    rng = np.random.default_rng(arm_seed)
+    delay = desk.model.rig.delay
+    arm = TwinArm(desk.world, desk.clock, settings.arm, installation, rng, delay)
+    hand = TwinHand(desk.world, desk.clock, settings.hand)
+    return Twin(clock=desk.clock, arm=arm, hand=hand, camera=desk.camera, world=desk.world)
+
+
+def open_desk(
+    clock: TwinClock,
+    settings: TwinSettings,
+    plant: StripFile,
+    cell_effects: Effects | None,
+    seed: int,
+    index: int = 0,
+    staging: PlantOptions = ORDINARY,
+) -> Desk:
+    """Strip and camera on `clock`, for whatever arm the world is told to follow."""
     model = describe(plant, cell_effects, index)
-    clock = TwinClock()
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)
     world = World(model, plant_engine, settings.world, home, settings.hand.opening)
-    (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
-    rng = np.random.default_rng(arm_seed)
-    arm = TwinArm(world, clock, settings.arm, installation, rng, model.rig.delay)
-    hand = TwinHand(world, clock, settings.hand)
+    look = looks()[settings.look]
     camera = TwinCamera(
         staging.view(world),
         clock,
         settings.camera,
-        StripLook.of(plant),
+        StripLook.of(plant, look.pattern),
         seed,
         model.observation,
         model.rig.desk_height,
+        look,
     )
     clock.every(settings.world.step, world.advance, Turn.WORLD)
-    return Twin(clock=clock, arm=arm, hand=hand, camera=camera, world=world)
+    return Desk(clock, world, camera, model, home)

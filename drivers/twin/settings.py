@@ -4,9 +4,10 @@ import hashlib
 from math import radians
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from drivers.settings import Settings
+from drivers.twin.renderer.looks import PLAIN, check_look
 
 STEEPEST = radians(5.0)  # from higher up the lower layer's face hides the closing gap
 
@@ -39,8 +40,7 @@ class CameraSettings(Settings):
     and the image is `view_width` [m] wide there. `principal` is the principal point's offset from
     the centre and `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2.
     Times [s]: `exposure`, and `transport_delay` from its middle until the frame is known.
-    `noise` is the sensor's sigma in grey levels, without which a still picture looks frozen to
-    the cell; the rest are shares of brightness.
+    `noise` is the sensor's sigma in grey levels; the rest are shares of brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
@@ -124,12 +124,22 @@ class WorldSettings(Settings):
 
 
 class TwinSettings(Settings):
-    """Everything that stands in for hardware."""
+    """Everything that stands in for hardware.
 
+    `look` names what surrounds the strip, how it is lit and what is printed on it.
+    """
+
+    # The plain look is left out of files: nothing that is kept of a cell changes by its name.
+    look: str = Field(PLAIN, exclude_if=lambda name: name == PLAIN)
     arm: ArmSettings = ArmSettings()
     hand: HandSettings = HandSettings()
     world: WorldSettings = WorldSettings()
     camera: CameraSettings = CameraSettings()
+
+    @field_validator("look")
+    @classmethod
+    def _there_is_such_a_look(cls, name: str) -> str:
+        return check_look(name)
 
     @model_validator(mode="after")
     def _exposure_is_simulated_when_it_arrives(self) -> Self:

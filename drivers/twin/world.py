@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper
+from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
@@ -128,6 +129,16 @@ class World:
     def holds_strip(self) -> bool:
         """Whether the fingers hold the strip's edge."""
         return self._grip is not None
+
+    @property
+    def pull(self) -> tuple[float, float]:
+        """Force of the strip on the gripper, along x and up [N]: tension, and weight lifted."""
+        if not self.holds_strip or not self._seen:
+            return 0.0, 0.0
+        seen, mechanics = self._seen[-1], self.model.mechanics
+        lifted = max(float(self._arc[-1]) - float(seen.contact_x[0]), 0.0)
+        weight = GRAVITY * float(np.mean(mechanics.linear_density)) * lifted
+        return float(seen.holding_force[0]), -weight
 
     def truth(self) -> Truth:
         """What happened since the grasp."""

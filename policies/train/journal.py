@@ -20,8 +20,9 @@ KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search
 class Journal:
     """Append-only lines of JSON at `path`; the first states the settings.
 
-    More generations than it was begun with extend a training, and the first line says so. Raises ConfigurationError for a journal of other settings, for another file, and for a folder
-    that cannot be written.
+    More generations than it was begun with extend a training, and the first line says so. Raises
+    ConfigurationError for a journal of other settings, for another file, and for a folder that
+    cannot be written.
     """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:

@@ -29,7 +29,7 @@ def rollout_settings(settings: TrainingSettings) -> Rollout:
         contact_bias=settings.contact_bias,
         delay=(0.0, settings.delay),
     )
-    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing)
+    return Rollout(speed=settings.speed, substeps=settings.substeps, sensing=sensing, profile=False)
 
 
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:

@@ -28,6 +28,7 @@ from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.gap.subject.pendulum.file import load_pendulum
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.gap.verdict.schema import read_verdict
@@ -172,7 +173,7 @@ def read_everything(folder: Path, *, pages: bool) -> Counter[str]:
         "salvage": Salvage.of,
         "truth": read_truth,
         "replay": replay,
-        "fit": lambda f: read_runs([f.parent], strip),
+        "fit": lambda f: read_runs(find_runs([f.parent]), strip),
     }
     if pages:
         readers |= {"report": write_report, "viz": viz_from_run}

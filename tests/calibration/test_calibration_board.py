@@ -1,16 +1,19 @@
-"""The lens from board views in rendered images; what the wizard refuses."""
+"""The lens from board views in rendered images; what the wizard refuses, and says."""
 
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from calibration.board_views import BoardPose, BoardSettings, BoardViews, LensVerdict
+from calibration.board_settings import BoardSettings
+from calibration.board_views import BoardViews
+from calibration.wizard.lens_verdict import LensVerdict
+from calibration.wizard.wanted_view import WantedView
 from drivers.errors import ConfigurationError
-from drivers.twin.board import board_frame, facing
+from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame
+from drivers.types import Frame, Image
 from tests.support.twin_calibration import show_boards
 
 CAMERA = CameraSettings()
@@ -22,9 +25,20 @@ def _verdict() -> LensVerdict:
     return show_boards(CAMERA, SETTINGS)
 
 
-def _frame(pose: BoardPose, sequence: int = 0) -> Frame:
-    place = facing(np.array([pose.x, pose.y, pose.z]), pose.tilt, pose.turn, pose.roll)
-    return board_frame(CAMERA, SETTINGS.board(), place, seed=2, sequence=sequence)
+@lru_cache
+def _image(held: Held, sequence: int = 0) -> Image:
+    board = SETTINGS.board()
+    return board_frame(CAMERA, board, held_before(CAMERA, board, held), 2, sequence=sequence).image
+
+
+def _frame(held: Held, sequence: int = 0) -> Frame:
+    return Frame(0.0, 0.0, "test", sequence, _image(held, sequence))
+
+
+def _shown(views: BoardViews, held: Held, sequence: int = 0) -> str | None:
+    """What comes of two images in a row of a board at rest."""
+    told = views.tell(_frame(held, sequence))
+    return views.tell(_frame(held, sequence)).refused if told.waits else told.refused
 
 
 def test_lens_is_found_through_images_to_half_a_percent() -> None:
@@ -34,31 +48,30 @@ def test_lens_is_found_through_images_to_half_a_percent() -> None:
     assert verdict.views >= 12
     assert verdict.fit.rms < 0.3
     assert verdict.split < 0.01
+    assert verdict.bend_mm < 0.3
+    assert max(verdict.per_view.values()) < 0.3
     focal = Optics.of(CAMERA).focal
     assert verdict.fit.lens.matrix[0, 0] == pytest.approx(focal, rel=0.005)
 
 
-def test_frontal_views_are_refused_for_their_lack_of_tilt_though_their_rms_is_small() -> None:
+def test_shaken_board_gives_no_view() -> None:
     views = BoardViews(SETTINGS)
-    places = [(x, z) for x in (0.12, 0.31, 0.5) for z in (0.10, 0.22)]
-    for k, (x, z) in enumerate(places):
-        assert views.tell(_frame(BoardPose(x, 0.0, z, 0.0, 0.0, 0.0), k)) is None
-    verdict = views.verdict()
-    assert not verdict.passed
-    assert verdict.fit is not None
-    assert verdict.fit.rms < 0.3
-    assert any("its top away" in reason for reason in verdict.reasons)
-    assert any("its right edge nearer" in reason for reason in verdict.reasons)
+    answers = [views.tell(_frame(Held(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
+    assert all(told.view is None for told in answers)
+    assert "the board moved by 5." in str(answers[1].refused)
+    assert "hold it still" in str(answers[1].refused)
 
 
 def test_view_shown_before_is_refused() -> None:
     views = BoardViews(SETTINGS)
-    pose = views.ask()
-    assert pose is not None
-    assert views.tell(_frame(pose)) is None
-    answer = views.tell(_frame(pose, 1))
-    assert answer is not None
-    assert "was taken before; move the board" in answer
+    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
+    assert "was taken before; move the board" in str(_shown(views, Held(0.505, 0.5, 0.4)))
+
+
+@pytest.mark.parametrize(("size", "remedy"), [(0.125, "come nearer"), (1.6, "too close")])
+def test_board_too_far_or_too_close_is_told_what_to_do(size: float, remedy: str) -> None:
+    views = BoardViews(SETTINGS)
+    assert remedy in str(_shown(views, Held(0.5, 0.5, size)))
 
 
 def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
@@ -67,10 +80,56 @@ def test_image_without_board_is_refused_and_given_up_after_patience() -> None:
     blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
     for _ in range(SETTINGS.patience):
         assert views.ask() == first
-        answer = views.tell(blank)
-        assert answer is not None
-        assert "0 corners of the board are seen" in answer
+        assert "0 corners of the board are seen" in str(views.tell(blank).refused)
     assert views.ask() != first
+
+
+def test_person_is_waited_for_until_he_skips() -> None:
+    views = BoardViews(SETTINGS, patient=True)
+    first = views.ask()
+    blank = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 128, np.uint8))
+    for _ in range(5 * SETTINGS.patience):
+        views.tell(blank)
+    assert views.ask() == first
+    views.skip()
+    assert views.ask() != first
+
+
+def test_view_that_nobody_asked_for_counts() -> None:
+    views = BoardViews(SETTINGS)
+    first = views.ask()
+    assert _shown(views, Held(0.16, 0.73, 0.31, -0.28, 0.28)) is None
+    assert views.ask() == first
+    assert {gate.name: gate.have for gate in views.gates()}["views"] == 1
+    views.skip()
+    views.skip()
+    views.skip()
+    assert views.ask() == WantedView(0.84, 0.27, 0.31, SETTINGS.lean / 2, -SETTINGS.lean / 2)
+
+
+def test_wanted_view_is_told_in_words() -> None:
+    assert str(WantedView(0.5, 0.5, 0.4)) == (
+        "the middle, 40 % of the image wide, facing the camera"
+    )
+    assert str(WantedView(0.2, 0.7, 0.3, 0.5, -0.5)) == (
+        "low and left, 30 % of the image wide, top away by 29 deg, right edge nearer by 29 deg"
+    )
+
+
+def test_image_of_another_size_is_refused() -> None:
+    views = BoardViews(SETTINGS)
+    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
+    turned = np.ascontiguousarray(np.swapaxes(_image(Held(0.5, 0.5, 0.4)), 0, 1))
+    answer = views.tell(Frame(0.0, 0.0, "test", 1, turned)).refused
+    assert answer == "the image is 720 x 1280 px, the others are 1280 x 720 px; set the camera back"
+
+
+def test_view_can_be_left_out_by_its_number() -> None:
+    views = BoardViews(SETTINGS)
+    assert _shown(views, Held(0.5, 0.5, 0.4)) is None
+    assert views.drop(1)
+    assert not views.drop(1)
+    assert views.verdict().views == 0
 
 
 def test_verdict_without_views_says_how_many_are_needed() -> None:

@@ -36,7 +36,7 @@ def test_outliers_are_named_and_do_not_move_the_map() -> None:
     pixels = _seen(POINTS)
     pixels[[3, 11]] += (9.0, -14.0)
     fit = fit_homography(pixels, POINTS)
-    assert [r.index for r in fit.rejected] == [3, 11]
+    assert [r.number for r in fit.rejected] == [3, 11]
     assert "point 3 at x 0.000, z 0.320 m is 16.6 px off" in str(fit.rejected[0])
     assert np.abs(fit.homography.to_plane(_seen(POINTS)) - POINTS).max() < 1e-6
 

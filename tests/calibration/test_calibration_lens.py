@@ -1,12 +1,9 @@
-"""The lens: undistortion, fits, the ROS file."""
-
-from pathlib import Path
+"""The lens: undistortion and fits."""
 
 import numpy as np
 import pytest
-import yaml
 
-from calibration.lens import CameraFile, Lens, fit_lens, load_lens
+from calibration.lens import Lens, fit_lens
 from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
@@ -52,21 +49,3 @@ def test_too_few_views_are_refused() -> None:
     objects, images = _views(LENS, [(0.3, 0.0), (0.0, 0.3)], 0.0)
     with pytest.raises(ConfigurationError, match="2 board views, at least 3"):
         fit_lens(objects, images, (1280, 720))
-
-
-def test_camera_info_round_trip_keeps_every_digit(tmp_path: Path) -> None:
-    path = tmp_path / "camera.yaml"
-    path.write_text(yaml.safe_dump(CameraFile.of(LENS, "twin").content()))
-    read = load_lens(path)
-    assert np.array_equal(read.matrix, LENS.matrix)
-    assert np.array_equal(read.distortion, LENS.distortion)
-    assert (read.width, read.height) == (1280, 720)
-
-
-def test_camera_info_with_a_matrix_of_a_wrong_shape_is_one_clear_line(tmp_path: Path) -> None:
-    content = CameraFile.of(LENS, "twin").content()
-    content["camera_matrix"]["data"] = content["camera_matrix"]["data"][:8]
-    path = tmp_path / "camera.yaml"
-    path.write_text(yaml.safe_dump(content))
-    with pytest.raises(ConfigurationError, match=r"camera\.yaml: camera_matrix: must be 3 x 3"):
-        load_lens(path)

@@ -7,15 +7,22 @@ from pathlib import Path
 import pytest
 
 import drivers.clock
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import open_cell
 from cell.devices.rig_correction import CorrectedArm
+from drivers.camera.camera import V4l2Camera
+from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
+from drivers.twin.paced_clock import PacedClock
 from drivers.twin.settings import CameraSettings, TwinSettings
 from drivers.types import Pose
+from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 DENIM = Path(__file__).parents[2] / "configs" / "strips" / "denim.yaml"
 
@@ -33,6 +40,7 @@ class Bench:
     camera: Camera | None
     edge: Pose
     accuracy: float
+    close: Callable[[], None] = lambda: None
 
 
 class StillTime:
@@ -71,8 +79,30 @@ def _corrected_bench() -> Bench:
     return replace(twin, arm=CorrectedArm(twin.arm, twin.hand, rig))
 
 
-BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench, "corrected": _corrected_bench}
-CLOCKS: dict[str, Callable[[], Clock]] = {"twin": TwinClock, "wall": WallClock}
+def _fci_bench() -> Bench:
+    """The robot's own library in a process of its own, against the robot's protocol."""
+    pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+    settings = find_configs(None).cell()
+    camera = CameraSettings(width=640, height=360)
+    settings = settings.model_copy(
+        update={"twin": settings.twin.model_copy(update={"camera": camera})}
+    )
+    devices = open_cell(settings, load_strip(DENIM), DeviceSelection(arm="fci"), calibrating=False)
+    edge = Pose(0.6, 0.0, 0.0)
+    bench = Bench(devices.clock, devices.arm, devices.hand, devices.camera, edge, accuracy=1e-5)
+    return replace(bench, close=devices.close)
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {
+    "twin": _twin_bench,
+    "corrected": _corrected_bench,
+    "fci": _fci_bench,
+}
+CLOCKS: dict[str, Callable[[], Clock]] = {
+    "twin": TwinClock,
+    "wall": WallClock,
+    "paced": lambda: PacedClock(TwinClock()),
+}
 
 
 @pytest.fixture(params=sorted(BENCHES))
@@ -82,6 +112,36 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.arm.close()
     if made.camera is not None:
         made.camera.close()
+    made.close()
+
+
+@dataclass(frozen=True)
+class CameraBench:
+    """A camera and the clock that its frames come by."""
+
+    clock: Clock
+    camera: Camera
+
+
+def _twin_camera() -> CameraBench:
+    twin = _twin()
+    return CameraBench(twin.clock, twin.camera)
+
+
+def _v4l2_camera() -> CameraBench:
+    kernel = FakeKernel()
+    settings = V4l2Settings(device=LINK, width=64, height=48, rate=60.0)
+    return CameraBench(kernel, V4l2Camera(settings, kernel, kernel))
+
+
+CAMERAS: dict[str, Callable[[], CameraBench]] = {"twin": _twin_camera, "v4l2": _v4l2_camera}
+
+
+@pytest.fixture(params=sorted(CAMERAS))
+def camera_bench(request: pytest.FixtureRequest) -> Iterator[CameraBench]:
+    made = CAMERAS[request.param]()
+    yield made
+    made.camera.close()
 
 
 @pytest.fixture(params=sorted(CLOCKS))

@@ -13,9 +13,12 @@ ALWAYS = -math.inf
 
 
 @pytest.fixture
+def bench(camera_bench):
+    return camera_bench
+
+
+@pytest.fixture
 def camera(bench):
-    if bench.camera is None:
-        pytest.skip("this bench has no camera")
     bench.camera.connect()
     return bench.camera
 

@@ -4,11 +4,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from calibration.board_views import BoardSettings, BoardViews, LensVerdict
+from calibration.board_settings import BoardSettings
+from calibration.board_views import BoardViews
 from calibration.calibration import Calibration, calibrated
 from calibration.lens import Lens
-from calibration.touched_points import TouchedPoints, TouchSettings, TouchVerdict
-from drivers.twin.board import board_frame, facing
+from calibration.touch_settings import TouchSettings
+from calibration.touched_points import TouchedPoints
+from calibration.wizard.lens_verdict import LensVerdict
+from calibration.wizard.touch_verdict import TouchVerdict
+from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
@@ -23,10 +27,11 @@ def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
     views = BoardViews(settings)
     sequence = 0
     while (wanted := views.ask()) is not None:
-        centre = np.array([wanted.x, wanted.y, wanted.z])
-        pose = facing(centre, wanted.tilt, wanted.turn, wanted.roll)
+        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
+        pose = held_before(camera, settings.board(), held)
         views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
         sequence += 1
+    views.measured(settings.width)
     return views.verdict()
 
 

@@ -23,6 +23,7 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 PACKAGES = ("cell", "drivers", "policies", "calibration")
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
           "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
+LIBRARIES = ("site-packages", "dist-packages")  # folders of packages, wherever they lie
 DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
 LIMIT = 600.0  # s
 GLANCE = 0.02  # s
@@ -81,7 +82,9 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
     root = Path(cell.__file__).resolve().parents[1]
-    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages())
+    libraries = [path for path in sys.path if Path(path).name in LIBRARIES]
+    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"),
+              *site.getsitepackages(), *libraries)  # fmt: skip
     fonts = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "matplotlib"
     code = [str(root / name) for name in PACKAGES]
     return {

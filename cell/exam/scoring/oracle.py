@@ -14,6 +14,7 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import with_effects
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
 from drivers.strip.describe import load_strip
@@ -21,7 +22,9 @@ from drivers.strip.effects import registry
 from drivers.types import Array
 
 
-def oracle(case: Case, strip: Path, runs: Sequence[Path], held_out: Sequence[str]) -> Oracle | None:
+def oracle(
+    case: Case, strip: Path, runs: Sequence[RunFolder], held_out: Sequence[str]
+) -> Oracle | None:
     """What the case's answer leaves on the held-out runs, against the refitted base.
 
     Laws of the library are refitted from the truth; effects that a cause resembles from where a

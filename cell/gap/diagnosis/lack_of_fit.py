@@ -108,11 +108,14 @@ def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
 
 
 def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
-    """Residuals (N, draws) that unit noise leaves once the fitted unknowns have absorbed theirs.
+    """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
-    return about.left(rng.standard_normal((len(about.residual), draws)))
+    noise = rng.standard_normal((len(about.residual), draws))
+    if about.scatter.shape[1]:
+        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], draws))
+    return about.left(noise)
 
 
 def slack(

@@ -26,7 +26,8 @@ SILENT = 10.0  # times the variance: other runs hold less than a tenth of what i
 class Validated:
     """An estimate and what it predicts: whitened residuals (n,) of each run when left out.
 
-    `charged` (R,) [nats] on top: what could not be predicted but only fitted.
+    `charged` (R,) [nats] on top: what could not be predicted but only fitted, and how unlikely
+    the run's own random unknowns are.
     """
 
     estimate: Estimate
@@ -59,15 +60,16 @@ def validate(estimate: Estimate) -> Task[Validated]:
     parts = yield from side_by_side([_fold(estimate, fold) for fold in dealt])
     left_out: dict[int, Array] = {}
     charged = np.zeros(len(estimate.evidence.runs))
-    for fold, (found, unknown) in zip(dealt, parts, strict=True):
+    for fold, (found, unknown, unlikely) in zip(dealt, parts, strict=True):
         left_out.update(zip(fold, found, strict=True))
-        charged[fold[0]] = unknown
+        charged[fold] += unlikely
+        charged[fold[0]] += unknown
     return Validated(estimate, tuple(left_out[i] for i in range(len(charged))), charged)
 
 
-def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ...], int]]:
-    """Whitened residuals of the runs of `fold` under the fit to all others, and how many shared
-    unknowns only these runs determine.
+def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ...], int, Array]]:
+    """Whitened residuals of the runs of `fold` under the fit to all others, how many shared
+    unknowns only these runs determine, and how unlikely their random unknowns are [nats].
     """
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
     only = _only_here(estimate, keep)
@@ -75,7 +77,14 @@ def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ..
     unseen = _some(estimate.evidence, fold)
     own = Point(np.zeros(0), tuple(_adapted(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
-    return residuals(raw, unseen), int(only.sum())
+    unlikely = [_unlikely(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
+    return residuals(raw, unseen), int(only.sum()), np.array(unlikely)
+
+
+def _unlikely(run: Run, local: Array) -> float:
+    """Minus log density of a run's random unknowns, up to what is the same in all models."""
+    pairs = zip(run.local, local, strict=True)
+    return 0.5 * sum(((float(v) - p.start) / p.spread) ** 2 for p, v in pairs if p.random)
 
 
 def _some(evidence: Evidence, keep: Sequence[int]) -> Evidence:

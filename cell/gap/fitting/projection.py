@@ -15,13 +15,15 @@ class Projection:
 
     `residual` (N,) of all runs, the last small step of the fit taken, `jacobian` (N, u) of the
     free unknowns, `inverse` (u, u) of their curvature with priors, `weight` (N,) that brings
-    whitened residuals to these units.
+    whitened residuals to these units. `scatter` (N, q) are the responses to the runs' random
+    unknowns, each by its spread.
     """
 
     residual: Array
     jacobian: Array
     inverse: Array
     weight: Array
+    scatter: Array
 
     def left(self, response: Array) -> Array:
         """Response (N, ...) after the free unknowns have moved against it, in weighted units."""
@@ -60,7 +62,10 @@ def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
     )
     pull = (limits.precision * (z - limits.mean))[free]
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
-    return Projection(settled, jacobian, inverse, weight)
+    every = [*estimate.model.parameters, *(p for run in estimate.evidence.runs for p in run.local)]
+    spread = np.array([p.spread if p.random else 0.0 for p in every])
+    scatter = (stacked(estimate) * (weight[:, None] * spread))[:, spread > 0.0]
+    return Projection(settled, jacobian, inverse, weight, scatter)
 
 
 def stacked(estimate: Estimate) -> Array:

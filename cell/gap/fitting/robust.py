@@ -56,6 +56,11 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     1992, Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
     smaller than their scale, as a generous floor leaves them, count by their long-run variance.
     """
+    return max(1.0, long_run_variance(runs, residuals))
+
+
+def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+    """Variance of sums of residuals over their number, in units of their scale squared."""
     scaled = _scaled(residuals)
     clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)
@@ -69,7 +74,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
             break
         total += 2.0 * pair
     room = sum(len(r) * s * s for r, s in scaled)
-    return max(1.0, float(total * min(1.0, power / room)))
+    return float(total * min(1.0, power / room))
 
 
 def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:

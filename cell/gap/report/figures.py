@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.subject.scene import Replayed
+from cell.gap.report.replayed import Replayed
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.schema import Compared
 from drivers.types import Array

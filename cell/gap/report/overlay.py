@@ -13,7 +13,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cell.gap.report.figures import AFTER, BEFORE
-from cell.gap.subject.scene import Curve, Replayed, Scene, replayed
+from cell.gap.report.replayed import Replayed, replayed
+from cell.gap.subject.scene import Curve, Scene
 from cell.gap.verdict.findings import Findings
 from drivers.errors import ConfigurationError
 from drivers.types import Array

@@ -8,10 +8,10 @@ import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.report import figures
+from cell.gap.report.replayed import replayed
 from cell.gap.report.sentence import capital, change, label, sentence, smallest, undetectable
 from cell.gap.report.units import interval, number, probability, unit
 from cell.gap.selection.choice import MATERIAL
-from cell.gap.subject.scene import replayed
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict, write_text
 from drivers.types import Array
@@ -101,17 +101,15 @@ def _where(found: Findings) -> str:
 
 
 def _candidates(found: Findings, verdict: Verdict) -> str:
-    accepted = found.judged.found.accepted.model.name
+    accepted = found.accepted.model.name
     rows = "".join(_row(row, row.name == accepted) for row in verdict.candidates)
     note = (
         "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
         "55 times as likely). A further effect is taken for "
-        f"{found.judged.found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
+        f"{found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
         f"{100 * MATERIAL:.0f} % of the excess gap that was left."
     )
-    model_error = max(
-        (e.model_error for e in found.judged.found.accepted.model.effects), default=0.0
-    )
+    model_error = max((e.model_error for e in found.accepted.model.effects), default=0.0)
     if model_error:
         note += (
             f" Beside those taken, up to {100 * model_error:.0f} % of what they gained in a run "
@@ -144,7 +142,7 @@ def _row(row: Compared, best: bool) -> str:
 def _steps(found: Findings) -> str:
     """How the number of effects was decided, level by level."""
     lines = []
-    for count, step in enumerate(found.judged.found.steps, start=1):
+    for count, step in enumerate(found.choice.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
         over = _told(step.before.model.name)
         lines.append(

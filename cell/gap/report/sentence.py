@@ -37,7 +37,7 @@ def _named(found: Findings, verdict: Verdict) -> str:
 
 def _taken(found: Findings) -> frozenset[str]:
     """The effects that stand in the accepted model for a class of their like."""
-    return found.judged.found.accepted.model.names - {e.name for e in found.judged.sure}
+    return found.accepted.model.names - {e.name for e in found.sure}
 
 
 def _ambiguous(found: Findings, verdict: Verdict) -> str:
@@ -66,7 +66,7 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
 def _unexplained(found: Findings, verdict: Verdict) -> str:
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
-    accepted = found.judged.found.accepted.model
+    accepted = found.accepted.model
     tried = f"; {accepted.name} explains a part but not all of it" if accepted.effects else ""
     return capital(f"{description}: no effect of the library accounts for it{tried}.")
 
@@ -74,7 +74,7 @@ def _unexplained(found: Findings, verdict: Verdict) -> str:
 def change(found: Findings, verdict: Verdict) -> str:
     """Gap before, after and noise floor on held-out runs, by quantity."""
     parts = []
-    changed = bool(found.judged.found.accepted.model.effects)
+    changed = bool(found.accepted.model.effects)
     for q in found.subject.scope.quantities.values():
         if q.key not in verdict.gap.before:
             continue
@@ -95,20 +95,19 @@ def sigmas(found: Findings) -> float:
     """What the sure effects add to the accepted model, as the sigma of an equal likelihood ratio;
     over the base where the model without them was not tried.
     """
-    result = found.judged.found
-    before = [m for m in result.tried if m.model.names in (_taken(found), frozenset())]
-    without = max(before, key=lambda m: len(m.model.effects))
-    gain = margin(result.accepted, without, result.by).gain
+    fits = found.choice.fits
+    without = fits.of(_taken(found)) or fits.base
+    gain = margin(found.accepted, without, found.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)
 
 
 def at_their_ends(found: Findings) -> list[str]:
     """Parameters of the sure effects that a bound stopped."""
-    fit = found.judged.found.accepted.estimate
+    fit = found.accepted.estimate
     _, values = fit.model.split(fit.shared)
     return [
         f"{e.name} {p.name.replace('_', ' ')}"
-        for e in found.judged.sure
+        for e in found.sure
         for p, value in zip(e.parameters, values[e.name], strict=True)
         if value in (p.low, p.high) and value != p.start
     ]

@@ -1,6 +1,5 @@
 """Whether a fitted effect differs from nothing."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,14 +7,8 @@ import numpy as np
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import (
-    LEVEL,
-    LikelihoodScale,
-    Margin,
-    holm,
-    likelihood_scale,
-    margin,
-)
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, Margin, holm, margin
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -49,7 +42,8 @@ MATERIAL = 0.25  # of the excess gap that a step must remove
 class Step:
     """One level of the search: its best model against what was accepted before.
 
-    `p` is family-wise over the models of the level.
+    `gain` [nats] on runs left out; `p` is family-wise over the models of the level; `removed` is
+    the share of the excess gap that the level removes.
     """
 
     model: Validated
@@ -61,87 +55,80 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """The outcome: the accepted model (the base where none is), every model tried, the steps."""
+class Choice:
+    """Outcome of the search: the accepted model (the base where none is), all fits, the steps.
+
+    `by` is the scale on which all of them were compared.
+    """
 
     accepted: Validated
-    tried: tuple[Validated, ...]
+    fits: Fits
     by: LikelihoodScale
     steps: tuple[Step, ...]
 
 
-def choose(pool: Sequence[Validated]) -> Found:
-    """The largest model of which every effect is earned."""
-    by = likelihood_scale(pool)
-    accepted = next(m for m in pool if not m.model.effects)
+def choose(fits: Fits) -> Choice:
+    """Forward selection with a backward check: the largest model whose every effect is earned."""
+    by, accepted = fits.scale, fits.base
     steps = []
-    for level in (1, 2, 3):
-        rivals = by_loss([m for m in pool if len(m.model.effects) == level], by)
-        if not rivals:
+    for size in (1, 2, 3):
+        if not fits.of_size(size):
             continue
-        step = _step(rivals, accepted, pool, by)
+        step = _step(fits, size, accepted, by)
         steps.append(step)
         if step.accepted:
             accepted = step.model
-    return Found(accepted, tuple(pool), by, tuple(steps))
+    return Choice(accepted, fits, by, tuple(steps))
 
 
-def _earned(
-    ahead: Margin, before: Validated, pool: Sequence[Validated], by: LikelihoodScale
-) -> bool:
-    gain = _unfeigned(ahead.each, before, pool, by)
+def _earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
+    gain = _beyond_model_error(ahead.each, before, fits, by)
     return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL
 
 
-def _step(
-    rivals: Sequence[Validated], before: Validated, pool: Sequence[Validated], by: LikelihoodScale
-) -> Step:
-    margins = [margin(m, before, by) for m in rivals]
+def _step(fits: Fits, size: int, before: Validated, by: LikelihoodScale) -> Step:
+    models = fits.of_size(size)
+    margins = [margin(m, before, by) for m in models]
     p = holm([m.p for m in margins])[0]
-    first = margins[0]
-    good = _earned(replace(first, p=p), before, pool, by) and all(
-        _needed(rivals[0], e.name, pool, by) and is_significant(rivals[0].estimate, e, by)
-        for e in rivals[0].model.effects
+    first, ahead = models[0], margins[0]
+    good = _earned(replace(ahead, p=p), before, fits, by) and all(
+        _needed(first, e.name, fits, by) and is_significant(first.estimate, e, by)
+        for e in first.model.effects
     )
-    return Step(rivals[0], before, first.gain, p, first.removed, good)
+    return Step(first, before, ahead.gain, p, ahead.removed, good)
 
 
-def exhausted(pool: Sequence[Validated]) -> bool:
-    """Whether all that the accepted model leaves beyond noise is less than a further effect must
-    gain, so that none could be accepted; in the nats of one that leaves nothing but noise, which
-    is what most samples show: a generous floor leaves less than it states.
+def exhausted(fits: Fits) -> bool:
+    """Whether the accepted model leaves less than a further effect would have to gain.
+
+    Measured in the nats of a model that leaves nothing but noise, as most samples show it: a
+    generous floor leaves less than it states.
     """
-    found = choose(pool)
+    found = choose(fits)
     accepted, ideal = found.accepted, replace(found.by, scale=1.0, inefficiency=1.0)
     if not accepted.model.effects:
         return False
     noise = [0.5 * len(r) * robust.spread(r) ** 2 for r in accepted.left_out]
     left = accepted.losses(ideal.scale) - np.array(noise)
-    return _unfeigned(left, accepted, pool, ideal) < ideal.least
+    return _beyond_model_error(left, accepted, fits, ideal) < ideal.least
 
 
-def _needed(model: Validated, effect: str, pool: Sequence[Validated], by: LikelihoodScale) -> bool:
+def _needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -> bool:
     """Backward check: the model without the effect, where it was tried, predicts worse."""
-    without = [m for m in pool if m.model.names == model.model.names - {effect}]
-    if not without or not model.model.names - {effect}:
+    others = model.model.names - {effect}
+    without = fits.of(others)
+    if without is None or not others:
         return True
-    return _earned(margin(model, without[0], by), without[0], pool, by)
+    return _earned(margin(model, without, by), without, fits, by)
 
 
-def _unfeigned(
-    gains: Array, before: Validated, pool: Sequence[Validated], by: LikelihoodScale
-) -> float:
-    """Nats of the further `gains` (R,) that the laws of `before` cannot have left: what they get
-    wrong of what they explain in a run, another effect would take up there.
+def _beyond_model_error(gains: Array, before: Validated, fits: Fits, by: LikelihoodScale) -> float:
+    """Sum of `gains` (R,) [nats] less what the laws of `before` may have got wrong.
+
+    What a law gets wrong of what it explains in a run, another effect would take up there.
     """
     if not before.model.effects:
         return float(gains.sum())
-    base = next(m for m in pool if not m.model.effects)
-    explained = np.maximum(margin(before, base, by).each, 0.0)
+    explained = np.maximum(margin(before, fits.base, by).each, 0.0)
     wrong = max(e.model_error for e in before.model.effects) * explained
     return float(np.sum(gains - np.clip(gains, 0.0, wrong)))
-
-
-def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:
-    """The models, the one that predicts best first."""
-    return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

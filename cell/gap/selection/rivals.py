@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 
 NEAR = 3.0  # sigma between fitted predictions
@@ -18,14 +19,11 @@ class Alternative:
     distance: float
 
 
-def rivals(
-    accepted: Validated, pool: Sequence[Validated], by: LikelihoodScale
-) -> list[Alternative]:
+def rivals(accepted: Validated, fits: Fits, by: LikelihoodScale) -> list[Alternative]:
     """Models of equal size that lie within three sigma of the accepted one, or are not refuted."""
-    base = next(m for m in pool if not m.model.effects)
-    found = []
+    base, found = fits.base, []
     needed = by.ahead(margin(accepted, base, by).gain)
-    for other in pool:
+    for other in fits.models:
         same = len(other.model.effects) == len(accepted.model.effects)
         if not same or other.model.names == accepted.model.names:
             continue

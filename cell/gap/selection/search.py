@@ -11,8 +11,9 @@ from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import best, judged
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
-from cell.gap.selection.choice import by_loss, choose, exhausted
-from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, likelihood_scale, margin
+from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.fits import Fits, by_loss
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 from cell.gap.selection.screening import Score, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -20,7 +21,6 @@ from drivers.types import Array
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
 BEAM = 3  # models beside which others are looked for
 SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
-WORTH = 0.5  # of the best model's gain, from which rivals are bent and extended too
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 
@@ -86,13 +86,10 @@ def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candid
     return Model(model.base, tuple(c for c in candidates if c.name in names))
 
 
-def shape_parameters(simulate: Simulate, pool: Sequence[Validated]) -> list[Validated]:
-    """The best models of the size of the best one with their finer parameters free, where that
-    is earned: a specimen seldom obeys a law of the library to the letter.
-    """
-    by = likelihood_scale(pool)
-    size = len(by_loss(pool, by)[0].model.effects)
-    worth = [m for m in _worth(pool, size) if _bends(m.model)]
+def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
+    """Free the optional shape parameters of the best models; keep those that gain significantly."""
+    by = fits.scale
+    worth = [m for m in fits.worth(len(fits.best.model.effects)) if _bends(m.model)]
     tasks = []
     for m in worth:
         fit, model = m.estimate, _bent(m.model)
@@ -101,15 +98,6 @@ def shape_parameters(simulate: Simulate, pool: Sequence[Validated]) -> list[Vali
         tasks.append(_fitted(model, fit.evidence, points))
     done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
-
-
-def _worth(pool: Sequence[Validated], size: int) -> list[Validated]:
-    """The models of `size` effects that gain a good part of what the best of them does."""
-    by = likelihood_scale(pool)
-    base = next(m for m in pool if not m.model.effects)
-    rivals = by_loss([m for m in pool if size and len(m.model.effects) == size], by)
-    gains = [margin(m, base, by).gain for m in rivals]
-    return [m for m, gain in zip(rivals, gains, strict=True) if gain > WORTH * gains[0]]
 
 
 def _bends(model: Model) -> bool:
@@ -138,42 +126,40 @@ def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     return ahead.gain > by.least and ahead.p < LEVEL
 
 
-def with_shape_parameters(
-    candidates: Sequence[Candidate], pool: Sequence[Validated]
-) -> list[Candidate]:
-    """The candidates, bent where a single one was worth it."""
-    known = {e.name: e for m in pool if len(m.model.effects) == 1 for e in m.model.effects}
+def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
+    """The candidates, with shape parameters where a model of one effect was fitted with them."""
+    known = {e.name: e for m in fits.of_size(1) for e in m.model.effects}
     return [known.get(c.name, c) for c in candidates]
 
 
 def extended(
-    simulate: Simulate, pool: Sequence[Validated], size: int, candidates: Sequence[Candidate]
+    simulate: Simulate, fits: Fits, size: int, candidates: Sequence[Candidate]
 ) -> list[Score]:
-    """The best models of `size` effects with the most promising others beside each, sifted; only
-    the best one where a larger model leaves nothing: its rivals are beside that.
+    """The best models of `size` effects, each with the most promising further effects.
 
     Screened from where those models were fitted: responses to a further effect at the base mean
-    little where another one is strong.
+    little where another one is strong. Only the best model is extended where a larger one leaves
+    nothing: its alternatives are beside that.
     """
-    beam = 1 if exhausted(pool) else BEAM
-    base = next(m for m in pool if not m.model.effects).estimate
+    beam = 1 if exhausted(fits) else BEAM
     found: dict[tuple[str, ...], Score] = {}
-    for fit in [m.estimate for m in _worth(pool, size)[:beam]]:
+    for fit in [m.estimate for m in fits.worth(size)[:beam]]:
         others = [c for c in candidates if c.name not in fit.model.names]
         probed = run_all(simulate, [probe(fit, c) for c in others])
         for s in ranked(table(projection(fit), probed))[:FURTHER]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
-    scores = list(found.values())
+    scores, base = list(found.values()), fits.base.estimate
     return scores if beam == 1 else shortlist(simulate, base, scores, candidates, FURTHER)
 
 
-def without_each(pool: Sequence[Validated]) -> list[Score]:
-    """The accepted model and the best one without each of their effects, to begin from where they
-    were fitted: beside another effect a fit may have left a local minimum.
+def without_each(fits: Fits) -> list[Score]:
+    """The accepted model and the best one without each of their effects.
+
+    Begun from where they were fitted: beside another effect a fit may have left a local minimum.
     """
-    found = choose(pool)
-    best = by_loss(pool, found.by)[0]
+    found = choose(fits)
+    best = by_loss(fits.models, found.by)[0]
     scores = []
     for model in [found.accepted] if best is found.accepted else [found.accepted, best]:
         names, fit = sorted(model.model.names), model.estimate
@@ -183,26 +169,15 @@ def without_each(pool: Sequence[Validated]) -> list[Score]:
     return scores
 
 
-def better_base(simulate: Simulate, pool: Sequence[Validated]) -> Estimate | None:
+def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
     """The base refitted from the values that the accepted model gave it, where that is better.
 
     A base that had stopped in a local minimum leaves a gap that is none.
     """
-    accepted = choose(pool).accepted.estimate
-    base = next(m for m in pool if not m.model.effects).estimate
+    accepted, base = choose(fits).accepted.estimate, fits.base.estimate
     if not accepted.model.effects:
         return None
     values, _ = accepted.model.split(accepted.shared)
     again = run_one(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
     scale = min(base.scale, again.scale)
     return again if judged(again, scale) < judged(base, scale) - MARGIN else None
-
-
-def merged(pool: Sequence[Validated], more: Sequence[Validated]) -> list[Validated]:
-    """Every model once: of two fits of the same effects the better one."""
-    found = {m.model.names: m for m in pool}
-    for m in more:
-        known = found.get(m.model.names)
-        if known is None or best([known.estimate, m.estimate]) is m.estimate:
-            found[m.model.names] = m
-    return list(found.values())

@@ -1,6 +1,7 @@
 """Run folders as the workflow finds them, and the checks that every subject's tables share."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,25 @@ HEAD = "run.yaml"
 TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet")
 
 
-def find_runs(paths: Sequence[Path]) -> list[Path]:
-    """Run folders among `paths`, each a run folder or a folder of run folders, by name."""
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """A folder with a measured run, and the name that tells it from the others."""
+
+    path: Path
+    name: str
+
+
+def find_runs(paths: Sequence[Path]) -> tuple[RunFolder, ...]:
+    """The runs among `paths`, each a run folder or a folder of run folders, in order of path.
+
+    Raises ConfigurationError for fewer than two, for a folder without runs, and for measurements
+    that lie beside no run.yaml.
+    """
+    unique = _unique(paths)
+    return tuple(RunFolder(p, n) for p, n in zip(unique, _names(unique), strict=True))
+
+
+def _unique(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         if (path / HEAD).is_file():
@@ -49,7 +67,7 @@ def _check_heads(folders: Sequence[Path]) -> None:
             )
 
 
-def run_names(folders: Sequence[Path]) -> list[str]:
+def _names(folders: Sequence[Path]) -> list[str]:
     """Folder names, with their parent's name where they would be equal; all of them UTF-8."""
     short = [_utf8(f.name) for f in folders]
     if len(set(short)) == len(short):

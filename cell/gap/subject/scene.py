@@ -1,13 +1,10 @@
-"""What a subject may draw of its runs: each as it was measured, and as a model has it."""
+"""Drawings of a run: the curve, points and signals that were measured or simulated."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.model import requests
 from cell.gap.subject.subject import Request, Run
-from cell.gap.verdict.findings import Findings
 from drivers.types import Array
 
 
@@ -46,19 +43,6 @@ class Scene:
     events: tuple[tuple[float, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
-    """A run measured and simulated; `after` is None where no effect was accepted, and both
-    simulations where the model found no motion.
-    """
-
-    name: str
-    held_out: bool
-    measured: Scene
-    before: Scene | None
-    after: Scene | None
-
-
 @runtime_checkable
 class Draws(Protocol):
     """A subject that can draw its runs."""
@@ -70,25 +54,3 @@ class Draws(Protocol):
     def simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
         """Simulations beside what was measured; None where there is no motion."""
         ...
-
-
-def replayed(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed]:
-    """Runs under the refitted base and the accepted model, held-out ones first."""
-    subject, shown = found.subject, found.shown
-    if not isinstance(subject, Draws):
-        return
-    pairs = [(True, shown.before, None if shown.after is shown.before else shown.after)]
-    if not held_out_only:
-        base, best = found.fitted.base.estimate, found.judged.found.accepted.estimate
-        pairs.append((False, base, best if best.model.effects else None))
-    for held_out, before, after in pairs:
-        runs = before.evidence.runs
-        was = _scenes(subject, before)
-        now = [None] * len(runs) if after is None else _scenes(subject, after)
-        for run, old, new in zip(runs, was, now, strict=True):
-            yield Replayed(run.name, held_out, subject.measured(run), old, new)
-
-
-def _scenes(subject: Draws, estimate: Estimate) -> Sequence[Scene | None]:
-    asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
-    return subject.simulated(asked)

@@ -19,7 +19,8 @@ class Parameter:
     `start` is the stated value, for an effect its null. `spread` is the standard deviation of
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
     so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
-    not how much of it there is: a probe keeps its own whatever its amount.
+    not how much of it there is: a probe keeps its own whatever its amount. `random` unknowns of
+    a run are drawn anew in each run; their `spread` is estimated from the runs.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Parameter:
     spread: float = float("inf")
     inverse: bool = False
     shape: bool = False
+    random: bool = False
 
     def shown(self, value: float) -> float:
         """`value` as files state it."""

@@ -72,17 +72,17 @@ def _measured(candidate: Candidate, values: list[Measured]) -> dict[str, Measure
 
 
 def _named(found: Findings) -> list[NamedEffect]:
-    accepted, by = found.judged.found.accepted, found.judged.found.by
+    accepted, by = found.accepted, found.by
     values = intervals(accepted.estimate, by.inefficiency)
     sure = confidence(found)
     return [
         NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
-        for e in found.judged.sure
+        for e in found.sure
     ]
 
 
 def _base(found: Findings) -> dict[str, Interval]:
-    best, by = found.judged.found.accepted.estimate, found.judged.found.by
+    best, by = found.accepted.estimate, found.by
     values = intervals(best, by.inefficiency)["base"]
     return {
         p.name: Interval(value=v.value, low=v.low, high=v.high)
@@ -112,9 +112,8 @@ def _gap(found: Findings) -> Gap:
 
 def _candidates(found: Findings) -> list[Compared]:
     """Models that were refitted, then candidates that only the screen has seen, best first."""
-    result = found.judged.found
-    base = next(m for m in result.tried if not m.model.effects)
-    others = [m for m in result.tried if m.model.effects]
+    fits = found.choice.fits
+    base, others = fits.base, [m for m in fits.models if m.model.effects]
     singles = [m for m in others if len(m.model.effects) == 1]
     family = _family(found, base, singles)
     rows = [_compared(found, base, m, family) for m in others]
@@ -127,7 +126,7 @@ def _candidates(found: Findings) -> list[Compared]:
 
 def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[str, float]:
     """Probabilities of single candidates, family-wise over the whole library."""
-    by = found.judged.found.by
+    by = found.by
     raw = {m.model.name: margin(m, base, by).p for m in singles}
     names = [c.name for c in found.subject.scope.candidates]
     adjusted = holm([raw.get(name, 1.0) for name in names])
@@ -137,7 +136,7 @@ def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[
 def _compared(
     found: Findings, base: Validated, model: Validated, family: dict[str, float]
 ) -> Compared:
-    by = found.judged.found.by
+    by = found.by
     ahead = margin(model, base, by)
     values = intervals(model.estimate, by.inefficiency)
     several = len(model.model.effects) > 1
@@ -158,7 +157,7 @@ def _compared(
 
 def _screened(found: Findings, name: str, gain: float) -> Compared:
     """A candidate that was not worth a refit: its gain is that of the linear screen."""
-    by = found.judged.found.by
+    by = found.by
     score = next((s for s in found.screened.singles if s.names == (name,)), None)
     candidate = next(c for c in found.subject.scope.candidates if c.name == name)
     values = score.start.get(name, candidate.null) if score is not None else candidate.null

@@ -1,4 +1,4 @@
-"""What findings bear: a name, a class, no gap, or that the cause is left open."""
+"""Choose one of the four verdicts from the findings."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,33 +14,67 @@ from cell.gap.verdict.schema import Kind, Unexplained
 
 MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
 CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
+WITHIN, IMITATED = 0.3, 0.1  # excess, and its share, that a pair of effects may leave of the gap
 SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
 LARGE = 700.0  # nats whose exponential is still a number
 
 
 def kind(found: Findings) -> Kind:
-    """Which of the four verdicts the findings bear."""
+    """One of the four verdicts, from the findings."""
     judged = found.judged
-    if not judged.found.accepted.model.effects:
-        return "unexplained" if found.fitted.gap else "no_gap"
+    if not found.accepted.model.effects:
+        return "unexplained" if gap_is_there(found) else "no_gap"
     changes = judged.drifts or judged.unsteady or drifting(found)
     if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
-    return "named" if judged.sure else "ambiguous"
+    if imitates(found):
+        return "unexplained"
+    return "named" if found.sure else "ambiguous"
+
+
+def gap_is_there(found: Findings) -> bool:
+    """Whether the base leaves a gap: in a place, beyond repeats and scatter, or on held-out runs.
+
+    A misfit as a whole that no place shows, and no run that was held out, is no gap.
+    """
+    if not found.fitted.gap:
+        return False
+    return any(place.p < LEVEL for place in found.fitted.places) or unseen_gap(found) > HALF
+
+
+def imitates(found: Findings) -> bool:
+    """Whether several effects together only imitate a cause: a clear part of the gap is left.
+
+    One effect of a nearly true law may leave some of what it explains; of two, each would have to
+    take up what the other gets wrong, as they do for a cause that the library does not hold.
+    """
+    if len(found.accepted.model.effects) < 2:
+        return False
+    before, after = found.shown.before, found.shown.after
+    scale = robust.scale(np.concatenate(after.residuals))
+    was, now = (_bounded_gap(estimate, scale) for estimate in (before, after))
+    return now > WITHIN and now > IMITATED * was
+
+
+def unseen_gap(found: Findings) -> float:
+    """Excess gap of the base on held-out runs, wild samples bounded."""
+    return _bounded_gap(
+        found.shown.before, robust.scale(np.concatenate(found.shown.before.residuals))
+    )
 
 
 def _mostly(found: Findings) -> bool:
     """Whether the whole model leaves only noise, or has removed most of the excess gap; where a
     run went another way, the others alone must bear the model out.
     """
-    judged, by = found.judged, found.judged.found.by
+    judged, by = found.judged, found.by
     if not judged.remains:
         return True
-    base = next(m for m in judged.found.tried if not m.model.effects)
-    each = margin(judged.found.accepted, base, by).each
+    base = found.choice.fits.base
+    each = margin(found.accepted, base, by).each
     others = [run.name != judged.astray for run in base.estimate.evidence.runs]
     gain = float(each[others].sum())
-    return gain > by.least and removed(judged.found.accepted, base, by, judged.astray) > MOST
+    return gain > by.least and removed(found.accepted, base, by, judged.astray) > MOST
 
 
 def unseen_remains(found: Findings) -> bool:
@@ -62,7 +96,7 @@ def _bounded_gap(estimate: Estimate, scale: float) -> float:
 
 def drifting(found: Findings) -> list[str]:
     """Effects whose amplitude does not serve all conditions: proxies, not causes."""
-    tests = found.judged.invariances.get(found.judged.found.accepted.model.name, {})
+    tests = found.judged.invariances.get(found.accepted.model.name, {})
     return [name for name, test in tests.items() if not test.holds]
 
 
@@ -70,13 +104,13 @@ def confidence(found: Findings) -> float:
     """Weight of the model of all that was earned, and of its rivals, among the models of its size
     and the base; of what it is ahead of the others a part may be feigned.
     """
-    judged, by = found.judged, found.judged.found.by
-    whole = judged.found.accepted
+    judged, by = found.judged, found.by
+    whole = found.accepted
     size = len(whole.model.effects)
     own = {whole.model.names, *(r.model.model.names for r in judged.rivals)}
-    among = [m for m in judged.found.tried if len(m.model.effects) in (0, size)]
+    among = [m for m in found.choice.fits.models if len(m.model.effects) in (0, size)]
     others = [m for m in among if m.model.names not in own]
-    base = next(m for m in judged.found.tried if not m.model.effects)
+    base = found.choice.fits.base
     feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
     ahead = [margin(whole, m, by).gain - feigned for m in others]
     return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
@@ -105,7 +139,7 @@ def unexplained_part(found: Findings) -> str:
         for q in quantities.values()
         if q.key in after
     )
-    best = found.judged.found.accepted.model.name
+    best = found.accepted.model.name
     of = "the refitted model" if best == "base" else f"the model with {best}"
     return "; ".join([f"{of} leaves {sizes} on held-out runs", *_reasons(found)])
 
@@ -122,5 +156,8 @@ def _reasons(found: Findings) -> Iterator[str]:
     if judged.unsteady:
         factor = max(judged.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
-    if judged.found.accepted.model.effects and unseen_remains(found):
+    if found.accepted.model.effects and unseen_remains(found):
         yield "the gap there is not even halved"
+    if imitates(found):
+        closed = 100 * found.shown.shrink.value
+        yield f"together they describe {closed:.0f} % of the gap, as no cause of theirs would"

@@ -11,19 +11,26 @@ from cell.gap.diagnosis.next_experiment import Advice
 from cell.gap.diagnosis.sparse_law import Law
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import Undetermined
-from cell.gap.selection.choice import Found
-from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.choice import Choice
+from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
 from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.screening import Probed, Score
 from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.verdict.offered_law import OfferedLaw
 
 UNSTEADY = 3.0  # times the stated noise by which repeats may differ
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """The refitted base and what it leaves; `drift` where repeats can tell of one."""
+    """The refitted base and what it leaves.
+
+    `inflation` by channel is the factor on the stated noise that repeats demand; `drift` is None
+    where no condition was repeated; `weak` are directions that the runs do not determine, `scatter`
+    the quantities that differ from run to run.
+    """
 
     base: Validated
     inflation: dict[str, float]
@@ -31,6 +38,7 @@ class Fitted:
     misfit: Misfit
     places: tuple[Bin, ...]
     weak: tuple[Undetermined, ...]
+    scatter: tuple[Spread, ...] = ()
 
     @property
     def gap(self) -> bool:
@@ -51,7 +59,9 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """What screening said of every candidate."""
+    """Screening results: probes, scores of singles and pairs [nats], probabilities and the
+    smallest detectable size by effect (None where no possible size would show).
+    """
 
     probed: tuple[Probed, ...]
     singles: tuple[Score, ...]
@@ -62,15 +72,14 @@ class Screened:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """The accepted model and every doubt about it.
+    """Every doubt about the accepted model.
 
-    `misfit` is the accepted model's lack of fit against noise alone, `leftover` against noise and
-    tolerance, without the run that went `astray` where it fits all others; `drift` and `inflation`
-    are what repeats tell of changes that it leaves. `classes` are effects that stand in for one
-    another.
+    `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
+    without the run that went `astray` where it fits all others; `drift` and `inflation` are
+    changes between repeats that it leaves. `classes` are effects that stand in for one another,
+    `scatter` the quantities that differ from run to run beside it.
     """
 
-    found: Found
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
@@ -80,12 +89,7 @@ class Judged:
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
-
-    @property
-    def sure(self) -> tuple[Candidate, ...]:
-        """The accepted effects that no other stands in for."""
-        doubtful = {name for group in self.classes for name in group}
-        return tuple(e for e in self.found.accepted.model.effects if e.name not in doubtful)
+    scatter: tuple[Spread, ...] = ()
 
     @property
     def remains(self) -> bool:
@@ -114,12 +118,35 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Everything that an investigation found."""
+    """Everything that an investigation found, stage by stage."""
 
     subject: Subject
     held_out: tuple[str, ...]
     fitted: Fitted
     screened: Screened
+    choice: Choice
     judged: Judged
     shown: Shown
     advice: tuple[Advice, ...]
+    offered: OfferedLaw | None = None
+
+    @property
+    def base(self) -> Validated:
+        """The refitted base."""
+        return self.fitted.base
+
+    @property
+    def accepted(self) -> Validated:
+        """The accepted model; the base where no effect was earned."""
+        return self.choice.accepted
+
+    @property
+    def by(self) -> LikelihoodScale:
+        """The scale on which models were compared."""
+        return self.choice.by
+
+    @property
+    def sure(self) -> tuple[Candidate, ...]:
+        """The accepted effects that no other stands in for."""
+        doubtful = {name for group in self.judged.classes for name in group}
+        return tuple(e for e in self.accepted.model.effects if e.name not in doubtful)

@@ -17,11 +17,37 @@ class Stored(Settings):
     model_config = ConfigDict(extra="ignore")
 
 
+class StoredSpread(Stored):
+    """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+class StoredLaw(Stored):
+    """The law that was offered: amounts by term."""
+
+    terms: dict[str, float]
+
+
 class FitRecord(Stored):
-    """fit.json: hash of the file that was fitted, and the effects that were named."""
+    """fit.json: hash of the file that was fitted, and the effects that were named.
+
+    `scatter` are quantities that differ from run to run; `law` describes what nothing explains.
+    """
 
     file_sha256: str
     effects: tuple[str, ...]
+    scatter: tuple[StoredSpread, ...] = ()
+    law: StoredLaw | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the terms of the law that was offered."""
+        return tuple(self.law.terms) if self.law is not None else ()
 
 
 class Acceptance(Stored):

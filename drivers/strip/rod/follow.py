@@ -66,8 +66,8 @@ def settle_touch(known: Any, gap: Any, time: float, h: float) -> None:
 @kernel
 def measure(x: Any, z: Any, known: Any, shown: Any) -> Any:
     """Observables of one shape into `shown`; its layer gap as height, place along the nodes."""
-    shown[CONTACT_X] = desk_contact(x, z, known[HEIGHT])
     tip = rightmost(x)
+    shown[CONTACT_X] = desk_contact(x, z, tip, known[HEIGHT])
     shown[TIP_X], shown[TIP_Z] = fold_tip(x, z, tip)
     return layer_gap(x, z, tip, known[OPENING])
 

@@ -7,15 +7,20 @@ from drivers.strip.rod.compiled import kernel
 
 
 @kernel
-def desk_contact(x: Any, z: Any, height: float) -> Any:
-    """x [m] where the midline first stands `height` above rest."""
-    count = len(x)
-    for j in range(count):
-        if z[j] > height:
-            if j == 0:
-                return x[0]
-            return x[j - 1] + (x[j] - x[j - 1]) * (height - z[j - 1]) / (z[j] - z[j - 1])
-    return x[count - 1]
+def desk_contact(x: Any, z: Any, tip: int, height: float) -> Any:
+    """x [m] where the midline leaves the desk for the fold, whose rightmost node is `tip`."""
+    j = tip
+    while j >= 0 and z[j] > height:
+        j -= 1
+    if j < 0:
+        return x[0]
+    if j == tip:
+        last = len(x) - 1
+        while j < last and z[j + 1] <= height:
+            j += 1
+        if j == last:
+            return x[last]
+    return x[j] + (x[j + 1] - x[j]) * (height - z[j]) / (z[j + 1] - z[j])
 
 
 @kernel

@@ -7,8 +7,11 @@ import numpy as np
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.curve import Curve, exposed
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
+from drivers.twin.renderer.lamps import arm_shadow, dimmed, flicker
 from drivers.twin.renderer.lint import draw_lint
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
+from drivers.twin.renderer.looks.look import Look
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, seen, weave
 from drivers.twin.renderer.sensor import blurred, noise_bank, reach
@@ -34,13 +37,19 @@ class Renderer:
         seed: int,
         optics: Optics | None = None,
         contact_bias: float = 0.0,
+        surround: Look = PLAIN,
     ) -> None:
-        """`optics` are those of its settings unless given; see `lint` for `contact_bias` [m]."""
+        """`optics` are those of its settings unless given; see `lint` for `contact_bias` [m].
+
+        `surround` is the look of the cell about the strip, its colours over those of `settings`.
+        """
+        settings = dressed(settings, surround)
         self._settings = settings
+        self._surround = surround
         self._look = look
         self._optics = optics or Optics.of(settings)
         rng = np.random.default_rng((seed, 0xC0))
-        empty = stage(settings, self._optics, look, rng)
+        empty = stage(settings, self._optics, look, rng, surround.things)
         self._sharp, self._light = empty.image, empty.light
         self._resting = blurred(empty.image, settings.lens_blur)
         self._shadow = shadow_band(settings, self._optics, look)
@@ -76,7 +85,19 @@ class Renderer:
             if curve is not None:
                 self._draw_lint(part, window, middle)
             window.put(blurred(part, self._settings.lens_blur), image)
+        image = self._lit(image, middle, hand)
         self._noise.apply(image, sequence)
+        return image
+
+    def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
+        """`image` in the light of the moment, where that changes."""
+        surround, settings = self._surround, self._settings
+        if surround.lamp is not None:
+            size, floor = (settings.width, settings.height), -self._look.thickness / 2
+            image = dimmed(image, arm_shadow(surround.lamp, hand, self._optics, size, floor))
+        if surround.flicker is not None:
+            gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
+            image = dimmed(image, gain)
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
@@ -84,7 +105,7 @@ class Renderer:
         picture = seen(curve, self._optics, self._look)
         return (
             faces(curve, picture, self._optics, self._look, self._weave),
-            near_edge(curve, picture, self._weave),
+            near_edge(curve, picture, self._look, self._weave),
         )
 
     def _draw_lint(self, part: Image, window: Window, scene: Scene) -> None:
@@ -108,3 +129,9 @@ class Renderer:
             paint(part, cloud.seen_from(window.origin), self._colour, window.of(self._light))
         if scene.pointer:
             draw_pointer(part, scene, optics, self._gripper)
+
+
+def dressed(settings: CameraSettings, look: Look) -> CameraSettings:
+    """`settings` with the colours of `look` in place of their own."""
+    around = settings.surroundings.model_copy(update=dict(look.colours))
+    return settings.model_copy(update={"surroundings": around})

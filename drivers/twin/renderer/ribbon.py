@@ -1,6 +1,6 @@
 """The strip as material: its near cut edge and the faces that run from there to the far edge."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ GRAIN = 0.0005  # m, grid of the weave
 ROWS, COLUMNS = 2048, 128  # its size, then it repeats
 PITCH = 0.5  # px between points of material along the strip
 DEPTH_PITCH = 0.65  # px, across its faces
+ROUNDED = 0.001  # m of half a thickness by which the corners of a cut edge are rounded off
 PROBE = 0.001  # m, over which the lens counts as linear
 LIGHT = np.array([-0.35, 0.94])  # where the light comes from, in the plane
 SPREAD = (0.7548776662466927, 0.5698402909980532)  # a plane sequence of low discrepancy
@@ -88,12 +89,15 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     row = np.arange(len(which)) - np.repeat(np.cumsum(rows) - rows, rows)
     share = 1 / np.maximum(rows, 1)
     depth = (row + 0.5) * share[which]
-    u, v = (picture.near[which, j] + depth * across[which, j] for j in range(2))
-    shade = _lit(curve, optics)[which] * material.at(curve.s[which], depth * look.width)
-    return _blurred(Cloud(u, v, (area * share)[which], shade), picture, which, row)
+    near = _surface(curve, picture, optics, look)
+    u, v = (near[which, j] + depth * across[which, j] for j in range(2))
+    s, y = curve.s[which], depth * look.width
+    shade = _lit(curve, optics)[which] * material.at(s, y)
+    cloud = Cloud(u, v, (area * share)[which], shade, look.tint(s, y))
+    return _blurred(cloud, picture, which, row)
 
 
-def near_edge(curve: Curve, picture: Seen, material: Weave) -> Cloud:
+def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
     """Points of the cut edge in the plane y = 0: half a thickness to either side of the midline."""
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = max(int(np.ceil(thickness / PITCH)), 2)
@@ -102,7 +106,19 @@ def near_edge(curve: Curve, picture: Seen, material: Weave) -> Cloud:
     area = _area(picture.along, 2 * picture.half) / rows
     shade = CUT * material.cut_at(curve.s)
     which, row = np.divmod(np.arange(len(u)), rows)
-    return _blurred(Cloud(u, v, area[which], shade[which]), picture, which, row)
+    tint = look.tint(curve.s[which], np.zeros(len(which)))
+    return _blurred(Cloud(u, v, area[which], shade[which], tint), picture, which, row)
+
+
+def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Array:
+    """(m, 2) [px] where the side that the camera sees starts at the near edge.
+
+    It lies half a thickness off the midline, but for ROUNDED.
+    """
+    share = max(1 - 2 * ROUNDED / look.thickness, 0.0)
+    if share == 0:
+        return picture.near
+    return picture.near + share * _facing(curve, optics)[:, None] * picture.half
 
 
 def _area(along: Array, across: Array) -> Array:
@@ -122,13 +138,18 @@ def _blurred(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud
     u, v = (
         place + instant * picture.motion[which, j] for j, place in enumerate((cloud.u, cloud.v))
     )
-    return Cloud(u, v, cloud.area, cloud.shade)
+    return replace(cloud, u=u, v=v)
+
+
+def _facing(curve: Curve, optics: Optics) -> Array:
+    """(m,) 1 where the camera sees the side that the normal points to, -1 elsewhere."""
+    outside = ((optics.centre[[0, 2]] - curve.points) * curve.normals).sum(axis=-1)
+    return np.where(outside >= 0, 1.0, -1.0)
 
 
 def _lit(curve: Curve, optics: Optics) -> Array:
     """(m,) brightness of the side that faces the camera, by Lambert's law."""
     normals = curve.normals
-    outside = ((optics.centre[[0, 2]] - curve.points) * normals).sum(axis=-1)
-    side = np.where(outside >= 0, 1.0, -1.0)
+    side = _facing(curve, optics)
     diffuse = np.maximum((normals @ LIGHT) * side, 0.0)
     return np.asarray((AMBIENT + (1 - AMBIENT) * diffuse) * np.where(side > 0, 1.0, BACK))

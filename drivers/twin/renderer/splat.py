@@ -14,12 +14,16 @@ FULL = 0.96  # coverage from which a pixel counts as filled: what sampling may l
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Points of material at `u`, `v` [px]: `area` [px^2] and brightness `shade`, all (n,)."""
+    """Points of material at `u`, `v` [px]: `area` [px^2] and brightness `shade`, all (n,).
+
+    `tint` (n, 3) BGR are colours of their own; None where all share that of the strip.
+    """
 
     u: Array
     v: Array
     area: Array
     shade: Array
+    tint: Array | None = None
 
     def seen_from(self, origin: tuple[int, int]) -> Self:
         """The same points with pixels counted from `origin` (u, v)."""
@@ -32,7 +36,12 @@ class Cloud:
         if inside.all():
             return self
         return replace(
-            self, u=u[inside], v=v[inside], area=self.area[inside], shade=self.shade[inside]
+            self,
+            u=u[inside],
+            v=v[inside],
+            area=self.area[inside],
+            shade=self.shade[inside],
+            tint=None if self.tint is None else self.tint[inside],
         )
 
 
@@ -53,9 +62,18 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
     glow = np.bincount(index, weight * np.tile(cloud.shade, 4))
     alpha = np.minimum(coverage / FULL, 1.0)
     lit = glow / np.maximum(coverage, 1e-12) * light[top:bottom].reshape(-1)[touched]
-    ink = (lit * alpha)[:, None] * colour
+    ink = (lit * alpha)[:, None] * _mixed(cloud, colour, index, weight)
     flat = image[top:bottom].reshape(-1, 3)
     flat[touched] = np.minimum(flat[touched] * (1 - alpha)[:, None] + ink + 0.5, 255)
+
+
+def _mixed(cloud: Cloud, colour: Array, index: Indices, weight: Array) -> Array:
+    """The one `colour` (3,), or that (m, 3) of what each pixel gathers, by brightness."""
+    if cloud.tint is None:
+        return colour
+    glow = weight * np.tile(cloud.shade, 4)
+    gathered = [np.bincount(index, glow * np.tile(tint, 4)) for tint in cloud.tint.T]
+    return np.stack(gathered, axis=-1) / np.maximum(np.bincount(index, glow), 1e-12)[:, None]
 
 
 def _compact(index: Indices, size: int) -> tuple[Indices, Indices]:

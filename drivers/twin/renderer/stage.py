@@ -1,12 +1,15 @@
 """What stands still: desk, backdrop, clamp and light, drawn once."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.twin.renderer.clutter import depth, draw_things
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks.look import Thing
 from drivers.twin.renderer.optics import Optics, Pixels
 from drivers.twin.settings import CameraSettings, Colour
 from drivers.types import Array, Image
@@ -33,9 +36,16 @@ def bgr(colour: Colour) -> Array:
 
 
 def stage(
-    settings: CameraSettings, optics: Optics, look: StripLook, rng: np.random.Generator
+    settings: CameraSettings,
+    optics: Optics,
+    look: StripLook,
+    rng: np.random.Generator,
+    things: Sequence[Thing] = (),
 ) -> Stage:
-    """The cell without strip and gripper; the desk lies half a thickness under the midline."""
+    """The cell without strip and gripper; the desk lies half a thickness under the midline.
+
+    `things` stand on the desk and behind it.
+    """
     around = settings.surroundings
     floor = -look.thickness / 2
     u, v = _grid(settings.width, settings.height)
@@ -44,7 +54,10 @@ def stage(
     back, front = (
         _row(optics, settings.width, y, floor) for y in (around.desk_back, around.desk_front)
     )
+    behind = [thing for thing in things if depth(thing) >= around.desk_back]
+    draw_things(canvas, behind, optics, rng)
     _cover(canvas, _desk(rays, optics, floor, settings, rng), back)
+    draw_things(canvas, [thing for thing in things if thing not in behind], optics, rng)
     _cover(canvas, bgr(around.panel).astype(np.float32) * np.ones_like(canvas), front)
     glow = light(settings)
     np.minimum(canvas * glow[..., None] + 0.5, 255, out=canvas)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.perception.appearance import SCALE, ZERO
+from calibration.perception.matte import SCALE, ZERO
 from calibration.perception.silhouette import Grip, Side, outer_side, silhouette
 from drivers.types import Image
 

@@ -12,6 +12,7 @@ from cell.devices.devices import DeviceSelection
 from cell.exam.case import Case
 from cell.exam.runs import through_images
 from cell.exam.runs.through_images import Open, exam_cell, make_runs, measured, plant_of
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError, Fault
@@ -126,7 +127,7 @@ def test_a_picture_that_the_cell_refuses_is_no_run(
 def test_ten_runs_of_a_fine_plant_are_made_and_read(tmp_path: Path) -> None:
     made = case(causes={"clock_drift": {"drift": 0.003}, "static_cling": {"pressure": 1.0}})
     make_runs(made, tmp_path)
-    runs = read_runs([tmp_path], load_strip(find_configs(None).strip_path("denim")))
+    runs = read_runs(find_runs([tmp_path]), load_strip(find_configs(None).strip_path("denim")))
     assert [run.measured.index for run in runs] == list(range(len(STANDARD) + 1))
     assert all(not run.notes for run in runs)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis import lack_of_fit
-from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import removed
 from cell.gap.subject.subject import Scope
 from drivers.types import Array
@@ -46,9 +46,9 @@ def laws(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(test_gap_engine, "LAWS", more)
 
 
-def pool_of(law: Law, *names: tuple[str, ...]) -> list[Validated]:
+def pool_of(law: Law, *names: tuple[str, ...]) -> Fits:
     subject = Roughly(law, names=("bump", "fast", "wave", "slow", "quick"))
-    return [validated(fitted(subject, n), subject) for n in ((), *names)]
+    return Fits(tuple(validated(fitted(subject, n), subject) for n in ((), *names)))
 
 
 def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains_it() -> None:
@@ -56,12 +56,12 @@ def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains
         lambda t, s, i: 2.0 * fast(t, s, i) + 0.05 * slow(t, s, i), ("fast",), ("fast", "slow")
     )
     assert choose(apart).accepted.model.names == {"fast", "slow"}
-    assert not exhausted(apart[:2])
+    assert not exhausted(Fits(apart.models[:2]))
     mixed = pool_of(
         lambda t, s, i: 2.0 * bump(t, s, i) + 0.05 * quick(t, s, i), ("bump",), ("bump", "quick")
     )
     assert choose(mixed).accepted.model.names == {"bump"}
-    assert exhausted(mixed[:2])
+    assert exhausted(Fits(mixed.models[:2]))
 
 
 def astray(*runs: int) -> Law:
@@ -109,6 +109,6 @@ def test_a_run_is_set_aside_only_where_enough_others_bear_that_out() -> None:
 def test_what_a_model_removes_can_be_asked_without_a_run() -> None:
     subject = Curves(astray(4))
     base, model = (validated(fitted(subject, n), subject) for n in ((), ("bump",)))
-    by = choose([base, model]).by
+    by = Fits((base, model)).scale
     assert removed(model, base, by) < 0.7
     assert removed(model, base, by, "r4") > 0.95

@@ -12,7 +12,9 @@ from cell.gap.diagnosis.held_out_gap import floor
 from cell.gap.fit import fit
 from cell.gap.fitting.model import evidence
 from cell.gap.report.overlay import write_overlay, write_recording
-from cell.gap.subject.scene import Replayed, Scene
+from cell.gap.report.replayed import Replayed
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.scenes import CONTACT, DISTANCE
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.subject import Request
@@ -70,7 +72,7 @@ def strip(tmp_path_factory: pytest.TempPathFactory) -> Strip:
     """Two folds of the strip exactly as its file states it."""
     root = tmp_path_factory.mktemp("folds") / "runs"
     written(root, folds(["normal", "taut-lift"]))
-    return open_strip(STRIP, [root])
+    return open_strip(STRIP, find_runs([root]))
 
 
 @pytest.fixture(scope="module")

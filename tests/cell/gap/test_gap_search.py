@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.model import Model
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import exhausted
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.screening import Score
 from cell.gap.selection.search import (
-    merged,
     shape_parameters,
     shortlist,
     with_shape_parameters,
@@ -30,22 +30,22 @@ FAINT: Law = lambda t, s, i: 2.0 * bump(t, s, i) - 0.002 * wave(t, s, i)  # noqa
 def test_nothing_is_searched_beside_what_leaves_too_little() -> None:
     for law, done in ((hidden(bump, 0.2), True), (FAINT, True), (BOTH, False)):
         subject = Curves(law)
-        pool = [validated(at(subject, names), subject) for names in ((), ("bump",))]
-        assert exhausted(pool) is done
+        models = [validated(at(subject, names), subject) for names in ((), ("bump",))]
+        assert exhausted(Fits(tuple(models))) is done
 
 
 def test_a_base_is_never_exhausted() -> None:
     subject = Curves(hidden(bump, 0.2))
-    assert not exhausted([validated(at(subject), subject)])
+    assert not exhausted(Fits((validated(at(subject), subject),)))
 
 
 def test_singles_begin_again_from_a_better_pair_though_it_was_not_accepted() -> None:
     subject = Curves(hidden(bump, 0.2))
     base, pair = (validated(at(subject, n), subject) for n in ((), ("bump", "wave")))
-    scores = without_each([base, pair])
+    scores = without_each(Fits((base, pair)))
     assert [s.names for s in scores[-2:]] == [("wave",), ("bump",)]
     assert all(s.after is pair.estimate for s in scores)
-    assert [s.names for s in without_each([base])] == []
+    assert [s.names for s in without_each(Fits((base,)))] == []
 
 
 class Bending(Curves):
@@ -71,10 +71,10 @@ def leaning(t: np.ndarray, speed: float, _: int) -> np.ndarray:
     return 5.0 * (t - 0.5) * bump(t, speed, 0)
 
 
-def pool_of(lean: float) -> list[Validated]:
+def pool_of(lean: float) -> Fits:
     subject = Bending(lambda t, s, i: 0.2 * bump(t, s, i) + 0.2 * lean * leaning(t, s, i))
     found = [at(subject, names) for names in ((), ("bump",))]
-    return [run_one(subject.simulate, validate(fit)) for fit in found]
+    return Fits(tuple(run_one(subject.simulate, validate(fit)) for fit in found))
 
 
 def test_pairs_are_sifted_by_how_far_a_fit_gets_not_by_the_screen() -> None:
@@ -93,7 +93,7 @@ def test_law_that_only_resembles_the_librarys_is_bent() -> None:
     subject, pool = Bending(BOTH), pool_of(lean=0.5)
     (found,) = shape_parameters(subject.simulate, pool)
     assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
-    (known, *_) = with_shape_parameters(subject.scope.candidates, merged(pool, [found]))
+    (known, *_) = with_shape_parameters(subject.scope.candidates, pool.merged([found]))
     assert [p.name for p in known.parameters] == ["size", "lean"]
     assert not known.finer
 

@@ -11,13 +11,11 @@ from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
 
 def with_size(found: Findings, size: float) -> Findings:
     """The same findings, with another size of the accepted effect."""
-    accepted = found.judged.found.accepted
+    accepted = found.accepted
     point = accepted.estimate.point
     moved = replace(point, shared=np.append(point.shared[:-1], size))
     model = replace(accepted, estimate=replace(accepted.estimate, point=moved))
-    return replace(
-        found, judged=replace(found.judged, found=replace(found.judged.found, accepted=model))
-    )
+    return replace(found, choice=replace(found.choice, accepted=model))
 
 
 def test_a_value_that_a_bound_stopped_is_told() -> None:

@@ -26,8 +26,8 @@ PATHS = {
 
 @numba.njit
 def _measured(x: Array, z: Array, height: float, opening: float) -> tuple[float, ...]:
-    contact = compiled.desk_contact(x, z, height)
     tip = compiled.rightmost(x)
+    contact = compiled.desk_contact(x, z, tip, height)
     tip_x, tip_z = compiled.fold_tip(x, z, tip)
     gap, index = compiled.layer_gap(x, z, tip, opening)
     return contact, tip_x, tip_z, gap, compiled.along(x, index), index

@@ -1,12 +1,11 @@
 """Pendulum files: a chain of hinged links as its maker states it."""
 
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from drivers.settings import Settings, load
+from drivers.settings import Settings
 from drivers.strip.file import Provenance
 
 Positive = Annotated[float, Field(gt=0)]
@@ -52,12 +51,3 @@ class PendulumFile(Settings):
         lengths = np.array([link.length or 0.0 for link in self.links])
         com = np.array([link.com for link in self.links])
         return np.asarray(self.gravity * (masses * com + below * lengths))
-
-
-def load_pendulum(path: Path) -> PendulumFile:
-    """The pendulum file at `path`, its effects checked against the library."""
-    from cell.gap.subject.pendulum.scope import check_effects
-
-    pendulum = load(path, PendulumFile)
-    check_effects(pendulum, str(path))
-    return pendulum

@@ -10,10 +10,11 @@ import numpy as np
 
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
-from cell.gap.subject.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.subject.pendulum.runs import Swing, read_run
 from cell.gap.subject.pendulum.scope import scope
-from cell.gap.subject.run_folders import HEAD, check_indices, find_runs, run_names
+from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
 from drivers.settings import read_yaml
@@ -144,12 +145,11 @@ class Pendulum:
         return patched(self.file, base, effects, source), None
 
 
-def open_pendulum(path: Path, folders: Sequence[Path], jobs: int = 1) -> Pendulum:
+def open_pendulum(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Pendulum:
     """The pendulum of a file with its measured runs, checked."""
     pendulum = load_pendulum(path)
-    found = find_runs(folders)
-    names = run_names(found)
-    runs = [read_run(f, name, pendulum) for f, name in zip(found, names, strict=True)]
+    found = [folder.path for folder in folders]
+    runs = [read_run(folder.path, folder.name, pendulum) for folder in folders]
     check_indices(found, [read_yaml(f / HEAD).get("index") for f in found])
     runs.sort(key=lambda run: run.index)
     return Pendulum(pendulum, runs, jobs)

@@ -8,8 +8,9 @@ import numpy as np
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
+from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.simulation import FINE, Job, SimulatedMotion, Simulation
-from cell.gap.subject.subject import Parameter, Residuals, Run
+from cell.gap.subject.subject import Residuals, Run
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -18,13 +19,9 @@ from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
-LIFTED = 0.1  # m of travel after which a strip hangs from the grip and cannot be pushed
 LIFTED = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
 LATER = 0.6  # s after the measured touch in which the model may still touch
-SLACK = 0.0003  # m by which the strip between fixed edge and grip differs from run to run
-FARTHEST = 0.002  # m of slack that any run may have
-LENGTH, ERROR = "length_error", "error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +32,8 @@ class Fold:
     compliance are unknown. Only strips with bending hysteresis keep the shape; they are simulated
     along `lifted_path`, which has no push. The standard runs lift first and never buckle.
 
-    Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slope`, what
-    the residuals change by per metre of slack.
+    Per sample (n,): `finer`, what a finer rod shows more than the coarse one, and `slopes`, what
+    the residuals change by per unit of each quantity that differs from run to run.
     """
 
     way: GripperPath
@@ -44,7 +41,7 @@ class Fold:
     comparison: Comparison
     index: int
     finer: Array
-    slope: Array
+    slopes: Mapping[str, Array]
 
     def drive(self, model: StripModel) -> Job:
         """What is simulated of this fold with `model`."""
@@ -55,25 +52,42 @@ class Fold:
             replace(model, observation=observation), self.lifted_path if rubs else self.way
         )
 
-    def corrected(self, found: Residuals, slack: float) -> Residuals:
-        """Residuals as a fine rod would have them, of a strip longer by `slack` [m]."""
-        mean = found.mean - self.finer + slack * self.slope
+    def corrected(self, found: Residuals, run: Run, local: Array) -> Residuals:
+        """Residuals as a fine rod would have them, in a run with the unknowns `local` (k,)."""
+        mean = found.mean - self.finer
+        for p, value in zip(run.local, local, strict=True):
+            mean = mean + value * self.slopes[p.name]
         return Residuals(mean, found.square + mean**2 - found.mean**2)
 
 
 def prepared(
-    runs: Sequence[MeasuredRun], strip: StripFile, floors: Floors, coarse: Simulation, jobs: int
+    runs: Sequence[MeasuredRun],
+    strip: StripFile,
+    floors: Floors,
+    coarse: Simulation,
+    jobs: int,
+    scatter: Sequence[RunEffect] = RUN_EFFECTS,
 ) -> list[Run]:
-    """The runs as the engine takes them; those without a sample are left out."""
+    """The runs as the engine takes them; those without a sample are left out.
+
+    `scatter` are the quantities that may differ from run to run.
+    """
     folds = [_fold(run.measured, strip, floors) for run in runs]
-    stated = [f.drive(describe(strip, index=f.index)) for f in folds]
-    longer = [f.drive(describe(strip, _lengthened(strip), f.index)) for f in folds]
-    fine = Simulation(FINE, jobs)
-    shown = zip(coarse(stated), fine(stated), coarse(longer), strict=True)
+    nominal = [f.drive(describe(strip, index=f.index)) for f in folds]
+    moved = [f.drive(e.changed(job.model, e.step))
+             for f, job in zip(folds, nominal, strict=True) for e in scatter]  # fmt: skip
+    shown = coarse([*nominal, *moved])
+    fine = Simulation(FINE, jobs)(nominal)
     found = []
-    for run, fold, drive, seen in zip(runs, folds, stated, shown, strict=True):
-        if len(fold.comparison.layout.samples):
-            found.append(_run(run, fold, drive.model, *seen))
+    for i, (run, fold, job) in enumerate(zip(runs, folds, nominal, strict=True)):
+        if not len(fold.comparison.layout.samples):
+            continue
+        first = len(folds) + i * len(scatter)
+        responses = [
+            (e, fold.comparison(moved[k - len(folds)].model, shown[k]).mean)
+            for k, e in enumerate(scatter, start=first)
+        ]
+        found.append(_run(run, fold, job.model, (shown[i], fine[i]), responses))
     return found
 
 
@@ -81,17 +95,18 @@ def _run(
     run: MeasuredRun,
     fold: Fold,
     model: StripModel,
-    rough: SimulatedMotion | None,
-    exact: SimulatedMotion | None,
-    slack: SimulatedMotion | None,
+    shown: tuple[SimulatedMotion | None, SimulatedMotion | None],
+    responses: Sequence[tuple[RunEffect, Array]],
 ) -> Run:
+    """A run with its slopes, from motions of the coarse and the fine rod."""
     samples = fold.comparison.layout.samples
-    means = [fold.comparison(model, shown).mean for shown in (rough, exact, slack)]
+    rough, exact = (fold.comparison(model, motion).mean for motion in shown)
     limit = MOST * samples.floor
-    finer, change = (_within(means[0] - means[1], limit), _within(means[2] - means[0], limit))
+    finer = _within(rough - exact, limit)
+    slopes = {e.name: frozen(_within(moved - rough, limit) / e.step) for e, moved in responses}
     samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
-    content = replace(fold, finer=frozen(finer), slope=frozen(change / SLACK))
-    local = (Parameter("slack", "m", 0.0, -FARTHEST, FARTHEST, SLACK, SLACK),)
+    content = replace(fold, finer=frozen(finer), slopes=slopes)
+    local = tuple(e.parameter for e, _ in responses)
     return Run(run.name, run.condition, samples, index=fold.index, local=local, content=content)
 
 
@@ -119,18 +134,13 @@ def _within(change: Array, limit: Array) -> Array:
     return np.where(np.abs(known) < limit, known, 0.0)
 
 
-def _lengthened(strip: StripFile) -> Mapping[str, Mapping[str, float]]:
-    stated = strip.effects.get(LENGTH, {}).get(ERROR, 0.0)
-    return {LENGTH: {ERROR: stated + SLACK}}
-
-
 def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     chosen = layout(run, strip.length, floors)
     kept = run.t <= run.end + LATER
     way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    return Fold(way, _lifted_path(way, run), comparison, run.index, nothing, nothing)
+    return Fold(way, _lifted_path(way, run), comparison, run.index, nothing, {})
 
 
 def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:

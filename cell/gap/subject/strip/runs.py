@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.run_folders import find_runs, run_names
+from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.curves import Images, images_of
 from cell.gap.subject.strip.gripper import smoothed
 from cell.gap.subject.strip.plausible import check_plausible
@@ -67,28 +67,26 @@ class MeasuredRun:
         return len(self.measured.t) > 0
 
 
-def read_runs(folders: Sequence[Path], strip: StripFile) -> list[MeasuredRun]:
+def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
     """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
 
     Raises ConfigurationError, in one line, for whatever cannot be trusted.
     """
-    found = find_runs(folders)
-    names = run_names(found)
     heads, read = [], []
-    for folder, name in zip(found, names, strict=True):
-        header, run = _read(folder, name, strip)
+    for folder in folders:
+        header, run = _read(folder.path, folder.name, strip)
         heads.append(header if run.usable else None)
         read.append(run)
-    same = sort_out(found, heads)
-    known = dict(zip(found, names, strict=True))
+    same = sort_out([folder.path for folder in folders], heads)
+    known = {folder.path: folder.name for folder in folders}
     read = [
-        _left_out(run, known[same[folder]]) if folder in same else run
-        for folder, run in zip(found, read, strict=True)
+        _left_out(run, known[same[folder.path]]) if folder.path in same else run
+        for folder, run in zip(folders, read, strict=True)
     ]
     usable = sum(run.usable for run in read)
     if usable < 2:
         raise ConfigurationError(
-            f"{found[0].parent}: {usable} of {len(read)} runs can be used; at least two are "
+            f"{folders[0].path.parent}: {usable} of {len(read)} runs can be used; at least two are "
             "needed, better ten"
         )
     return sorted(read, key=lambda run: (run.measured.index, run.name))

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from cell.gap.fit import fit
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import load_strip
@@ -51,6 +52,6 @@ def test_the_patch_is_a_strip_that_explains_its_runs(fitted: tuple[Verdict, Path
     assert set(patched.effects) == {"bending_hysteresis"}
     notes = {p.key for p in patched.provenance}
     assert {"bending_length", "retardation_time", "effects.bending_hysteresis"} <= notes
-    strip = open_strip(out / "patch.yaml", [runs])
+    strip = open_strip(out / "patch.yaml", find_runs([runs]))
     assert "bending_hysteresis" not in {c.name for c in strip.scope.candidates}
     assert "bending_hysteresis.yield_curvature" in {p.name for p in strip.scope.base}

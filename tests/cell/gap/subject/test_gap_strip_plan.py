@@ -8,6 +8,7 @@ import pytest
 
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.operations.fold import Request, at_speed, fold
 from cell.operations.standard_runs import check_empty, standard_requests, went_as_planned
@@ -67,7 +68,7 @@ def test_a_shaken_and_a_taut_run_are_folded_through_images_and_read(tmp_path: Pa
     results = [fold(request) for request in wanted]
     assert all(went_as_planned(result) for result in results)
     assert {result.outcome for result in results} == {"layer_touch", "path_done"}
-    runs = read_runs([tmp_path], denim())
+    runs = read_runs(find_runs([tmp_path]), denim())
     assert {run.condition for run in runs} == {
         "motion:early-shake at 0.1 m/s",
         "motion:taut-lift at 0.1 m/s",

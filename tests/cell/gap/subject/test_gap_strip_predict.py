@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.layout import LIFTED, SNAP, Floors
 from cell.gap.subject.strip.prepare import SLACK, Fold
@@ -49,7 +50,7 @@ SILENT = {"layer_adhesion", "pre_curl"}
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Strip:
     root = tmp_path_factory.mktemp("plain") / "runs"
     written(root, folds(NAMES))
-    return open_strip(STRIP, [root])
+    return open_strip(STRIP, find_runs([root]))
 
 
 @pytest.fixture(scope="module", params=HIDDEN)
@@ -61,7 +62,7 @@ def hidden(
     root = tmp_path_factory.mktemp("hidden") / "runs"
     keys = [p.name for p in registry()[name].parameters]
     written(root, folds(NAMES, {name: dict(zip(keys, numbers, strict=True))}))
-    return open_strip(STRIP, [root]), {name: np.array(numbers)}
+    return open_strip(STRIP, find_runs([root])), {name: np.array(numbers)}
 
 
 def square(strip: Strip, effects: dict[str, Array]) -> float:
@@ -215,7 +216,7 @@ def test_phases_and_zones_tell_what_happened(plain: Strip) -> None:
 def test_wild_points_and_lost_images_do_no_harm(tmp_path: Path) -> None:
     made = folds(["fast", "taut-lift"])
     written(tmp_path / "wild", made, replace(CELL, wild=0.08, lost=0.4))
-    strip = open_strip(STRIP, [tmp_path / "wild"])
+    strip = open_strip(STRIP, find_runs([tmp_path / "wild"]))
     assert in_noise(strip, residuals(strip), "profile") < 1.5
 
 
@@ -227,7 +228,7 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
     ways = [GripperPath(t, poses, hanging=True)] * 2
     made = rod_folds([describe(denim())] * 2, ways, segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(f, index=i, condition="c") for i, f in enumerate(made)])
-    strip = open_strip(STRIP, [tmp_path / "runs"])
+    strip = open_strip(STRIP, find_runs([tmp_path / "runs"]))
     assert in_noise(strip, residuals(strip), "profile") < 1.5
     assert in_noise(strip, residuals(strip), "contact_x") < 1.4
 
@@ -247,7 +248,7 @@ def test_strip_with_hysteresis_is_simulated_without_the_buckle_of_a_push(tmp_pat
     way = way_of(motion(triangular(0.6), WHOLE, 0.1))
     (made,) = rod_folds([describe(denim())], [way], segments=150, dt=0.004)
     written(tmp_path / "runs", [replace(made, condition="triangular", index=i) for i in range(2)])
-    strip = open_strip(STRIP, [tmp_path / "runs"])
+    strip = open_strip(STRIP, find_runs([tmp_path / "runs"]))
     yarns = {"bending_hysteresis": np.array([48.0, 8.0])}
     rubbed = [yarns, yarns | {"crease": np.array([0.03, 0.57])}]
     pushed = [replace(r, content=replace(r.content, lifted_path=r.content.way)) for r in strip.runs]

@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.subject.strip.subject import open_strip
 from drivers.errors import ConfigurationError
@@ -60,11 +61,14 @@ def put(row: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
 
 def test_runs_are_read_in_the_order_in_which_they_were_taken(runs: Path) -> None:
     edit_yaml(first(runs) / "run.yaml", index=7)
-    assert [run.name for run in read_runs([runs], denim())] == ["01-taut-lift", "00-fast"]
+    assert [run.name for run in read_runs(find_runs([runs]), denim())] == [
+        "01-taut-lift",
+        "00-fast",
+    ]
 
 
 def test_what_was_measured_comes_back(runs: Path) -> None:
-    fast, taut = (run.measured for run in read_runs([runs], denim()))
+    fast, taut = (run.measured for run in read_runs(find_runs([runs]), denim()))
     assert fast.touch is not None
     assert fast.end == fast.touch.time
     assert taut.touch is None
@@ -151,19 +155,19 @@ def test_bad_input_is_one_clear_line(case: str, runs: Path) -> None:
     says, change = WRONG[case]
     change(first(runs))
     with pytest.raises(ConfigurationError) as error:
-        read_runs([runs], denim())
+        read_runs(find_runs([runs]), denim())
     assert says in str(error.value)
     assert "\n" not in str(error.value)
 
 
 def test_a_single_run_is_refused(runs: Path) -> None:
     with pytest.raises(ConfigurationError, match="a single run"):
-        read_runs([first(runs)], denim())
+        read_runs(find_runs([first(runs)]), denim())
 
 
 def test_a_run_that_died_is_named_and_used(runs: Path) -> None:
     (first(runs) / "result.yaml").unlink()
-    strip = open_strip(STRIP, [runs])
+    strip = open_strip(STRIP, find_runs([runs]))
     assert strip.notes[0].startswith("00-fast: died after")
     died = strip.runs[0].samples
     assert len(died) > 20
@@ -176,6 +180,6 @@ def test_a_run_that_died_at_once_is_named_and_left_out(runs: Path) -> None:
         table = pq.read_table(runs / "02-again" / name)
         pq.write_table(table.slice(0, 9), runs / "02-again" / name)
     (runs / "02-again" / "result.yaml").unlink()
-    strip = open_strip(STRIP, [runs])
+    strip = open_strip(STRIP, find_runs([runs]))
     assert [run.name for run in strip.runs] == ["00-fast", "01-taut-lift"]
     assert strip.notes == ("02-again: has 9 rows only and is left out",)

@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from cell.gap.fit import fit
-from cell.gap.subject.pendulum.file import PendulumFile, load_pendulum
+from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.subject.pendulum.subject import Pendulum
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo

@@ -1,0 +1,194 @@
+"""What the camera must still see where it was: the tip at a known pose, the desk's line."""
+
+from base64 import b64decode, b64encode
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Literal, Self
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from calibration.homography import Homography
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings
+from drivers.types import Array, Frame, Image, Pose
+
+TIP_SIDE, DESK_SIDE = 96, 28  # px, of the remembered squares
+REACH = 40  # px by which a landmark is looked for around its place
+DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
+CONTRAST = 6.0  # grey levels that a line must show
+ALIKE = 0.6  # correlation from which a landmark counts as found
+
+
+class LandmarkSettings(Settings):
+    """Where the empty hand is remembered, x, z [m] and pitch [rad], and how far things may move.
+
+    The hand must be clear of strips and in the image, the same place for all of them.
+    """
+
+    x: float = Field(0.42, ge=-0.5, le=2.0)
+    z: float = Field(0.17, ge=0.05, le=1.0)
+    pitch: float = Field(pi / 2, ge=-0.2, le=3.2)
+    moved_mm: float = Field(2.5, gt=0, le=20)
+
+    @property
+    def pose(self) -> Pose:
+        """The gripper's pose."""
+        return Pose(self.x, self.z, self.pitch)
+
+
+class Landmark(Settings):
+    """A square of the image: what it is, its top left corner [px], and its grey levels."""
+
+    kind: Literal["tip", "desk"]
+    left: int = Field(ge=0)
+    top: int = Field(ge=0)
+    png: str  # base64
+
+    @classmethod
+    def of(cls, kind: Literal["tip", "desk"], grey: Image, left: int, top: int, side: int) -> Self:
+        """The square of `side` [px] at (`left`, `top`) in `grey` (height, width)."""
+        _, content = cv2.imencode(".png", grey[top : top + side, left : left + side])
+        return cls(kind=kind, left=left, top=top, png=b64encode(bytes(content)).decode("ascii"))
+
+    def patch(self) -> Image:
+        """Grey levels (side, side); a broken one is a ConfigurationError."""
+        try:
+            content = np.frombuffer(b64decode(self.png, validate=True), dtype=np.uint8)
+        except ValueError:
+            content = np.empty(0, dtype=np.uint8)
+        image = cv2.imdecode(content, cv2.IMREAD_GRAYSCALE) if len(content) else None
+        if image is None:
+            raise ConfigurationError("landmarks: png: is no picture; calibrate again")
+        return np.asarray(image, dtype=np.uint8)
+
+
+class Landmarks(Settings):
+    """The gripper's pose at which the tip was remembered, and all landmarks."""
+
+    x: float
+    z: float
+    pitch: float
+    marks: tuple[Landmark, ...]
+
+    @property
+    def pose(self) -> Pose:
+        """Where the gripper must be for the tip to be where it was."""
+        return Pose(self.x, self.z, self.pitch)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraShift:
+    """How far things appear moved since the calibration, in the plane of the near edge [mm].
+
+    `x`, `z` by the tip, `desk` up by the desk's line; NaN where a landmark is not found again.
+    """
+
+    x: float
+    z: float
+    desk: float
+
+    @property
+    def distance(self) -> float:
+        """The largest of what is known [mm]; NaN when nothing is."""
+        known = [abs(self.desk), float(np.hypot(self.x, self.z))]
+        finite = [value for value in known if np.isfinite(value)]
+        return max(finite) if finite else float("nan")
+
+
+def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
+    """Landmarks in an image of the empty hand at rest at the measured `pose`, the desk bare.
+
+    Raises ConfigurationError where the camera does not see the tip.
+    """
+    grey = _grey(frame.image)
+    u, v = lens.distort(homography.to_image(np.array([[pose.x, pose.z]])))[0]
+    left, top = round(u) - TIP_SIDE // 2, round(v) - TIP_SIDE // 2
+    height, width = grey.shape
+    if not (0 <= left <= width - TIP_SIDE and 0 <= top <= height - TIP_SIDE):
+        raise ConfigurationError(
+            f"landmarks: the tip at x {pose.x:.2f}, z {pose.z:.2f} m is not in the image; "
+            "choose another pose for it"
+        )
+    tip = Landmark.of("tip", grey, left, top, TIP_SIDE)
+    desk = _desk_line(grey, lens, homography)
+    return Landmarks(x=pose.x, z=pose.z, pitch=pose.pitch, marks=(tip, *desk))
+
+
+def camera_shift(
+    frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
+) -> CameraShift:
+    """How far the landmarks have moved in an image of the hand at rest at the same pose."""
+    grey = _grey(frame.image)
+    found = [(mark, _found(grey, mark)) for mark in landmarks.marks]
+    tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
+    desk = [_moved_mm(m, at, lens, homography)[1] for m, at in found if m.kind == "desk" and at]
+    x, z = tips[0] if tips else (float("nan"), float("nan"))
+    return CameraShift(x, z, float(np.median(desk)) if desk else float("nan"))
+
+
+def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
+    """Squares on the strongest level edge behind where strips lie; none where it is too faint."""
+    marks = []
+    for x in np.linspace(0.05, 0.55, 7):
+        ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
+        (u, low), (_, high) = ends
+        left, first, last = round(float(u)) - DESK_SIDE // 2, round(float(high)), round(float(low))
+        if (
+            left < 0
+            or left + DESK_SIDE > grey.shape[1]
+            or first < REACH
+            or last > len(grey) - REACH
+        ):
+            continue
+        rows = grey[first:last, left : left + DESK_SIDE].astype(np.float64).mean(axis=1)
+        steps = np.abs(rows[4:] - rows[:-4])
+        if len(steps) == 0 or steps.max() < CONTRAST:
+            continue
+        top = first + int(np.argmax(steps)) + 2 - DESK_SIDE // 2
+        marks.append(Landmark.of("desk", grey, left, top, DESK_SIDE))
+    return marks
+
+
+def _found(grey: Image, mark: Landmark) -> tuple[float, float] | None:
+    """Shift (u, v) [px] at which the landmark is seen again, or None."""
+    patch = mark.patch()
+    reach_u = REACH if mark.kind == "tip" else 0  # a level line says nothing of sideways motion
+    left, top = max(mark.left - reach_u, 0), max(mark.top - REACH, 0)
+    side = len(patch)
+    window = grey[top : mark.top + side + REACH, left : mark.left + side + reach_u]
+    if window.shape[0] < side or window.shape[1] < side:
+        return None
+    scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
+    _, best, _, (u, v) = cv2.minMaxLoc(scores)
+    if not best >= ALIKE:
+        return None
+    fine_u, fine_v = _peak(scores[v, :], u), _peak(scores[:, u], v)
+    return left + u + fine_u - mark.left, top + v + fine_v - mark.top
+
+
+def _peak(scores: Array, at: int) -> float:
+    """Where within a pixel of `at` a parabola through three scores has its top."""
+    if not 0 < at < len(scores) - 1:
+        return 0.0
+    before, here, after = (float(score) for score in scores[at - 1 : at + 2])
+    bend = before - 2 * here + after
+    return 0.0 if bend >= 0 else 0.5 * (before - after) / bend
+
+
+def _moved_mm(
+    mark: Landmark, shift: Sequence[float], lens: Lens, homography: Homography
+) -> tuple[float, float]:
+    """A shift [px] of a landmark as x, z [mm] in the plane."""
+    side = TIP_SIDE if mark.kind == "tip" else DESK_SIDE
+    here = np.array([mark.left, mark.top]) + side / 2
+    was, now = homography.to_plane(lens.undistort(np.array([here, here + shift])))
+    x, z = 1e3 * (now - was)
+    return float(x), float(z)
+
+
+def _grey(image: Image) -> Image:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

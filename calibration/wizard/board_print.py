@@ -1,0 +1,130 @@
+"""The board and the pointer's disc on paper: a PDF of true size."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from calibration.board_settings import DICTIONARY, BoardSettings
+from drivers.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAPERS = {"A4": (297.0, 210.0), "A3": (420.0, 297.0), "A2": (594.0, 420.0), "A1": (841.0, 594.0)}
+QUIET = 0.5  # squares of white around the pattern
+FOOT = 16.0  # mm under it, for the ruler and the words
+MODULES = 7  # of a marker of 5 x 5 bits, its border included
+PLATE, DISC = 14.0, 5.0  # mm, radii of the pointer's dark plate and bright disc
+MM = 1 / 25.4  # inches
+
+
+def paper(settings: BoardSettings) -> tuple[str, tuple[float, float]]:
+    """The smallest sheet [mm, wide and high] that holds the board; ConfigurationError for none."""
+    square = 1e3 * settings.square
+    wide = (settings.columns + 2 * QUIET) * square
+    high = (settings.rows + 2 * QUIET) * square + FOOT
+    for name, (width, height) in PAPERS.items():
+        if wide <= width and high <= height:
+            return name, (width, height)
+    raise ConfigurationError(
+        f"board: {wide:.0f} x {high:.0f} mm fit on no sheet up to A1; make the squares smaller"
+    )
+
+
+def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
+    """The board's page and the pointer's, as matplotlib figures of true size."""
+    name, (width, height) = paper(settings)
+    page, axes = _page(width, height)
+    square = 1e3 * settings.square
+    left, top = (width - settings.columns * square) / 2, height - QUIET * square
+    board = settings.board()
+    for x, y in _dark_squares(settings):
+        _fill(axes, left + x * square, top - (y + 1) * square, square, square)
+    for number, place in enumerate(board.getObjPoints()):
+        corner = 1e3 * np.asarray(place)[0, :2]
+        _marker(axes, int(board.getIds()[number]), (left + corner[0], top - corner[1]), settings)
+    _ruler(axes, settings, left, top - settings.rows * square - 6.0, name)
+    return page, _pointer_page()
+
+
+def print_board(settings: BoardSettings, path: Path) -> str:
+    """Write the board as a PDF of true size and return the sheet's name."""
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    figures = board_figures(settings)
+    try:
+        with PdfPages(path) as pages:
+            for figure in figures:
+                pages.savefig(figure)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    return paper(settings)[0]
+
+
+def _page(width: float, height: float) -> tuple["Figure", Any]:
+    """A figure whose axes are millimetres from the sheet's lower left corner."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width * MM, height * MM))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    axes.set_xlim(0, width)
+    axes.set_ylim(0, height)
+    return figure, axes
+
+
+def _dark_squares(settings: BoardSettings) -> list[tuple[int, int]]:
+    """Columns and rows of the dark squares, as this version of OpenCV lays them out."""
+    scale = 24
+    size = (settings.columns * scale, settings.rows * scale)
+    drawn = settings.board().generateImage(size)
+    corners = [(x, y) for y in range(settings.rows) for x in range(settings.columns)]
+    return [(x, y) for x, y in corners if drawn[y * scale + 1, x * scale + 1] < 128]
+
+
+def _marker(axes: Any, number: int, corner: tuple[float, float], settings: BoardSettings) -> None:
+    """A marker whose upper left corner is at `corner` [mm]."""
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    bits = cv2.aruco.generateImageMarker(dictionary, number, MODULES)
+    side = 1e3 * settings.marker / MODULES
+    for row, column in zip(*np.nonzero(bits < 128), strict=True):
+        x, y = corner[0] + column * side, corner[1] - (row + 1) * side
+        _fill(axes, x, y, side, side)
+
+
+def _fill(axes: Any, x: float, y: float, width: float, height: float) -> None:
+    from matplotlib.patches import Rectangle
+
+    axes.add_patch(Rectangle((x, y), width, height, facecolor="black", linewidth=0))
+
+
+def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
+    """A line as long as all columns, to lay a ruler at, and what to do with it."""
+    length = 1e3 * settings.width
+    axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)
+    for end in (left, left + length):
+        axes.plot([end, end], [y - 2, y + 2], color="black", linewidth=0.4)
+    words = (
+        f"Print on {name} at 100 %, glue it on something flat and stiff. Measure this line: "
+        f"{length:.1f} mm. ChArUco {settings.columns} x {settings.rows}, "
+        f"squares {1e3 * settings.square:g} mm, markers {1e3 * settings.marker:g} mm, DICT_5X5_100."
+    )
+    axes.text(left, y - 6.0, words, fontsize=6.5, va="center")
+
+
+def _pointer_page() -> "Figure":
+    """The pointer: a bright disc on a dark plate, to be cut out."""
+    from matplotlib.patches import Circle
+
+    page, axes = _page(*PAPERS["A4"])
+    axes.add_patch(Circle((60, 150), PLATE, facecolor="black", linewidth=0))
+    axes.add_patch(Circle((60, 150), DISC, facecolor="white", linewidth=0))
+    words = (
+        "The pointer: cut out the black plate, glue it to a pin that the fingers hold,\n"
+        "its disc's centre where the gripper grasps, its face in the plane of the strip's\n"
+        f"near edge. The plate measures {2 * PLATE:.0f} mm, the disc {2 * DISC:.0f} mm."
+    )
+    axes.text(85, 150, words, fontsize=9, va="center")
+    return page

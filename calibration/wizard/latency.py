@@ -1,0 +1,181 @@
+"""How late the camera is: steps of the arm, seen in images, held against the arm's own word."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import minimize_scalar
+
+from calibration.homography import Homography
+from calibration.lens import Lens
+from calibration.pointer import find_pointer
+from drivers.settings import Settings
+from drivers.types import ArmState, Array, Frame, Pose
+
+NAN = float("nan")
+MOVING = 0.02  # m/s from which a moment says something about time
+COARSE = 0.005  # s between the latencies that are tried first
+
+
+class LatencySettings(Settings):
+    """Steps along x of `step` [m] from (`x`, `z`) and back, `steps` of them, and what is demanded.
+
+    `most` is the largest latency that is believed and `uncertainty` what two halves of the images
+    may differ by, both [s]; `images` how many must have been taken in motion.
+    """
+
+    x: float = Field(0.25, ge=-0.5, le=2.0)
+    z: float = Field(0.15, ge=0.02, le=1.0)
+    step: float = Field(0.12, ge=0.02, le=0.4)
+    steps: int = Field(6, ge=2, le=40)
+    images: int = Field(10, ge=4)
+    most: float = Field(0.3, gt=0, le=1)
+    uncertainty: float = Field(0.005, gt=0, le=0.1)
+    misfit_mm: float = Field(2.0, gt=0, le=20)  # rms between image and arm at the best latency
+
+
+@dataclass(frozen=True, slots=True)
+class SeenStep:
+    """One image of the pointer under way: its stamp [s] and the disc's centre (2,) [px]."""
+
+    stamp: float
+    pixel: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LatencyVerdict:
+    """How much earlier than its stamp an image shows the world [s], and why that is not believed.
+
+    `apart` [s] is by how much two halves of the images differ, `misfit_mm` the rms distance
+    between image and arm at the best latency, `images` how many were taken in motion.
+    """
+
+    latency: float
+    apart: float
+    misfit_mm: float
+    images: int
+    reasons: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the latency may be used."""
+        return not self.reasons
+
+
+class LatencySteps:
+    """Ask and tell: the caller moves the pointer to `ask()` and on the way tells all it learns."""
+
+    def __init__(self, settings: LatencySettings) -> None:
+        self._settings = settings
+        here, there = settings.x, settings.x + settings.step
+        self._queue = [Pose(here, settings.z, pi / 2)]
+        self._queue += [
+            Pose((there, here)[k % 2], settings.z, pi / 2) for k in range(settings.steps)
+        ]
+        self._arm: list[tuple[float, float, float]] = []
+        self._seen: list[SeenStep] = []
+
+    @property
+    def left(self) -> int:
+        """How many moves are still wanted."""
+        return len(self._queue)
+
+    @property
+    def arm(self) -> Array:
+        """(n, 3) what the arm said: stamp [s], x, z [m]."""
+        return np.reshape(self._arm, (-1, 3))
+
+    @property
+    def seen(self) -> tuple[SeenStep, ...]:
+        """What the images showed."""
+        return tuple(self._seen)
+
+    def ask(self) -> Pose | None:
+        """Where to move the pointer next; None when enough was seen."""
+        return self._queue[0] if self._queue else None
+
+    def arrived(self) -> None:
+        """The arm rests at the pose that was asked for."""
+        self._queue = self._queue[1:]
+
+    def tell_arm(self, state: ArmState) -> None:
+        """The arm's newest state."""
+        if not self._arm or state.stamp > self._arm[-1][0]:
+            self._arm.append((state.stamp, state.pose.x, state.pose.z))
+
+    def tell_frame(self, frame: Frame) -> bool:
+        """A new image; whether the pointer was seen in it."""
+        centre = find_pointer(frame.image)
+        if centre is not None:
+            self._seen.append(SeenStep(frame.stamp, centre))
+        return centre is not None
+
+    def verdict(self, lens: Lens, homography: Homography) -> LatencyVerdict:
+        """The latency, through the map that the touched points gave."""
+        return latency_verdict(self.arm, self._seen, lens, homography, self._settings)
+
+
+def latency_verdict(
+    arm: Array,
+    seen: Sequence[SeenStep],
+    lens: Lens,
+    homography: Homography,
+    settings: LatencySettings,
+) -> LatencyVerdict:
+    """The verdict on images `seen` while the arm was at `arm` (n, 3) stamp [s], x, z [m]."""
+    if len(arm) < 2 or not seen:
+        return LatencyVerdict(NAN, NAN, NAN, 0, ("no step of the arm was seen; step again",))
+    stamps = np.array([step.stamp for step in seen])
+    places = homography.to_plane(lens.undistort(np.array([step.pixel for step in seen])))
+    inside = (stamps > arm[0, 0] + settings.most) & (stamps < arm[-1, 0])
+    stamps, along = stamps[inside], places[inside, 0]
+    speed = np.interp(stamps, arm[:, 0], np.abs(np.gradient(arm[:, 1], arm[:, 0])))
+    moving = int((speed > MOVING).sum())
+    if moving < settings.images:
+        reason = f"{moving} images show the pointer under way, {settings.images} are needed"
+        return LatencyVerdict(NAN, NAN, NAN, moving, (f"{reason}; step again, uncover it",))
+    latency, misfit = _best(arm, stamps, along, settings.most)
+    halves = [_best(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
+    verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving, ())
+    return LatencyVerdict(
+        latency, verdict.apart, verdict.misfit_mm, moving, _reasons(verdict, settings)
+    )
+
+
+def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
+    """The latency [s] at which image and arm agree best, and their rms distance [m] then.
+
+    A constant offset between both is free: it belongs to the map.
+    """
+
+    def misfit(latency: float) -> float:
+        off = along - np.interp(stamps - latency, arm[:, 0], arm[:, 1])
+        return float(np.std(off))
+
+    tried = np.arange(-most, most + COARSE / 2, COARSE)
+    start = float(tried[np.argmin([misfit(latency) for latency in tried])])
+    bounds = (start - COARSE, start + COARSE)
+    found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    return float(found.x), float(found.fun)
+
+
+def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
+    reasons = []
+    if abs(verdict.latency) > settings.most:
+        reasons.append(
+            f"the latency is {1e3 * verdict.latency:.0f} ms, believed are "
+            f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"
+        )
+    if verdict.apart > settings.uncertainty:
+        reasons.append(
+            f"two halves of the images differ by {1e3 * verdict.apart:.1f} ms in latency, allowed "
+            f"{1e3 * settings.uncertainty:.1f} ms; step again, check that the frame rate is steady"
+        )
+    if verdict.misfit_mm > settings.misfit_mm:
+        reasons.append(
+            f"image and arm are {verdict.misfit_mm:.1f} mm apart in motion, allowed "
+            f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"
+        )
+    return tuple(reasons)

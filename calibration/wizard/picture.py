@@ -1,0 +1,91 @@
+"""A session drawn over one of its images: what was seen where, and how far off it is."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import cv2
+import numpy as np
+
+from calibration.board_view import BoardView
+from calibration.homography import Homography
+from calibration.lens import Lens
+from calibration.wizard.touch_fit import Touched
+from calibration.wizard.touch_verdict import TouchVerdict
+from drivers.types import Array, Image
+
+ENLARGED = 300.0  # times by which errors are drawn longer than they are
+FITTED, HELD_OUT, BAD, COMING, WHITE = (
+    (80, 210, 110),
+    (255, 170, 40),
+    (60, 60, 235),
+    (170, 170, 170),
+    (255, 255, 255),
+)  # BGR
+LINE = cv2.LINE_AA
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
+    """`image` with every corner that any view showed: what of it is covered."""
+    drawn = _dimmed(image)
+    for view in views:
+        for corner in view.image:
+            cv2.circle(drawn, _at(corner), 2, FITTED, -1, LINE)
+    words = (
+        f"{len(per_view)} views; corners off by up to {max(per_view.values(), default=0):.2f} px"
+    )
+    return _titled(drawn, (words,))
+
+
+def touches_picture(
+    image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
+) -> Image:
+    """`image` with every touched point and its error, `ENLARGED` times; wild ones are crossed."""
+    drawn = _dimmed(image)
+    off = {point.number for point in verdict.rejected}
+    replaced = {point.number for point in verdict.wild}
+    for touched in touches:
+        at = _at(touched.pixel)
+        wild = touched.number in off or (touched.number in replaced and not touched.again)
+        colour = BAD if wild else HELD_OUT if touched.held_out else FITTED
+        if wild:
+            cv2.drawMarker(drawn, at, BAD, cv2.MARKER_TILTED_CROSS, 20, 2, LINE)
+        else:
+            cv2.circle(drawn, at, 6, colour, 1, LINE)
+            _error(drawn, touched, lens, verdict.homography, colour)
+        cv2.putText(
+            drawn, str(touched.number), (at[0] + 12, at[1] - 10), FONT, 0.5, colour, 1, LINE
+        )
+    words = (
+        f"green: fitted, blue: held out, red: wild; errors drawn {ENLARGED:.0f} times",
+        f"held out: {verdict.residual_mm:.2f} mm rms, {verdict.worst_mm:.2f} mm at worst; "
+        f"halves agree within {verdict.halves_mm:.2f} mm",
+    )
+    return _titled(drawn, words)
+
+
+def _error(
+    drawn: Image,
+    touched: Touched,
+    lens: Lens,
+    homography: Homography | None,
+    colour: tuple[int, int, int],
+) -> None:
+    if homography is None:
+        return
+    mapped = lens.distort(homography.to_image(touched.place))[0]
+    end = touched.pixel + ENLARGED * (touched.pixel - mapped)
+    cv2.arrowedLine(drawn, _at(touched.pixel), _at(end), colour, 2, LINE, tipLength=0.25)
+
+
+def _titled(drawn: Image, lines: Sequence[str]) -> Image:
+    for k, line in enumerate(lines):
+        cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE, 1, LINE)
+    return drawn
+
+
+def _dimmed(image: Image) -> Image:
+    return np.asarray(image * 0.55, dtype=np.uint8)
+
+
+def _at(point: Array) -> tuple[int, int]:
+    return round(float(point[0])), round(float(point[1]))

@@ -1,0 +1,147 @@
+"""`cell camera`: list cameras, or grab a picture."""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from cell.cli.options import Configs, Json
+
+if TYPE_CHECKING:
+    from cell.operations.camera import Grab
+    from drivers.camera.listing import CameraReport, UnusableDevice
+    from drivers.camera.settings import V4l2Settings
+
+
+def camera(
+    device: Annotated[
+        str | None,
+        typer.Option(help="Camera by its link, /dev/v4l/by-id/... [default: that of cell.yaml]."),
+    ] = None,
+    grab: Annotated[Path | None, typer.Option(help="Take a picture into this PNG file.")] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """List cameras with their formats and controls, or take a picture with one."""
+    if grab is not None:
+        _grab(_settings(device, configs), grab, as_json=as_json)
+        return
+    from drivers.camera.kernel import Linux
+    from drivers.camera.listing import list_cameras, report
+
+    found = list_cameras(Linux()) if device is None else iter([report(Linux(), device)])
+    _tell_all(found, as_json=as_json)
+
+
+def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
+    """The cell file's camera, or settings that suit `device` where it is another one."""
+    from cell.config.places import find_configs
+    from cell.operations.camera import suggested
+    from drivers.camera.kernel import Linux
+    from drivers.camera.listing import report
+    from drivers.errors import ConfigurationError
+
+    own = find_configs(configs).cell().camera
+    if own is not None and device in {None, own.device}:
+        return own
+    if device is None:
+        raise ConfigurationError(
+            "--device: cell.yaml names no camera; name one that `cell camera` lists"
+        )
+    settings = suggested(report(Linux(), device))
+    if settings is None:
+        raise ConfigurationError(f"{device}: offers no format that this driver reads")
+    return settings
+
+
+def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
+    from cell.operations.camera import grab, save
+
+    taken = grab(settings)
+    save(taken.frame, path)
+    if as_json:
+        sys.stdout.write(json.dumps({"file": str(path), **_grab_line(taken)}) + "\n")
+        return
+    counts, picture = taken.counts, taken.setup.picture
+    locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items()) or "nothing"
+    sys.stdout.write(
+        f"{path}: {picture.format} {picture.width}x{picture.height} of {settings.device}\n"
+        f"  {taken.rate:.1f} Hz by the stamps, {picture.rate:g} agreed; known "
+        f"{1e3 * taken.age:.0f} ms after the middle of the exposure, stamped by the "
+        f"{taken.frame.stamp_source}\n"
+        f"  {counts.arrived} frames, {counts.missing} missing, {counts.corrupt} corrupt, "
+        f"{counts.restamped} without a stamp to trust\n"
+        f"  locked: {locks}\n"
+    )
+
+
+def _grab_line(taken: "Grab") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        **asdict(taken.setup.picture),
+        "measured_rate": taken.rate,
+        "age": taken.age,
+        "stamp_source": taken.frame.stamp_source,
+        "counts": asdict(taken.counts),
+        "locks": dict(taken.setup.locks),
+    }
+
+
+def _tell_all(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool) -> None:
+    from drivers.camera.listing import UnusableDevice
+
+    count = 0
+    for entry in found:
+        count += 1
+        if as_json:
+            sys.stdout.write(json.dumps(_line(entry)) + "\n")
+        elif isinstance(entry, UnusableDevice):
+            sys.stdout.write(f"{entry.problem}\n")
+        else:
+            sys.stdout.write("\n".join(_page(entry)) + "\n")
+    if not count:
+        sys.stderr.write("cell: no camera has a link under /dev/v4l; plug one in\n")
+
+
+def _line(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from drivers.camera.listing import UnusableDevice
+
+    if isinstance(entry, UnusableDevice):
+        return asdict(entry)
+    section = _section(entry)
+    return {**asdict(entry), "camera": section}
+
+
+def _section(entry: "CameraReport") -> dict[str, Any] | None:
+    from cell.operations.camera import suggested
+
+    settings = suggested(entry)
+    return None if settings is None else settings.model_dump(exclude_defaults=True)
+
+
+def _page(entry: "CameraReport") -> Iterator[str]:
+    from drivers.camera.formats import READ
+
+    who = entry.identity
+    yield f"{entry.device}: {who.card} ({who.driver}, {who.bus})"
+    yield "  formats"
+    yield from (f"    {mode} Hz" for mode in entry.modes if mode.format in READ)
+    others = {mode.format: None for mode in entry.modes if mode.format not in READ}
+    if others:
+        yield f"    not read by this driver: {', '.join(others)}"
+    yield "  controls"
+    for control in entry.controls:
+        value = "-" if control.value is None else control.value
+        why = "" if control.obstacle is None else f"; {control.obstacle}"
+        yield f"    {control.name} {value} ({control.allowed}{why})"
+    section = _section(entry)
+    if section is None:
+        yield "  offers no format that this driver reads"
+    else:
+        yield f"  to use it, in cell.yaml\n    camera: {json.dumps(section)}"

@@ -1,0 +1,135 @@
+"""A Franka arm with strip and camera of the twin, which follow the poses that the arm measures."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+from cell.config.cell import CellFile
+from cell.config.fold import FoldSettings
+from cell.devices.devices import Closable, Devices, DeviceSelection
+from cell.devices.fold_path import triangle, whole_path
+from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk
+from drivers.arm.arm import FciArm
+from drivers.arm.bridge import Bridge
+from drivers.arm.hand import FciHand
+from drivers.arm.process import Task
+from drivers.arm.reach import plan_reach
+from drivers.clock import WallClock
+from drivers.errors import ConfigurationError
+from drivers.installation import Installation
+from drivers.strip.file import StripFile
+from drivers.twin.clock import PacedClock, TwinClock
+from drivers.twin.follow import Follower
+from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
+from drivers.twin.server.server import RobotServer
+from drivers.types import Array, frozen
+
+NONE = frozen([0.0, 0.0, 0.0])
+
+
+@dataclass(slots=True)
+class Surroundings:
+    """What the emulated robot feels; nothing until a follower tells it."""
+
+    follower: Follower | None = None
+
+    def between(self) -> float | None:
+        """Thickness [m] of what lies between the fingers; None for nothing."""
+        return None if self.follower is None else self.follower.between()
+
+    def force(self, tip: Array, time: float) -> Array:
+        """Force (3,) [N] on the tool, in the base."""
+        return NONE if self.follower is None else self.follower.force(tip, time)
+
+
+def fci_devices(
+    settings: CellFile,
+    strip: StripFile,
+    choice: DeviceSelection,
+    staging: PlantOptions = ORDINARY,
+    *,
+    calibrating: bool = False,
+) -> Devices:
+    """The arm at the address in cell.yaml, or a twin of it that is started here, in lock-step.
+
+    Against an address the robot's time runs by itself, and strip and camera keep up with it.
+    While `calibrating` the desk is bare, and the twin's camera has hands that hold things.
+    """
+    plant, lying, rig = on_desk(settings, strip, choice)
+    rig = {} if calibrating else rig
+    wall = None if settings.fci.in_lock_step else WallClock()
+    clock = TwinClock() if wall is None else PacedClock(wall)
+    twin = bare(settings) if calibrating else settings.twin
+    desk = open_desk(clock, twin, lying, rig, choice.seed, choice.index, staging)
+    _check_rig(desk)
+    surroundings, others = Surroundings(), list[Closable]()
+    address = settings.fci.address
+    if address is None:
+        server = _served(settings, strip, surroundings)
+        address = server.address
+        others.append(server)
+    origin = None if wall is None else wall.origin
+    arm, hand = fci_arm(settings, clock, address, origin)
+    others.append(hand)
+    frame = settings.installation.mounting.transform()
+    follower = Follower(desk, settings.twin.hand, arm.catch_up, hand, frame)
+    surroundings.follower = follower
+    return Devices(
+        clock=clock,
+        arm=arm,
+        hand=hand,
+        camera=desk.camera,
+        camera_identity=settings.twin.camera.identity,
+        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
+        plant=TwinPlant(desk, plant),
+        others=tuple(others),
+    )
+
+
+def fci_arm(
+    settings: CellFile, clock: TwinClock, address: str, origin: float | None
+) -> tuple[FciArm, FciHand]:
+    """Arm and hand at `address`; `origin` of the wall clock that the robot runs by, if it does."""
+    installation = settings.fci.installed(settings.installation)
+    realtime = "ignore" if origin is None else settings.fci.realtime
+    fci = settings.fci.model_copy(update={"realtime": realtime})
+    arm = FciArm(lambda: Bridge(Task(address, fci, installation, origin)), clock, installation)
+    hand = FciHand(address, fci.hand, clock, ready=arm.join)
+    return arm, hand
+
+
+@lru_cache(maxsize=16)
+def start_joints(
+    installation: Installation, fold: FoldSettings, length: float, home: float
+) -> tuple[float, ...]:
+    """Joints (7,) [rad] over the strip's edge from which a plain fold can be followed best.
+
+    Raises ConfigurationError where the mounting leaves no way.
+    """
+    path, speeds = whole_path(length, home, fold, installation.limits, triangle(length))
+    reach = plan_reach(installation, path, speeds)
+    if not reach.allowed:
+        raise ConfigurationError(
+            f"installation.mounting: the arm cannot follow a fold: {reach.problems[0]}; "
+            "move robot or strip, see `cell fold --dry-run --arm fci`"
+        )
+    joints: list[float] = reach.start.tolist()
+    return tuple(joints)
+
+
+def _served(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
+    """A twin of the robot in a thread of its own: in lock-step the cell waits while it works."""
+    installation = settings.fci.installed(settings.installation)
+    home = settings.twin.arm.home_height
+    start = start_joints(installation, settings.fold, strip.length, home)
+    server = RobotServer(
+        start=frozen(start), surroundings=surroundings, between=surroundings.between
+    )
+    server.hand.width = settings.fci.hand.opening
+    return server.start()
+
+
+def _check_rig(desk: Desk) -> None:
+    if desk.model.rig.delay != 0:
+        raise ConfigurationError(
+            "effects: control_delay cannot be simulated with arm fci; use arm twin"
+        )

@@ -1,0 +1,45 @@
+"""The gripper's path through a whole fold, from its home to the retreat."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from cell.config.fold import FoldSettings
+from drivers.limits import MotionLimits
+from drivers.types import Array
+from policies.path import lift_pitch
+
+HANGING = np.pi / 2
+
+
+def whole_path(
+    length: float, home: float, fold: FoldSettings, limits: MotionLimits, carry: Array
+) -> tuple[Array, Array]:
+    """Poses (n, 3) of x, z [m], pitch [rad], and the speed [m/s] on the way to each.
+
+    From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
+    edge to where the layers touch. The lay and the retreat follow.
+    """
+    away, quick = fold.approach, min(limits.x.velocity, limits.z.velocity)
+    comes = [(length, home), (length + away, fold.clear_height), (length + away, 2 * away)]
+    comes += [(length + away, 0.0), (length, 0.0)]
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(carry, axis=0).T))])
+    carried = np.column_stack([carry, lift_pitch(travel)])
+    x, z = carry[-1].tolist()
+    end = x - z if x > z else 0.0  # where the taut upper layer would lie
+    goes = [(end, 0.001), (end - away, 0.001), (end - away, 2 * away)]
+    poses = np.concatenate([_with_pitch(comes, 0.0), carried[1:], _with_pitch(goes, np.pi)])
+    speeds = [quick] * len(comes) + [fold.speed] * (len(carry) - 1) + [fold.lay_speed, quick, quick]
+    return poses, np.array(speeds)
+
+
+def triangle(length: float) -> Array:
+    """A plain fold (k, 2) [m]: up to the middle and down to the other edge."""
+    corners = np.array([(length, 0.0), (length / 2, length / 2), (0.05, 0.05)])
+    shares = np.linspace(0.0, 1.0, 30)[:, None]
+    legs = [a + shares * (b - a) for a, b in pairwise(corners)]
+    return np.concatenate([legs[0], legs[1][1:]])
+
+
+def _with_pitch(points: list[tuple[float, float]], pitch: float) -> Array:
+    return np.column_stack([np.array(points), np.full(len(points), pitch)])

@@ -1,0 +1,44 @@
+"""Runs replayed: as measured, under the refitted base, and under the accepted model."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import requests
+from cell.gap.subject.scene import Draws, Scene
+from cell.gap.verdict.findings import Findings
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """A run measured and simulated; `after` is None where no effect was accepted, and both
+    simulations where the model found no motion.
+    """
+
+    name: str
+    held_out: bool
+    measured: Scene
+    before: Scene | None
+    after: Scene | None
+
+
+def replayed(found: Findings, *, held_out_only: bool = False) -> Iterator[Replayed]:
+    """Runs under the refitted base and the accepted model, held-out ones first."""
+    subject, shown = found.subject, found.shown
+    if not isinstance(subject, Draws):
+        return
+    pairs = [(True, shown.before, None if shown.after is shown.before else shown.after)]
+    if not held_out_only:
+        base, best = found.base.estimate, found.accepted.estimate
+        pairs.append((False, base, best if best.model.effects else None))
+    for held_out, before, after in pairs:
+        runs = before.evidence.runs
+        was = _scenes(subject, before)
+        now = [None] * len(runs) if after is None else _scenes(subject, after)
+        for run, old, new in zip(runs, was, now, strict=True):
+            yield Replayed(run.name, held_out, subject.measured(run), old, new)
+
+
+def _scenes(subject: Draws, estimate: Estimate) -> Sequence[Scene | None]:
+    asked = requests(estimate.model, estimate.evidence.runs, estimate.point)
+    return subject.simulated(asked)

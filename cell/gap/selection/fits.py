@@ -1,0 +1,62 @@
+"""All fitted models of the same runs: the base, and every model with effects beside it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.starts import best
+from cell.gap.selection.likelihood import LikelihoodScale, likelihood_scale, margin
+
+WORTH = 0.5  # of the best model's gain, from which models of its size are looked at too
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """Fitted models of the same runs, each set of effects once; one of them is the base."""
+
+    models: tuple[Validated, ...]
+
+    @property
+    def base(self) -> Validated:
+        """The model without effects."""
+        return next(m for m in self.models if not m.model.effects)
+
+    @property
+    def scale(self) -> LikelihoodScale:
+        """What a nat is worth, by the model that fits best."""
+        return likelihood_scale(self.models)
+
+    def of_size(self, size: int) -> list[Validated]:
+        """Models of `size` effects, the one that predicts best first."""
+        return by_loss([m for m in self.models if len(m.model.effects) == size], self.scale)
+
+    def of(self, names: frozenset[str]) -> Validated | None:
+        """The model with exactly these effects, if it was fitted."""
+        return next((m for m in self.models if m.model.names == names), None)
+
+    @property
+    def best(self) -> Validated:
+        """The model that predicts best, whatever its size."""
+        return by_loss(self.models, self.scale)[0]
+
+    def worth(self, size: int) -> list[Validated]:
+        """Models of `size` effects that gain at least WORTH of what the best of them does."""
+        if not size:
+            return []
+        by, models = self.scale, self.of_size(size)
+        gains = [margin(m, self.base, by).gain for m in models]
+        return [m for m, gain in zip(models, gains, strict=True) if gain > WORTH * gains[0]]
+
+    def merged(self, more: Sequence[Validated]) -> "Fits":
+        """These and `more`; of two fits of the same effects the better one is kept."""
+        found = {m.model.names: m for m in self.models}
+        for m in more:
+            known = found.get(m.model.names)
+            if known is None or best([known.estimate, m.estimate]) is m.estimate:
+                found[m.model.names] = m
+        return Fits(tuple(found.values()))
+
+
+def by_loss(models: Sequence[Validated], by: LikelihoodScale) -> list[Validated]:
+    """The models, the one that predicts best first."""
+    return sorted(models, key=lambda m: (float(m.losses(by.scale).sum()), m.model.name))

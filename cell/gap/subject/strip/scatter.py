@@ -1,0 +1,92 @@
+"""What differs from run to run in a laboratory for no reason that matters."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from cell.gap.subject.subject import Parameter
+from drivers.strip.model import Mechanics, StripModel
+from drivers.types import frozen
+
+FARTHEST = 8.0  # times its usual spread, what any run may have
+
+
+@dataclass(frozen=True, slots=True)
+class RunEffect:
+    """A quantity that each run has anew: `usual` is the spread of an honest laboratory.
+
+    `step` is the change by which responses are measured; `changed(model, value)` is the model of
+    a run that has it. `sentence` names it for a technician, `remedy` is what makes it smaller.
+    """
+
+    name: str
+    sentence: str
+    unit: str
+    usual: float
+    step: float
+    changed: Callable[[StripModel, float], StripModel]
+    remedy: str
+
+    @property
+    def parameter(self) -> Parameter:
+        """The unknown of one run, with its usual spread."""
+        most = FARTHEST * self.usual
+        return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual, random=True)
+
+
+def _grip_x(model: StripModel, value: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, grip_x=model.rig.grip_x + value))
+
+
+def _grip_z(model: StripModel, value: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, grip_z=model.rig.grip_z + value))
+
+
+def _grip_pitch(model: StripModel, value: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, grip_tilt=model.rig.grip_tilt + value))
+
+
+def _desk(model: StripModel, value: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, desk_height=model.rig.desk_height + value))
+
+
+def _clock(model: StripModel, value: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, camera_latency=seen.camera_latency + value))
+
+
+def _slack(model: StripModel, value: float) -> StripModel:
+    strip = model.mechanics
+    return replace(model, mechanics=replace(strip, length=strip.length + value))
+
+
+def _stiffness(model: StripModel, value: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    changed = replace(strip, rigidity=frozen(strip.rigidity * (1.0 + value)))
+    return replace(model, mechanics=changed)
+
+
+def _damping(model: StripModel, value: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    changed = replace(strip, viscosity=frozen(strip.viscosity * (1.0 + value)))
+    return replace(model, mechanics=changed)
+
+
+GRIPPER, AIR, RIG = (
+    "a stop against which the strip's edge is laid, or a gripper with firmer fingers",
+    "longer rests between runs, and a steady temperature and humidity",
+    "a stiffer desk and mount, and one clock for arm and camera",
+)
+RUN_EFFECTS = (
+    RunEffect("grip_x", "where along the desk the edge is grasped", "m", 3e-4, 3e-4, _grip_x,
+              GRIPPER),
+    RunEffect("grip_z", "at what height the edge is grasped", "m", 3e-4, 3e-4, _grip_z, GRIPPER),
+    RunEffect("grip_pitch", "at what angle the edge is grasped", "rad", 0.005, 0.005, _grip_pitch,
+              GRIPPER),
+    RunEffect("slack", "how much strip lies between edge and grip", "m", 3e-4, 3e-4, _slack,
+              GRIPPER),
+    RunEffect("damping", "the strip's damping", "1", 0.05, 0.05, _damping, AIR),
+    RunEffect("stiffness", "the strip's stiffness", "1", 0.005, 0.01, _stiffness, AIR),
+    RunEffect("desk_height", "the height of the desk", "m", 2e-4, 3e-4, _desk, RIG),
+    RunEffect("clock_start", "the start of the camera's clock", "s", 0.002, 0.003, _clock, RIG),
+)  # fmt: skip
+"""Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""

@@ -1,0 +1,41 @@
+"""Which experiments would tell the accepted explanation from the next best one."""
+
+import numpy as np
+
+from cell.gap.diagnosis.next_experiment import Advice, advise
+from cell.gap.fitting.model import Model
+from cell.gap.fitting.tasks import Simulate, run_one
+from cell.gap.selection.choice import Choice
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.findings import Judged, Screened
+from drivers.types import Array
+
+
+def advice(
+    subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
+) -> list[Advice]:
+    """Planned experiments, the most telling for its minutes first; empty where none would tell."""
+    experiments = subject.experiments()
+    second = _alternative(screened, choice, judged)
+    if second is None or not experiments:
+        return []
+    return run_one(simulate, advise(choice.accepted.estimate, second, experiments, choice.by))
+
+
+def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Model, Array] | None:
+    """The explanation that most deserves to be told from the accepted one, with its values."""
+    if judged.rivals:
+        other = judged.rivals[0].model
+        return other.model, other.estimate.shared
+    size = len(choice.accepted.model.effects) or 1
+    others = [m for m in choice.fits.models
+              if len(m.model.effects) == size and m is not choice.accepted]  # fmt: skip
+    if others:
+        best = min(others, key=lambda m: float(m.losses(choice.by.scale).sum()))
+        return best.model, best.estimate.shared
+    alive = [p for p in screened.probed if not p.dead]
+    if not alive:
+        return None
+    base, candidate = choice.accepted.estimate, alive[0].candidate
+    model = Model(base.model.base, (candidate,))
+    return model, np.concatenate([base.shared, np.array(candidate.probes[0][0])])

@@ -1,0 +1,121 @@
+"""Doubts about the accepted model: does it fit, serve all conditions, and stand alone?"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cell.gap.diagnosis import held_out_gap, lack_of_fit
+from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.invariance import Invariance, invariance
+from cell.gap.diagnosis.sparse_law import describe
+from cell.gap.fitting.crossvalidation import Validated, validate
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.spreads import estimated
+from cell.gap.fitting.starts import refined, refit_fine
+from cell.gap.fitting.tasks import Simulate, run_all, run_one
+from cell.gap.selection.choice import Choice, choose
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.rivals import classes, rivals
+from cell.gap.selection.screening import probe
+from cell.gap.subject.subject import Subject
+from cell.gap.verdict.findings import Judged, Shown
+from drivers.types import Array
+
+
+def chosen(subject: Subject, simulate: Simulate, fits: Fits) -> Choice:
+    """The choice among `fits`, its accepted model refitted against the finest simulation.
+
+    The other models are compared as they are.
+    """
+    found = choose(fits)
+    rough = found.accepted
+    if not rough.model.effects:
+        return found
+    done = run_one(simulate, validate(refit_fine(subject, simulate, rough.estimate)))
+    models = tuple(done if m is rough else m for m in fits.models)
+    return replace(found, accepted=done, fits=Fits(models))
+
+
+def judge(
+    subject: Subject,
+    choice: Choice,
+    simulate: Simulate,
+    whole: Evidence,
+    rng: np.random.Generator,
+) -> Judged:
+    """Test the accepted model of `choice` for what it leaves, drift and alternatives.
+
+    `whole` are the runs with every random unknown that they may have.
+    """
+    best = choice.accepted.estimate
+    about = projection(best)
+    invariances = _invariances(choice, simulate)
+    tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
+    noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
+    change = drift(best)
+    inflation = change.inflation if change is not None else lack_of_fit.pure_error(best)
+    strict = lack_of_fit.slack(best.evidence, inflation, {})
+    kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
+    misfit = lack_of_fit.lack_of_fit(best, noise, strict)
+    kind[lack_of_fit.unshown(best)] = np.inf
+    leftover, astray = _leftover(best, noise, kind)
+    close = rivals(choice.accepted, choice.fits, choice.by) if best.model.effects else []
+    terms = run_all(simulate, [probe(best, t) for t in subject.scope.terms])
+    law = describe(best, about, terms, choice.by.inefficiency, rng)
+    groups = tuple(map(tuple, classes(choice.accepted, close)))
+    scatter = estimated(simulate, best, whole)
+    return Judged(
+        invariances, misfit, leftover, astray, change, inflation, tuple(close), groups, law, scatter
+    )
+
+
+def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Invariance]]:
+    """Tests of equal amplitudes by model and effect: of the accepted model and all single ones."""
+    tested = [
+        (m, e.name)
+        for m in choice.fits.models
+        if m is choice.accepted or len(m.model.effects) == 1
+        for e in m.model.effects
+    ]
+    results = run_all(simulate, [invariance(m.estimate, e, choice.by) for m, e in tested])
+    found: dict[str, dict[str, Invariance]] = {}
+    for (m, e), result in zip(tested, results, strict=True):
+        found.setdefault(m.model.name, {})[e] = result
+    return found
+
+
+def _leftover(
+    estimate: Estimate, noise: Array, allowed: Array
+) -> tuple[lack_of_fit.Misfit, str | None]:
+    """Lack of fit of all runs; where effects fit all runs but one, of the others, and that one."""
+    whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
+    if whole.p >= LEVEL or not estimate.model.effects:
+        return whole, None
+    name, samples = lack_of_fit.astray(estimate)
+    others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
+    return (others, name) if others.p >= LEVEL else (whole, None)
+
+
+def show(
+    subject: Subject,
+    simulate: Simulate,
+    base: Validated,
+    accepted: Validated,
+    test: Evidence,
+    rng: np.random.Generator,
+) -> Shown:
+    """The base and the accepted model on the held-out runs `test`."""
+
+    def at(fit: Estimate) -> Evidence:
+        return refined(subject, fit.model, Point(fit.shared, test.start()), test)
+
+    known = at(base.estimate)
+    before = after = held_out_gap.unseen(simulate, base.estimate, known)
+    if accepted.model.effects:
+        runs = at(accepted.estimate).runs
+        after = held_out_gap.unseen(simulate, accepted.estimate, Evidence(runs, known.scales))
+    squares = held_out_gap.run_squares(before), held_out_gap.run_squares(after)
+    return Shown(before, after, held_out_gap.shrink(*squares, rng))

@@ -1,0 +1,160 @@
+"""The state in which the camera's map to the plane is made: touches, steps, landmarks."""
+
+from collections.abc import Generator
+
+from calibration.landmarks import remember
+from calibration.touched_points import TouchedPoints
+from calibration.wizard.latency import LatencySteps
+from calibration.wizard.news import Stage, TouchNews
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.operator import Answer, Ask, Question
+from cell.orchestrator.recorder import Record
+from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
+from cell.orchestrator.states import Event
+from cell.orchestrator.steps import (
+    Phase,
+    arrived,
+    close_hand,
+    move,
+    open_hand,
+    pause,
+    still_picture,
+    turn,
+)
+from drivers.errors import CellError
+from drivers.types import Pose
+
+Doing = Generator[Command, Snapshot, None]
+Answering = Generator[Command, Snapshot, Answer]
+
+POINTER_IN = Question(Ask.POINTER_IN, "put the pointer between the fingers, its disc to the camera")
+STEPS = Question(Ask.STEPS, "the arm now steps to and fro to measure the camera's latency")
+POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of the hand")
+
+
+def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
+    """A run that calibrates has no strip to judge."""
+    yield from pause(0.0)
+    return Event.NEEDS_CALIBRATION
+
+
+def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
+    """The map to the plane, the latency, and what the camera must see again later."""
+    yield from open_hand()
+    yield from _answer(cell, POINTER_IN)
+    yield from close_hand()
+    points = TouchedPoints(cell.lens, cell.settings.touches, cell.plan)
+    yield from turn(points.plan[0].pitch)
+    yield from _touch_all(cell, points, record)
+    cell.touches = points.verdict()
+    if cell.touches.homography is not None:
+        yield from _measure_latency(cell, points)
+    if cell.touches.homography is not None and cell.remembers:
+        yield from _remember(cell, points)
+    return Event.CALIBRATED
+
+
+def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
+    """Every pose that is asked for, the ones that disagreed once more."""
+    while (pose := points.ask()) is not None:
+        why = _why(points)
+        cell.watch(_news(points, pose, why))
+        answer = yield from _answer(cell, Question(Ask.TOUCH, why))
+        if answer is Answer.SKIP:
+            points.skip()
+        elif answer is Answer.AGAIN:
+            points.repeat()
+        else:
+            yield from move(pose)
+            yield from _touch(cell, points, record)
+
+
+def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
+    """Images at rest until the point is taken or given up."""
+    number, again, wanted = points.number, points.again, points.ask()
+    settle = True
+    while (points.number, points.again) == (number, again):
+        picture = yield from still_picture(settle=settle)
+        told = points.tell(picture.frame, picture.gripper)
+        settle = told.refused is not None
+        stage = Stage.AGAIN if again else Stage.TOUCH
+        cell.watch(
+            TouchNews(
+                stage=stage,
+                plan=points.plan,
+                touches=points.touches,
+                wanted=wanted,
+                why="",
+                frame=picture.frame,
+                pose=picture.gripper,
+                told=told,
+            )
+        )
+        if told.refused is not None:
+            record.event(picture.time, "touch_refused", reason=told.refused)
+
+
+def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
+    """Step to and fro, telling what arm and camera say on the way."""
+    yield from _answer(cell, STEPS)
+    steps = LatencySteps(cell.settings.latency)
+    while (pose := steps.ask()) is not None:
+        why = f"{steps.left} steps are left, to see how late the images are"
+        cell.watch(_news(points, pose, why, Stage.LATENCY))
+        yield from _step(steps, pose)
+        steps.arrived()
+    cell.watch(TouchNews(Stage.LATENCY, points.plan, points.touches, None, "seen", steps=steps))
+    if cell.touches is not None and cell.touches.homography is not None:
+        cell.latency = steps.verdict(cell.lens, cell.touches.homography)
+
+
+def _step(steps: LatencySteps, pose: Pose) -> Doing:
+    """Move to `pose` and rest there for a moment, telling every state and image."""
+    rest, still = 0.3, float("inf")
+    snapshot = yield MoveTo(pose)
+    while snapshot.time < still + rest:
+        snapshot = yield MoveTo(pose)
+        steps.tell_arm(snapshot.arm)
+        if snapshot.view.fresh and snapshot.view.frame is not None:
+            steps.tell_frame(snapshot.view.frame)
+        if still == float("inf") and arrived(snapshot, pose):
+            still = snapshot.time
+
+
+def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
+    """A picture of the empty hand at a known pose; without the tip there are no landmarks."""
+    yield from open_hand()
+    yield from _answer(cell, POINTER_OUT)
+    pose = cell.settings.landmarks.pose
+    why = "the empty hand here shows later whether the camera moved"
+    cell.watch(_news(points, pose, why, Stage.REMEMBER))
+    yield from move(pose)
+    picture = yield from still_picture()
+    if cell.touches is None or cell.touches.homography is None:
+        return
+    try:
+        cell.landmarks = remember(
+            picture.frame, picture.gripper, cell.lens, cell.touches.homography
+        )
+    except CellError as error:
+        cell.watch(_news(points, pose, str(error), Stage.REMEMBER))
+
+
+def _answer(cell: CalibrationContext, question: Question) -> Answering:
+    """Hold until the operator has answered."""
+    while (answer := cell.operator.answer(question)) is None:
+        yield Hold()
+    yield Hold()
+    return answer
+
+
+def _why(points: TouchedPoints) -> str:
+    if points.again:
+        return f"point {points.number} disagrees with the others: touch it once more"
+    done = len(points.touches)
+    return f"point {points.number}: {done} of {len(points.plan)} points are touched"
+
+
+def _news(points: TouchedPoints, wanted: Pose, why: str, stage: Stage | None = None) -> TouchNews:
+    stage = stage or (Stage.AGAIN if points.again else Stage.TOUCH)
+    return TouchNews(stage, points.plan, points.touches, wanted, why)

@@ -1,0 +1,126 @@
+"""The Franka arm as the cell sees it: a gripper point in the plane of the strip."""
+
+from collections.abc import Callable
+
+from drivers.arm.bridge import Bridge
+from drivers.arm.messages import Kind, Report
+from drivers.errors import Fault
+from drivers.installation import Installation
+from drivers.motion import TICK
+from drivers.protocols import Clock
+from drivers.types import ArmState, Pose, Velocity
+
+SOURCE = "fci arm"
+ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
+
+
+class FciArm:
+    """Satisfies `drivers.protocols.Arm` through a process that owns the robot.
+
+    In lock-step the robot makes one tick for each millisecond of the cell's clock, whenever the
+    cell asks for its state or gives an order: only the clock's time counts, so that runs repeat
+    byte for byte. Against a robot whose time runs by itself states are stamped as they arrive.
+    """
+
+    def __init__(
+        self, start: Callable[[], Bridge], clock: Clock, installation: Installation
+    ) -> None:
+        """An arm on `clock` of which `start` takes hold."""
+        self._start = start
+        self._clock = clock
+        self._installation = installation
+        self._bridge: Bridge | None = None
+        self._begun = 0.0
+        self._connected = False
+        self._closed = False
+
+    def connect(self) -> None:
+        """Take hold of the arm, at rest; allowed twice, refused once closed."""
+        self.hold()
+        self._connected = True
+
+    def hold(self) -> None:
+        """Hold the arm still where it is."""
+        if self._closed:
+            raise Fault("arm_closed", "the arm was let go; open the cell again")
+        if self._bridge is None:
+            self._bridge = self._start()
+            self._begun = self._clock.now()
+
+    def join(self) -> None:
+        """Hold the arm and bring it to the clock's time, for what moves in the robot's time."""
+        self.hold()
+        self.catch_up()
+
+    def state(self) -> ArmState:
+        """The newest measured state."""
+        report, waiting = self._caught_up().report()
+        return ArmState(
+            stamp=self._stamp(report),
+            arrival=self._clock.now(),
+            source=SOURCE,
+            pose=Pose(report.x, report.z, report.pitch),
+            velocity=Velocity(report.vx, report.vz, report.pitch_rate),
+            commanded=Pose(report.x_commanded, report.z_commanded, report.pitch_commanded),
+            moving=bool(report.moving) or waiting,
+            expired=bool(report.expired) and not waiting,
+            force=(report.fx, report.fz),
+        )
+
+    def move_to(self, pose: Pose) -> None:
+        """Start a motion to rest at `pose`; Fault `outside_workspace` when it is out of reach."""
+        bridge = self._caught_up()
+        self._installation.workspace.check(pose)
+        bridge.order(Kind.MOVE, pose.x, pose.z, pose.pitch)
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow `velocity`; Fault `velocity_refused` above the limits."""
+        bridge = self._caught_up()
+        self._installation.limits.check(velocity)
+        bridge.order(Kind.FOLLOW, velocity.vx, velocity.vz, velocity.pitch_rate)
+
+    def stop(self) -> None:
+        """Brake within the limits; allowed at any time, from any state."""
+        if self._connected and not self._closed:
+            self._caught_up().order(Kind.HOLD)
+
+    def close(self) -> None:
+        """Brake and let go; allowed twice."""
+        self._closed = True
+        if self._bridge is not None:
+            self._bridge.close()
+
+    def catch_up(self) -> tuple[float, Pose] | None:
+        """The arm's stamp [s] and pose at the clock's time; None while nobody holds it."""
+        if self._bridge is None or self._closed:
+            return None
+        self._advance(self._bridge)
+        report, _ = self._bridge.report()
+        return self._stamp(report), Pose(report.x, report.z, report.pitch)
+
+    @property
+    def timing(self) -> dict[str, object]:
+        """How evenly the robot's states came, once it is closed; empty in lock-step."""
+        return {} if self._bridge is None else self._bridge.timing
+
+    def _caught_up(self) -> Bridge:
+        """The bridge, with the robot at the clock's time."""
+        if self._closed:
+            raise Fault("arm_closed", "the arm was let go; open the cell again")
+        if self._bridge is None or not self._connected:
+            raise Fault("arm_not_connected", "the arm is not connected; connect it first")
+        self._advance(self._bridge)
+        self._bridge.beat()
+        return self._bridge
+
+    def _advance(self, bridge: Bridge) -> None:
+        """In lock-step, have the robot come up to the clock's time."""
+        if not bridge.lock_step:
+            return
+        due = int((self._clock.now() - self._begun) / TICK + ROUNDING)
+        if due > bridge.ticks:
+            bridge.advance(due)
+
+    def _stamp(self, report: Report) -> float:
+        lock_step = self._bridge is not None and self._bridge.lock_step
+        return self._begun + report.ticks * TICK if lock_step else report.arrival

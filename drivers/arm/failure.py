@@ -1,0 +1,92 @@
+"""Why the robot stopped: every error of its library as one type, told apart by class and state."""
+
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Self
+
+from drivers.errors import Fault
+
+
+class Cause(StrEnum):
+    """Names under which a failure of the arm goes into the record."""
+
+    REFLEX = "arm_reflex"
+    USER_STOP = "arm_user_stop"
+    CONTACT = "arm_contact"
+    NETWORK = "arm_network"
+    VERSION = "arm_version"
+    REALTIME = "arm_realtime"
+    REFUSED = "arm_refused"
+    COMMAND = "arm_command"
+    LIBRARY = "arm_library"
+    SILENT = "arm_silent"
+    UNHEARD = "arm_cell_silent"
+    NOT_FINITE = "arm_pose_not_finite"
+    LOST = "arm_driver_lost"
+    PLACE = "arm_out_of_place"
+
+
+REMEDY = {
+    Cause.REFLEX: "look at the robot, then recover with `cell home --recover`",
+    Cause.USER_STOP: "release the user stop, then start again",
+    Cause.CONTACT: "look what the gripper has met, then start again",
+    Cause.NETWORK: "check cable, address and that the robot is on, then start again",
+    Cause.VERSION: "install the library that fits the robot, see runbooks/version-mismatch.md",
+    Cause.REALTIME: "use a real-time kernel, or set fci.realtime to ignore",
+    Cause.REFUSED: "unlock the joints and activate FCI in Desk, then start again",
+    Cause.COMMAND: "this is an error of the cell; keep the record",
+    Cause.LIBRARY: "keep the record; the library's own words are above",
+    Cause.SILENT: "check robot and network, then start again",
+    Cause.NOT_FINITE: "keep the record and look for an update of the robot",
+    Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
+    Cause.LOST: "start again; the motion ended with the process",
+    Cause.PLACE: "bring the arm into the strip's plane with `cell home`",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A `cause`, the robot's own `errors` by the names of its flags, and words for the operator."""
+
+    cause: Cause
+    words: str
+    errors: tuple[str, ...] = ()
+
+    def fault(self) -> Fault:
+        """The fault that ends the run."""
+        flags = f" ({', '.join(self.errors)})" if self.errors else ""
+        return Fault(self.cause, f"{self.words}{flags}; {REMEDY[self.cause]}")
+
+    def content(self) -> dict[str, Any]:
+        """As plain values."""
+        return {"cause": self.cause, "words": self.words, "errors": list(self.errors)}
+
+    @classmethod
+    def of(cls, content: dict[str, Any]) -> Self:
+        """From plain values."""
+        return cls(Cause(content["cause"]), str(content["words"]), tuple(content["errors"]))
+
+
+class Failed(Exception):
+    """A failure on its way out of the loop."""
+
+    def __init__(self, failure: Failure) -> None:
+        super().__init__(failure.words)
+        self.failure = failure
+
+
+def encoded(content: dict[str, Any]) -> bytes:
+    """A message between the two processes."""
+    return json.dumps(content).encode()
+
+
+def decoded(message: bytes) -> dict[str, Any]:
+    """What `encoded` made a message of."""
+    content: dict[str, Any] = json.loads(message)
+    return content
+
+
+def one_line(error: BaseException) -> str:
+    """What an error says, for a person; nothing is ever decided by it."""
+    return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,0 +1,96 @@
+"""The hand's own protocol, version 3: packed, little-endian, over TCP; states by UDP.
+
+The library's client blocks its whole process while the fingers move and cannot be interrupted, so
+the cell speaks to the hand itself.
+"""
+
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+
+VERSION = 3
+PORT = 1338
+HEADER = struct.Struct("<HII")
+STATE = struct.Struct("<IddBH")
+
+
+class Command(IntEnum):
+    """What can be asked of the hand."""
+
+    CONNECT = 0
+    HOMING = 1
+    GRASP = 2
+    MOVE = 3
+    STOP = 4
+
+
+class Status(IntEnum):
+    """How a command ended."""
+
+    SUCCESS = 0
+    FAIL = 1
+    UNSUCCESSFUL = 2
+    ABORTED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The end of command `number`; `version` only in the reply to a connection."""
+
+    command: int
+    number: int
+    status: int
+    version: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Fingers:
+    """A state of the hand: `width` between the fingers [m] and whether they hold something."""
+
+    number: int
+    width: float
+    widest: float
+    grasped: bool
+
+
+def request(command: Command, number: int, payload: bytes = b"") -> bytes:
+    """A command on the wire."""
+    return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
+
+
+def connect(number: int, port: int) -> bytes:
+    """Ask to be connected, states to be sent to `port`."""
+    return request(Command.CONNECT, number, struct.pack("<HH", VERSION, port))
+
+
+def move(number: int, width: float, speed: float) -> bytes:
+    """Move the fingers to `width` [m] at `speed` [m/s]."""
+    return request(Command.MOVE, number, struct.pack("<2d", width, speed))
+
+
+def grasp(number: int, thinnest: float, thickest: float, speed: float, force: float) -> bytes:
+    """Close with `force` [N] on what is `thinnest` to `thickest` [m] thick."""
+    width, slack = (thinnest + thickest) / 2, (thickest - thinnest) / 2
+    return request(Command.GRASP, number, struct.pack("<5d", width, slack, slack, speed, force))
+
+
+def replies(received: bytearray) -> list[Reply]:
+    """Whole replies, taken from the front of what was `received`."""
+    found: list[Reply] = []
+    while len(received) >= HEADER.size + 2:
+        command, number, size = HEADER.unpack_from(received)
+        if len(received) < size or size < HEADER.size + 2:
+            break
+        (status,) = struct.unpack_from("<H", received, HEADER.size)
+        version = struct.unpack_from("<H", received, HEADER.size + 2)[0] if size >= 14 else None
+        found.append(Reply(command, number, status, version))
+        del received[:size]
+    return found
+
+
+def state(packet: bytes) -> Fingers | None:
+    """The state in a datagram; None when it is none."""
+    if len(packet) != STATE.size:
+        return None
+    number, width, widest, grasped, _ = STATE.unpack(packet)
+    return Fingers(number, width, widest, bool(grasped))

@@ -1,0 +1,194 @@
+"""The 1 kHz loop: ruckig at each tick from the newest order, the robot's answer to each command."""
+
+from collections import deque
+from collections.abc import Callable
+from math import degrees, hypot, isfinite
+from typing import Any, Protocol
+
+from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.latest import Latest
+from drivers.arm.messages import Kind, Order, Report
+from drivers.arm.plane import BESIDE, LEANING, StripPlane
+from drivers.arm.settings import FciSettings
+from drivers.errors import Fault
+from drivers.installation import Installation
+from drivers.motion import TICK, MotionProfile
+from drivers.types import Pose, Velocity
+
+SPAN = 8  # ticks over which the velocity is measured
+CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
+
+
+class Driven(Protocol):
+    """A robot in which a motion of the hand can be run; `drivers.arm.robot.Robot` is one."""
+
+    def start_poses(self) -> Any:
+        """Start the motion."""
+        ...
+
+    def read(self, motion: Any) -> Any:
+        """The next state."""
+        ...
+
+    def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
+        """The answer to it."""
+        ...
+
+
+class Loop:
+    """One motion that follows orders in the strip's plane until it is told to end.
+
+    A `step` answers the state at hand with a command and waits for the next state, whatever
+    drives it: the robot's clock or, in lock-step, the cell's.
+    """
+
+    def __init__(
+        self,
+        robot: Driven,
+        settings: FciSettings,
+        installation: Installation,
+        orders: Latest[Order],
+        reports: Latest[Report],
+        now: Callable[[], float],
+    ) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._installation = installation
+        self._orders = orders
+        self._reports = reports
+        self._now = now
+        self._taken = orders.read().number
+        self._beat, self._unheard = -1, 0
+        self._reason: Failure | None = None
+        self.ticks = 0
+        self._path: deque[tuple[float, float, float]] = deque(maxlen=SPAN + 1)
+
+    def begin(self) -> None:
+        """Take the arm over where it is, at rest; Failed when it is out of the strip's plane."""
+        self._motion = self._robot.start_poses()
+        state = self._robot.read(self._motion)
+        pose = state.O_T_EE_c
+        self._plane = plane_of(self._installation, pose)
+        self._plane.take_over(pose)
+        limits, workspace = self._installation.limits, self._installation.workspace
+        start = Pose(*self._plane.to_cell(pose))
+        self._profile = MotionProfile(limits, workspace, start)
+        self._publish(state)
+
+    def step(self) -> None:
+        """One tick of the robot's time; Failed when the robot has stopped."""
+        self._obey(self._orders.read())
+        command = self._profile.tick()
+        self._robot.write_pose(self._motion, self._plane.command(*command))
+        state = self._robot.read(self._motion)
+        self.ticks += 1
+        self._publish(state)
+        self._feel(state)
+
+    def end(self) -> None:
+        """Brake to rest and end the motion; no order is taken any more."""
+        self._taken = -1
+        self._profile.stop()
+        while self._profile.moving:
+            self.step()
+        self._robot.write_pose(self._motion, self._plane.command(*self._position), last=True)
+
+    @property
+    def halted(self) -> Failure | None:
+        """Why the arm has braked by itself for good, once it rests."""
+        return None if self._profile.moving else self._reason
+
+    def _obey(self, order: Order) -> None:
+        """Take a new order, unless the arm has braked for good; brake when the cell is silent."""
+        if self._taken < 0 or self._reason is not None:
+            return
+        self._unheard = 0 if order.beat != self._beat else self._unheard + 1
+        self._beat = order.beat
+        if order.number != self._taken:
+            self._taken = order.number
+            self._take(order)
+        elif self._unheard * TICK > self._settings.silence and self._profile.moving:
+            silence = self._unheard * TICK
+            self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
+
+    def _take(self, order: Order) -> None:
+        values = order.a, order.b, order.c
+        try:
+            match order.kind:
+                case Kind.FOLLOW:
+                    self._profile.set_velocity(Velocity(*values))
+                case Kind.MOVE:
+                    self._profile.move_to(Pose(*values))
+                case _:
+                    self._profile.stop()
+        except Fault as fault:
+            raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
+
+    def _feel(self, state: Any) -> None:
+        """Brake for a force on the gripper over the guard's limit."""
+        force = hypot(*state.O_F_ext_hat_K[:3])
+        limit = self._settings.guard
+        if force > limit:
+            self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
+
+    def _halt(self, cause: Cause, words: str) -> None:
+        """Brake for good, for the first reason that there was."""
+        if self._reason is None:
+            self._reason = Failure(cause, words)
+            self._profile.stop()
+
+    def _publish(self, state: Any) -> None:
+        pose = state.O_T_EE
+        here = self._plane.to_cell(pose)
+        if not isfinite(sum(here)):
+            self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
+            here = self._path[-1] if self._path else here
+        self._path.append(here)
+        rate = self._rate()
+        calm = hypot(rate[0], rate[1]) < CALM[0] and abs(rate[2]) < CALM[1]
+        self._reports.write(
+            Report(
+                self.ticks,
+                self._taken,
+                self._now(),
+                *here,
+                *rate,
+                *self._position,
+                *self._plane.force(state.O_F_ext_hat_K),
+                self._plane.place(pose)[1],
+                state.control_command_success_rate,
+                self._profile.moving or not calm,
+                self._profile.expired,
+            )
+        )
+
+    @property
+    def _position(self) -> tuple[float, float, float]:
+        pose = self._profile.pose
+        return pose.x, pose.z, pose.pitch
+
+    def _rate(self) -> tuple[float, float, float]:
+        """Measured velocity over the last ticks; 0 before there are two."""
+        first, last, steps = self._path[0], self._path[-1], len(self._path) - 1
+        if steps == 0:
+            return 0.0, 0.0, 0.0
+        x, z, pitch = ((b - a) / (steps * TICK) for a, b in zip(first, last, strict=True))
+        return x, z, pitch
+
+
+def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
+    """The strip's plane with the hand turned in it as it is at `pose`; Failed where it is not."""
+    frame = installation.mounting.transform()
+    planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
+    plane = min(planes, key=lambda plane: plane.aside(pose)[1])
+    beside, leaning = plane.aside(pose)
+    if beside > BESIDE or leaning > LEANING:
+        raise Failed(
+            Failure(
+                Cause.PLACE,
+                f"the hand stands {1e3 * beside:.0f} mm beside the strip's plane and leans "
+                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * BESIDE:.0f} mm and "
+                f"{degrees(LEANING):.1f} deg",
+            )
+        )
+    return plane

@@ -1,0 +1,93 @@
+"""The plane of the strip in the robot's frame, and the hand in it."""
+
+from math import atan2, cos, pi, sin
+
+import numpy as np
+
+from drivers.geometry import CellInRobot
+from drivers.types import Array
+
+Numbers = list[float]
+BESIDE = 0.005  # m beside the strip's plane that are taken along
+LEANING = 0.05  # rad out of it, likewise
+
+
+class StripPlane:
+    """Gripper poses in the cell frame as poses of the hand in the robot's base, and back.
+
+    The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned` has the hand
+    turned by half a turn about that axis, which grasps as well and leaves other room to the wrist.
+    What little the hand stood beside the plane when it was taken over stays as it is.
+    """
+
+    def __init__(self, cell_in_robot: CellInRobot, *, turned: bool = False) -> None:
+        frame = cell_in_robot.matrix
+        sign = -1.0 if turned else 1.0
+        self._rows: list[Numbers] = np.linalg.inv(frame)[:3].tolist()
+        self._along: Numbers = frame[:3, 0].tolist()
+        self._across: Numbers = (-sign * frame[:3, 1]).tolist()
+        self._up: Numbers = frame[:3, 2].tolist()
+        self._origin: Numbers = frame[:3, 3].tolist()
+        self._sign = sign
+        self.turned = turned
+        self._rest: Array | None = None
+
+    def take_over(self, pose: Numbers) -> None:
+        """Keep what `pose` stands out of the plane, so that it is the first command."""
+        rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
+        self._rest = np.asarray(rest, dtype=np.float64)
+
+    def command(self, x: float, z: float, pitch: float) -> Numbers:
+        """The hand's pose in the base, 16 numbers by columns, as the robot takes them."""
+        pose = self.matrix(x, z, pitch)
+        if self._rest is not None:
+            pose = pose @ self._rest
+        numbers: Numbers = pose.T.ravel().tolist()
+        return numbers
+
+    def matrix(self, x: float, z: float, pitch: float) -> Array:
+        """The hand's pose (4, 4) in the base, exactly in the plane."""
+        c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)
+        across, sign = self._across, self._sign
+        rows = zip(self._along, across, self._up, self._origin, strict=True)
+        pose = [
+            (sign * (c * e + s * u), a, s * e - c * u, x * e + z * u + o) for e, a, u, o in rows
+        ]
+        return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
+
+    def to_cell(self, pose: Numbers) -> tuple[float, float, float]:
+        """x, z [m] and pitch [rad] of a hand's pose in the base, 16 numbers by columns."""
+        x, _, z = self.place(pose)
+        along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
+        return x, z, _pitch(along, up)
+
+    def place(self, pose: Numbers) -> tuple[float, float, float]:
+        """x, y, z [m] in the cell frame of a hand's pose, 16 numbers by columns."""
+        point = pose[12:15]
+        x, y, z = (_dot(row, point) + row[3] for row in self._rows)
+        return x, y, z
+
+    def aside(self, pose: Numbers) -> tuple[float, float]:
+        """How far beside the plane [m], and by what angle out of it [rad], a hand's pose stands."""
+        off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
+        angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
+        return float(np.linalg.norm(off[:3, 3])), angle
+
+    def force(self, wrench: Numbers) -> tuple[float, float]:
+        """f_x, f_z [N] in the cell frame of a wrench (6,) in the base."""
+        return _dot(self._along, wrench), _dot(self._up, wrench)
+
+
+def _pitch(along: float, up: float) -> float:
+    """Pitch of an approach axis with these parts in the cell: -x is 0, down pi/2, +x pi."""
+    pitch = atan2(-up, -along)
+    return pitch + 2 * pi if pitch < -pi / 2 else pitch
+
+
+def _dot(a: Numbers, b: Numbers) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def matrix(columns: Numbers) -> Array:
+    """Pose (4, 4) of 16 numbers by columns."""
+    return np.array(columns).reshape(4, 4).T

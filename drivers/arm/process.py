@@ -1,0 +1,99 @@
+"""The process that owns the robot: it holds the connection, and with it ends the motion."""
+
+import gc
+import signal
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
+from drivers.arm.latest import Latest
+from drivers.arm.loop import Loop
+from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
+from drivers.arm.robot import Robot
+from drivers.arm.settings import FciSettings
+from drivers.arm.timing import Timing
+from drivers.clock import WallClock
+from drivers.installation import Installation
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What the process is told when it starts."""
+
+    address: str
+    settings: FciSettings
+    installation: Installation
+    origin: float | None
+
+    @property
+    def lock_step(self) -> bool:
+        """Whether the cell drives the robot's time."""
+        return self.origin is None
+
+
+def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
+    """Serve the cell at the other end of `pipe` until it closes or dies, or the robot stops."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when the arm stops
+    gc.disable()  # nothing here makes cycles, and a collection takes longer than a tick
+    try:
+        _serve(task, pipe, orders, reports)
+    except Failed as failed:
+        _tell(pipe, failed.failure)
+    except Exception as error:  # noqa: BLE001  an edge: the process ends, and with it the motion
+        _tell(pipe, Failure(Cause.LOST, one_line(error)))
+
+
+def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
+    clock = WallClock(task.origin)
+    robot = Robot(task.address, task.settings)
+    robot.require_ready()
+    robot.configure(task.settings.collision)
+    loop = Loop(
+        robot,
+        task.settings,
+        task.installation,
+        Latest(orders, Order, ORDER_LAYOUT),
+        Latest(reports, Report, REPORT_LAYOUT),
+        clock.now,
+    )
+    loop.begin()
+    pipe.send_bytes(encoded({"ready": True}))
+    drive = _in_lock_step if task.lock_step else _by_itself
+    timing = Timing()
+    drive(loop, pipe, timing, clock)
+    loop.end()
+    if loop.halted is not None:
+        raise Failed(loop.halted)
+    pipe.send_bytes(encoded({"ended": True, "timing": timing.content()}))
+
+
+def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock) -> None:
+    """Step as far as the cell allows, tell that it is done; until it closes or dies."""
+    while (message := _received(pipe)) is not None and "until" in message:
+        while loop.ticks < message["until"]:
+            loop.step()
+            if loop.halted is not None:
+                return
+        pipe.send_bytes(b"{}")
+
+
+def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -> None:
+    """Step by the robot's clock until the cell closes or dies."""
+    while loop.halted is None and not pipe.poll():
+        loop.step()
+        timing.tell(clock.now())
+
+
+def _received(pipe: Connection) -> dict[str, Any] | None:
+    try:
+        return decoded(pipe.recv_bytes())
+    except (EOFError, OSError):
+        return None
+
+
+def _tell(pipe: Connection, failure: Failure) -> None:
+    try:
+        pipe.send_bytes(encoded({"failure": failure.content()}))
+    except OSError:
+        return

@@ -1,0 +1,145 @@
+"""Whether the arm can follow a path of the gripper: joints, margins, rates, before it moves."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.arm.plane import StripPlane
+from drivers.franka.inverse import Unreachable, manipulability, solve
+from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
+from drivers.franka.limits import margins, velocity_bounds
+from drivers.franka.tracking import ELBOW_JOINT, joint_step
+from drivers.installation import Installation
+from drivers.types import Array, frozen
+
+STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
+MARGIN = 0.05  # rad that every joint keeps from its ends
+SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
+SHARE = 0.9  # of a joint's allowed velocity
+NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
+ENOUGH = 5  # problems of one way, after which it is given up
+ELBOWS = tuple(np.linspace(-1.2, 1.2, 9).tolist())  # rad, angles of joint 3 that are tried
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Where (x, z [m], pitch [rad]) and why the arm cannot follow."""
+
+    x: float
+    z: float
+    pitch: float
+    reason: str
+
+    def __str__(self) -> str:
+        """For the operator."""
+        place = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
+        return f"{place}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How the arm follows a path: hand `turned` or not, `start` joints (7,) [rad] at its first
+    pose, the smallest joint margin [rad] and whose, how many poses were `followed`, and the first
+    problems in the path's order.
+    """
+
+    turned: bool
+    start: Array
+    margin: float
+    joint: int
+    followed: int
+    problems: tuple[Problem, ...]
+
+    @property
+    def allowed(self) -> bool:
+        """Whether the whole path can be followed."""
+        return not self.problems
+
+
+def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
+    """The best of the ways in which the arm can follow `path` (n, 3) at `speeds` (n,) [m/s].
+
+    The elbow keeps its angle on the whole path. Both sides of the hand and several elbows are
+    tried; the way with no problem and the largest margin wins, else the one that leads furthest.
+    """
+    ways = [way for turned in (False, True) for way in _ways(installation, path, speeds, turned)]
+    if not ways:
+        x, z, pitch = path[0].tolist()
+        first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
+        return Reach(False, HOME, 0.0, 1, 0, (first,))
+    return max(ways, key=lambda way: (way.allowed, way.followed, way.margin))
+
+
+def _ways(installation: Installation, path: Array, speeds: Array, turned: bool) -> Iterator[Reach]:
+    plane = StripPlane(installation.mounting.transform(), turned=turned)
+    poses, times = _dense(path, speeds)
+    for elbow in ELBOWS:
+        seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
+        try:
+            near = solve(plane.matrix(*poses[0].tolist()), seed)
+        except Unreachable:
+            continue
+        start = _tracked(near, plane.matrix(*poses[0].tolist()), elbow)
+        if start is not None:
+            yield _followed(plane, poses, times, start)
+
+
+def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+    joints, problems, least = start, list[Problem](), (np.inf, 0)
+    count = 0
+    for pose, time in zip(poses, times, strict=True):
+        x, z, pitch = pose.tolist()
+        there = _tracked(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
+        if there is None:
+            problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
+            break
+        room = margins(there)
+        least = min(least, (float(room.min()), int(room.argmin())))
+        reason = _objection(joints, there, time)
+        if reason:
+            problems.append(Problem(x, z, pitch, reason))
+        if len(problems) >= ENOUGH:
+            break
+        joints, count = there, count + 1
+    return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
+
+
+def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:
+    """Joints (7,) near `joints` at `pose` (4, 4) with the elbow at `elbow` [rad]; None if none."""
+    for _ in range(NEWTON):
+        reached, jac = pose_and_jacobian(joints)
+        step = joint_step(joints, reached, jac, pose, elbow)
+        joints = joints + step
+        if float(np.abs(step).max()) < REACHED:
+            return joints
+    return None
+
+
+def _objection(joints: Array, there: Array, time: float) -> str:
+    """Why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
+    room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
+    if room < MARGIN:
+        return f"joint {joint} comes within {room:.2f} rad of its end, allowed {MARGIN:.2f} rad"
+    low, high = velocity_bounds(there)
+    rate = (there - joints) / time
+    fast = np.maximum(rate / (SHARE * high + 1e-9), rate / (SHARE * low - 1e-9))
+    if fast.max() > 1.0:
+        worst = int(fast.argmax())
+        return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
+    if manipulability(jacobian(there)) < SINGULAR:
+        return "the arm would be stretched or folded so far that it cannot evade"
+    return ""
+
+
+def _dense(path: Array, speeds: Array) -> tuple[Array, Array]:
+    """Poses (m, 3) along `path` at most STEP apart, and the time [s] from each to the next."""
+    poses, times = [path[:1]], [np.array([1.0])]
+    for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
+        way = float(np.hypot(*(there - here)[:2]))
+        turn = abs(float(there[2] - here[2])) / 5
+        count = max(1, int(np.ceil(max(way, turn) / STEP)))
+        shares = np.arange(1, count + 1)[:, None] / count
+        poses.append(here + shares * (there - here))
+        times.append(np.full(count, max(way, turn, 1e-6) / speed / count))
+    return np.concatenate(poses), np.concatenate(times)

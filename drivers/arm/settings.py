@@ -1,0 +1,75 @@
+"""How the cell drives a Franka arm and its hand."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from drivers.installation import Installation
+from drivers.limits import AxisLimits, MotionLimits
+from drivers.settings import Settings
+
+Force = Annotated[float, Field(gt=0, le=100)]
+
+
+class CollisionSettings(Settings):
+    """Thresholds of the robot's own reflexes: contact is reported at `lower`, stops at `upper`.
+
+    Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about each.
+    """
+
+    torque_lower: float = Field(20.0, gt=0, le=87)
+    torque_upper: float = Field(30.0, gt=0, le=87)
+    force_lower: Force = 20.0
+    force_upper: Force = 30.0
+    moment_lower: float = Field(15.0, gt=0, le=100)
+    moment_upper: float = Field(25.0, gt=0, le=100)
+
+
+class HandLimits(Settings):
+    """Of the Franka Hand: widths [m], speed [m/s], force [N] of the grasp."""
+
+    opening: float = Field(0.04, ge=0.01, le=0.08)
+    speed: float = Field(0.08, gt=0, le=0.1)
+    force: float = Field(10.0, gt=0, le=70)
+    thinnest: float = Field(0.0003, ge=0.0001, le=0.01)  # of what counts as held
+    thickest: float = Field(0.006, ge=0.0005, le=0.02)
+
+
+REACHABLE = MotionLimits(
+    x=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
+    z=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
+    pitch=AxisLimits(velocity=2.45, acceleration=5.0, jerk=1000.0),
+)
+
+
+class FciSettings(Settings):
+    """Where the robot is and how it is driven; times [s].
+
+    Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
+    with one, only a twin that was started so can be driven in lock-step.
+    `realtime` enforce demands a real-time kernel, as the robot's makers do; ignore goes without.
+    The arm brakes at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where
+    they are lower than the cell's: the robot's joints accelerate at 10 rad/s^2 at most, which
+    bounds the gripper, the more so where the arm is stretched.
+    """
+
+    address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
+    lock_step: bool | None = None
+    realtime: Literal["enforce", "ignore"] = "enforce"
+    guard: Force = 15.0
+    limits: MotionLimits = REACHABLE
+    silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes
+    answer: float = Field(1.6, ge=1.2, le=1.8)  # of the robot, after which it is given up
+    start: float = Field(10.0, ge=2.0, le=60.0)  # to connect, all in all
+    collision: CollisionSettings = CollisionSettings()
+    hand: HandLimits = HandLimits()
+
+    @property
+    def in_lock_step(self) -> bool:
+        """Whether the cell's clock drives the robot's time, as only a twin's can be."""
+        return self.address is None if self.lock_step is None else self.lock_step
+
+    def installed(self, installation: Installation) -> Installation:
+        """The installation with the limits that hold for this robot."""
+        limits = installation.limits.within(self.limits)
+        return installation.model_copy(update={"limits": limits})

@@ -1,0 +1,32 @@
+"""How evenly the robot's states came: a histogram of the time between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+EDGES_MS = (0.25, 0.5, 0.75, 0.9, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+
+
+@dataclass(slots=True)
+class Timing:
+    """Counts of intervals between states by `EDGES_MS`, the last one open; and the longest [s]."""
+
+    counts: list[int] = field(default_factory=lambda: [0] * (len(EDGES_MS) + 1))
+    longest: float = 0.0
+    last: float | None = None
+
+    def tell(self, now: float) -> None:
+        """A state came at `now` [s]."""
+        if self.last is not None:
+            interval = now - self.last
+            self.longest = max(self.longest, interval)
+            self.counts[_bin(1e3 * interval)] += 1
+        self.last = now
+
+    def content(self) -> dict[str, Any]:
+        """As plain values."""
+        return {"edges_ms": list(EDGES_MS), "counts": self.counts, "longest_ms": 1e3 * self.longest}
+
+
+def _bin(value: float, edges: Sequence[float] = EDGES_MS) -> int:
+    return next((i for i, edge in enumerate(edges) if value < edge), len(edges))

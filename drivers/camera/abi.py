@@ -1,0 +1,296 @@
+"""Structures and request numbers of the kernel's V4L2 interface (linux/videodev2.h)."""
+
+import ctypes
+from ctypes import Structure, Union, c_char, c_int32, c_int64, c_long, c_uint8, c_uint32, c_ulong
+from enum import IntEnum, IntFlag
+
+CAPTURE = 1  # V4L2_BUF_TYPE_VIDEO_CAPTURE
+MMAP = 1  # V4L2_MEMORY_MMAP
+ANY_FIELD, PROGRESSIVE = 0, 1
+
+
+class Capability(Structure):
+    """struct v4l2_capability: who the device is and what it can do."""
+
+    _fields_ = (
+        ("driver", c_char * 16),
+        ("card", c_char * 32),
+        ("bus_info", c_char * 32),
+        ("version", c_uint32),
+        ("capabilities", c_uint32),
+        ("device_caps", c_uint32),
+        ("reserved", c_uint32 * 3),
+    )
+
+
+class FormatDescription(Structure):
+    """struct v4l2_fmtdesc: one pixel format that the device offers."""
+
+    _fields_ = (
+        ("index", c_uint32),
+        ("type", c_uint32),
+        ("flags", c_uint32),
+        ("description", c_char * 32),
+        ("pixelformat", c_uint32),
+        ("mbus_code", c_uint32),
+        ("reserved", c_uint32 * 3),
+    )
+
+
+class Fraction(Structure):
+    """struct v4l2_fract."""
+
+    _fields_ = (("numerator", c_uint32), ("denominator", c_uint32))
+
+
+class FrameSize(Structure):
+    """struct v4l2_frmsizeenum: a size; `steps` are width then height: min, max, step."""
+
+    _fields_ = (
+        ("index", c_uint32),
+        ("pixel_format", c_uint32),
+        ("type", c_uint32),
+        ("steps", c_uint32 * 6),
+        ("reserved", c_uint32 * 2),
+    )
+
+
+class FrameInterval(Structure):
+    """struct v4l2_frmivalenum: a frame interval; `steps` are min, max, step."""
+
+    _fields_ = (
+        ("index", c_uint32),
+        ("pixel_format", c_uint32),
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("type", c_uint32),
+        ("steps", Fraction * 3),
+        ("reserved", c_uint32 * 2),
+    )
+
+
+class PixFormat(Structure):
+    """struct v4l2_pix_format."""
+
+    _fields_ = (
+        ("width", c_uint32),
+        ("height", c_uint32),
+        ("pixelformat", c_uint32),
+        ("field", c_uint32),
+        ("bytesperline", c_uint32),
+        ("sizeimage", c_uint32),
+        ("colorspace", c_uint32),
+        ("priv", c_uint32),
+        ("flags", c_uint32),
+        ("ycbcr_enc", c_uint32),
+        ("quantization", c_uint32),
+        ("xfer_func", c_uint32),
+    )
+
+
+class _AnyFormat(Union):
+    _fields_ = (("pix", PixFormat), ("raw", c_uint8 * 200), ("align", c_ulong))
+
+
+class Format(Structure):
+    """struct v4l2_format; only its single-plane capture member is used."""
+
+    _fields_ = (("type", c_uint32), ("fmt", _AnyFormat))
+
+
+class CaptureParameters(Structure):
+    """struct v4l2_captureparm."""
+
+    _fields_ = (
+        ("capability", c_uint32),
+        ("capturemode", c_uint32),
+        ("timeperframe", Fraction),
+        ("extendedmode", c_uint32),
+        ("readbuffers", c_uint32),
+        ("reserved", c_uint32 * 4),
+    )
+
+
+class _AnyParameters(Union):
+    _fields_ = (("capture", CaptureParameters), ("raw", c_uint8 * 200))
+
+
+class StreamParameters(Structure):
+    """struct v4l2_streamparm."""
+
+    _fields_ = (("type", c_uint32), ("parm", _AnyParameters))
+
+
+class BufferRequest(Structure):
+    """struct v4l2_requestbuffers."""
+
+    _fields_ = (
+        ("count", c_uint32),
+        ("type", c_uint32),
+        ("memory", c_uint32),
+        ("capabilities", c_uint32),
+        ("flags", c_uint8),
+        ("reserved", c_uint8 * 3),
+    )
+
+
+class TimeValue(Structure):
+    """struct timeval of a 64-bit machine."""
+
+    _fields_ = (("seconds", c_long), ("microseconds", c_long))
+
+
+class _TimeCode(Structure):
+    _fields_ = (
+        ("type", c_uint32),
+        ("flags", c_uint32),
+        ("digits", c_uint8 * 4),
+        ("userbits", c_uint8 * 4),
+    )
+
+
+class _Memory(Union):
+    _fields_ = (("offset", c_uint32), ("userptr", c_ulong))
+
+
+class Buffer(Structure):
+    """struct v4l2_buffer; the kernel rewrites it on every call, QBUF included."""
+
+    _fields_ = (
+        ("index", c_uint32),
+        ("type", c_uint32),
+        ("bytesused", c_uint32),
+        ("flags", c_uint32),
+        ("field", c_uint32),
+        ("timestamp", TimeValue),
+        ("timecode", _TimeCode),
+        ("sequence", c_uint32),
+        ("memory", c_uint32),
+        ("m", _Memory),
+        ("length", c_uint32),
+        ("reserved2", c_uint32),
+        ("request_fd", c_int32),
+    )
+
+
+class ControlQuery(Structure):
+    """struct v4l2_queryctrl: range and state of one control."""
+
+    _fields_ = (
+        ("id", c_uint32),
+        ("type", c_uint32),
+        ("name", c_char * 32),
+        ("minimum", c_int32),
+        ("maximum", c_int32),
+        ("step", c_int32),
+        ("default_value", c_int32),
+        ("flags", c_uint32),
+        ("reserved", c_uint32 * 2),
+    )
+
+
+class _MenuEntry(Union):
+    _pack_ = 1
+    _fields_ = (("name", c_char * 32), ("value", c_int64))
+
+
+class MenuQuery(Structure):
+    """struct v4l2_querymenu: one entry of a menu control."""
+
+    _pack_ = 1
+    _fields_ = (
+        ("id", c_uint32),
+        ("index", c_uint32),
+        ("entry", _MenuEntry),
+        ("reserved", c_uint32),
+    )
+
+
+class Control(Structure):
+    """struct v4l2_control."""
+
+    _fields_ = (("id", c_uint32), ("value", c_int32))
+
+
+Number = ctypes.c_int
+Argument = Structure | Number
+
+_WRITE, _READ = 1, 2
+
+
+def _request(direction: int, number: int, argument: type) -> int:
+    """The number by which ioctl knows a request (asm-generic/ioctl.h)."""
+    return direction << 30 | ctypes.sizeof(argument) << 16 | ord("V") << 8 | number
+
+
+class Request(IntEnum):
+    """Requests of V4L2; a number carries the size of its argument."""
+
+    QUERYCAP = _request(_READ, 0, Capability)
+    ENUM_FMT = _request(_READ | _WRITE, 2, FormatDescription)
+    G_FMT = _request(_READ | _WRITE, 4, Format)
+    S_FMT = _request(_READ | _WRITE, 5, Format)
+    REQBUFS = _request(_READ | _WRITE, 8, BufferRequest)
+    QUERYBUF = _request(_READ | _WRITE, 9, Buffer)
+    QBUF = _request(_READ | _WRITE, 15, Buffer)
+    DQBUF = _request(_READ | _WRITE, 17, Buffer)
+    STREAMON = _request(_WRITE, 18, Number)
+    STREAMOFF = _request(_WRITE, 19, Number)
+    G_PARM = _request(_READ | _WRITE, 21, StreamParameters)
+    S_PARM = _request(_READ | _WRITE, 22, StreamParameters)
+    G_CTRL = _request(_READ | _WRITE, 27, Control)
+    S_CTRL = _request(_READ | _WRITE, 28, Control)
+    QUERYCTRL = _request(_READ | _WRITE, 36, ControlQuery)
+    QUERYMENU = _request(_READ | _WRITE, 37, MenuQuery)
+    ENUM_FRAMESIZES = _request(_READ | _WRITE, 74, FrameSize)
+    ENUM_FRAMEINTERVALS = _request(_READ | _WRITE, 75, FrameInterval)
+
+
+class Can(IntFlag):
+    """Capabilities of a device that matter here."""
+
+    VIDEO_CAPTURE = 0x00000001
+    STREAMING = 0x04000000
+    DEVICE_CAPS = 0x80000000
+
+
+class BufferFlag(IntFlag):
+    """Flags of a dequeued buffer that matter here."""
+
+    ERROR = 0x0040
+    TIMESTAMP_MASK = 0xE000
+    TIMESTAMP_MONOTONIC = 0x2000
+    SOURCE_MASK = 0x00070000
+    SOURCE_START_OF_EXPOSURE = 0x00010000
+
+
+class ControlFlag(IntFlag):
+    """Why a control cannot be set, and how the next one is asked for."""
+
+    DISABLED = 0x0001
+    GRABBED = 0x0002
+    READ_ONLY = 0x0004
+    INACTIVE = 0x0010
+    WRITE_ONLY = 0x0040
+    NEXT = 0x80000000
+
+
+class ControlType(IntEnum):
+    """Types of controls that hold one 32-bit number; others are not offered."""
+
+    INTEGER = 1
+    BOOLEAN = 2
+    MENU = 3
+    BUTTON = 4
+    BITMASK = 8
+    INTEGER_MENU = 9
+
+
+def fourcc(code: str) -> int:
+    """The number of a four-letter pixel format, as "YUYV"."""
+    return int.from_bytes(code.encode("ascii"), "little")
+
+
+def letters(number: int) -> str:
+    """The four letters of a pixel format's number."""
+    return (number & 0x7FFFFFFF).to_bytes(4, "little").decode("latin-1").rstrip()

@@ -1,0 +1,160 @@
+"""Controls of a camera: what there is, automatics switched off, values locked and read back."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from drivers.camera.abi import (
+    Control,
+    ControlFlag,
+    ControlQuery,
+    ControlType,
+    MenuQuery,
+    Request,
+)
+from drivers.camera.device import Device
+from drivers.camera.errors import CameraRefused
+
+# What an image may not change by itself while it is measured in, with its value for "off".
+# The dynamic frame rate is here too: it halves the rate in the dark.
+AUTOMATICS = {
+    "auto_exposure": 1,  # V4L2_EXPOSURE_MANUAL
+    "exposure_dynamic_framerate": 0,
+    "exposure_auto_priority": 0,
+    "white_balance_automatic": 0,
+    "white_balance_temperature_auto": 0,
+    "focus_automatic_continuous": 0,
+    "focus_auto": 0,
+    "gain_automatic": 0,
+    "hue_automatic": 0,
+    "brightness_automatic": 0,
+    "iso_sensitivity_auto": 0,
+    "hdr_sensor_mode": 0,
+}
+EXPOSURE, EXPOSURE_UNIT = "exposure_time_absolute", 1e-4  # s
+LOCKED_OUT = {
+    ControlFlag.DISABLED: "is disabled",
+    ControlFlag.READ_ONLY: "can only be read",
+    ControlFlag.GRABBED: "is held by another program",
+    ControlFlag.INACTIVE: "is inactive: another control holds it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class CameraControl:
+    """One control; `entries` are the values of a menu by number. `value` None: not readable."""
+
+    number: int
+    name: str
+    kind: ControlType
+    low: int
+    high: int
+    step: int
+    default: int
+    flags: ControlFlag
+    value: int | None
+    entries: Mapping[int, str]
+
+    @property
+    def obstacle(self) -> str | None:
+        """Why it cannot be set now, or None."""
+        return next((why for flag, why in LOCKED_OUT.items() if flag & self.flags), None)
+
+    @property
+    def allowed(self) -> str:
+        """The values that it takes, for a person."""
+        if self.entries:
+            return ", ".join(f"{number} ({text})" for number, text in self.entries.items())
+        return f"{self.low} to {self.high} in steps of {self.step}"
+
+
+def controls_of(device: Device) -> dict[str, CameraControl]:
+    """Controls of the device by name, as v4l2-ctl spells them."""
+    found = (_control(device, query) for query in _queries(device))
+    return {control.name: control for control in found}
+
+
+def lock(device: Device, wanted: Mapping[str, int]) -> dict[str, int]:
+    """Switch automatics off, then set `wanted`; every value read back, by name.
+
+    Raises CameraRefused for a control that is not there or a value that did not take.
+    """
+    present = controls_of(device)
+    for name in wanted:
+        if name not in present:
+            known = ", ".join(sorted(present)) or "none"
+            raise CameraRefused(device.path, f"controls.{name}", f"unknown; allowed: {known}")
+    off = {n: v for n, v in AUTOMATICS.items() if n in present and present[n].obstacle is None}
+    locks = {**off, **wanted}
+    for name, value in sorted(locks.items(), key=lambda item: item[0] not in AUTOMATICS):
+        _set(device, present[name], value)
+    return {name: _read_back(device, present[name], value) for name, value in locks.items()}
+
+
+def _queries(device: Device) -> Iterator[ControlQuery]:
+    query = ControlQuery(id=ControlFlag.NEXT)
+    while device.supports(Request.QUERYCTRL, query):
+        if query.type in set(ControlType) and not query.flags & ControlFlag.DISABLED:
+            yield query
+        query = ControlQuery(id=query.id | ControlFlag.NEXT)
+
+
+def _control(device: Device, query: ControlQuery) -> CameraControl:
+    flags = ControlFlag(query.flags & sum(ControlFlag))
+    kind = ControlType(query.type)
+    readable = kind is not ControlType.BUTTON and not flags & ControlFlag.WRITE_ONLY
+    return CameraControl(
+        number=query.id,
+        name=spelled(query.name.decode(errors="replace")),
+        kind=kind,
+        low=query.minimum,
+        high=query.maximum,
+        step=query.step,
+        default=query.default_value,
+        flags=flags,
+        value=_value(device, query.id) if readable else None,
+        entries=_entries(device, query, kind),
+    )
+
+
+def _entries(device: Device, query: ControlQuery, kind: ControlType) -> dict[int, str]:
+    if kind not in {ControlType.MENU, ControlType.INTEGER_MENU}:
+        return {}
+    entries = {}
+    for index in range(query.minimum, query.maximum + 1):
+        said = MenuQuery(id=query.id, index=index)
+        if device.supports(Request.QUERYMENU, said):
+            named = kind is ControlType.MENU
+            entries[index] = said.entry.name.decode() if named else str(said.entry.value)
+    return entries
+
+
+def _set(device: Device, control: CameraControl, value: int) -> None:
+    now = controls_of(device)[control.name]  # an automatic that went off may have released it
+    if now.obstacle is not None:
+        raise CameraRefused(device.path, f"controls.{control.name}", now.obstacle)
+    if not device.supports(Request.S_CTRL, Control(id=control.number, value=value)):
+        raise CameraRefused(
+            device.path, f"controls.{control.name}", f"{value}; allowed: {control.allowed}"
+        )
+
+
+def _read_back(device: Device, control: CameraControl, value: int) -> int:
+    took = _value(device, control.number)
+    if took != value:
+        raise CameraRefused(
+            device.path,
+            f"controls.{control.name}",
+            f"{value} became {took}; allowed: {control.allowed}",
+        )
+    return took
+
+
+def _value(device: Device, number: int) -> int:
+    said = device.call(Request.G_CTRL, Control(id=number), "reading a control")
+    return int(said.value)
+
+
+def spelled(name: str) -> str:
+    """A control's name as v4l2-ctl spells it: "White Balance, Automatic" has no comma there."""
+    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")

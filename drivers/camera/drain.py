@@ -1,0 +1,192 @@
+"""The thread that empties the kernel's queue, so that the newest frame is a fresh one."""
+
+import math
+import threading
+from dataclasses import dataclass
+
+from drivers.camera.errors import CameraFaulty, CameraStalled
+from drivers.camera.formats import Picture
+from drivers.camera.frame import Counts
+from drivers.camera.kernel import Kernel
+from drivers.camera.session import Session
+from drivers.camera.settings import V4l2Settings
+from drivers.camera.stamps import Sequence, StampSource
+from drivers.camera.stream import Capture
+from drivers.errors import CellError
+from drivers.protocols import Clock
+
+TICK = 0.04  # s without a frame until the device is asked whether it is still there
+PAUSE = 0.1  # s between attempts to recover
+FIRST_FRAME = 3.0  # s that a camera may take for its first frame
+LEAST_STEP = 1e-6  # s by which stamps grow at least
+NAME = "v4l2 camera"
+
+
+@dataclass(frozen=True, slots=True)
+class Arrived:
+    """A whole buffer of a `picture`, with its place in time; times in the cell's clock [s]."""
+
+    capture: Capture
+    picture: Picture
+    sequence: int
+    gap: int
+    stamp: float
+    arrival: float
+    source: StampSource
+
+
+class Drain:
+    """Takes every frame of a session and keeps the newest; recovers the device after trouble.
+
+    Trouble is told by the next `newest`, at least once, and as long as no frame has arrived after
+    it. A stalled or faulty stream is stopped and started; a lost device is opened anew once its
+    link is there again, and set up as before.
+    """
+
+    def __init__(
+        self, kernel: Kernel, settings: V4l2Settings, clock: Clock, session: Session
+    ) -> None:
+        self.counts = Counts()
+        self._kernel = kernel
+        self._settings = settings
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._closing = False
+        self._newest: Arrived | None = None
+        self._trouble: CellError | None = None
+        self._recovered = False
+        self._sequence = Sequence()
+        self._patience = FIRST_FRAME
+        self._last_whole = self._last_any = kernel.monotonic()
+        self._current: Session | None = None
+        self._thread = threading.Thread(target=self._run, args=(session,), name=NAME, daemon=True)
+        self._thread.start()
+
+    def newest(self, after: float, timeout: float) -> Arrived | None:
+        """The newest frame stamped later than `after`, waiting up to `timeout` [s] for one.
+
+        Raises the error that the device is in, or was in since the last call.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: self._trouble or self._fresh(after), timeout)
+            if self._trouble is None and not self._thread.is_alive():
+                raise CameraFaulty(self._settings.device, "the thread that reads it has ended")
+            if self._trouble is not None:
+                trouble = self._trouble
+                if self._recovered:
+                    self._trouble = None
+                raise trouble.with_traceback(None)
+            return self._newest if self._fresh(after) else None
+
+    def close(self) -> None:
+        """Stop the thread, which lets go of the device."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _fresh(self, after: float) -> bool:
+        return self._newest is not None and self._newest.stamp > after
+
+    def _run(self, session: Session) -> None:
+        self._current = session
+        try:
+            while not self._closing:
+                self._turn()
+        finally:
+            self._let_go()
+
+    def _turn(self) -> None:
+        """Take frames until trouble comes, tell it, and make the session whole or let it go."""
+        try:
+            if self._current is None:
+                self._current = Session.open(self._kernel, self._settings)
+                self._begin_anew()
+            self._pump(self._current)
+        except (CameraStalled, CameraFaulty) as error:
+            self._tell(error)
+            self._kernel.wait(None, PAUSE)
+            self._restart()
+        except CellError as error:
+            self._tell(error)
+            self._let_go()
+            self._kernel.wait(None, PAUSE)
+
+    def _pump(self, session: Session) -> None:
+        """Take frames until the camera is closed; raises what ends the session."""
+        while not self._closing:
+            capture = session.wait(TICK)
+            if capture is not None:
+                self._keep(session, capture)
+            self._check_flow()
+
+    def _check_flow(self) -> None:
+        now = self._kernel.monotonic()
+        waited = now - self._last_any
+        if waited > self._patience:
+            raise CameraStalled(self._settings.device, waited)
+        waited = now - self._last_whole
+        if waited > self._patience:
+            raise CameraFaulty(
+                self._settings.device, f"every frame of the last {waited:.2f} s is corrupt"
+            )
+
+    def _keep(self, session: Session, capture: Capture) -> None:
+        step = self._sequence.step_to(capture.counter)
+        self._last_any = capture.taken
+        self.counts.missing += max(step - 1, 0)
+        self.counts.repeated += step < 1
+        if capture.corrupt or not session.setup.picture.whole(capture.content):
+            self.counts.corrupt += 1
+            return
+        self._last_whole, self._patience = capture.taken, self._settings.stall
+        arrived = self._placed(session, capture)
+        self.counts.arrived += 1
+        self.counts.restamped += arrived.source is StampSource.DEQUEUE
+        with self._changed:
+            self._newest, self._recovered = arrived, True
+            self._changed.notify_all()
+
+    def _placed(self, session: Session, capture: Capture) -> Arrived:
+        """The capture in the cell's clock; stamps only grow, and none lies after its arrival."""
+        shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
+        gap = 0 if last is None else number - last.sequence - 1
+        earliest = -math.inf if last is None else last.stamp + LEAST_STEP
+        ahead = self._kernel.monotonic()
+        arrival = self._clock.now()
+        ahead -= arrival
+        middle, source = shutter.middle(capture.stamp, capture.flags, capture.taken)
+        if middle - ahead < earliest:
+            middle, source = capture.taken, StampSource.DEQUEUE
+        stamp = max(min(middle - ahead, arrival - LEAST_STEP), earliest)
+        return Arrived(capture, session.setup.picture, number, gap, stamp, arrival, source)
+
+    def _tell(self, error: CellError) -> None:
+        with self._changed:
+            self._trouble, self._recovered = error, False
+            self._changed.notify_all()
+
+    def _restart(self) -> None:
+        """Stop the stream and start it; where that fails the device is let go."""
+        if self._current is None:
+            return
+        try:
+            self._current.restart()
+        except CellError as error:
+            self._tell(error)
+            self._let_go()
+        else:
+            self._begin_anew()
+
+    def _begin_anew(self) -> None:
+        now = self._kernel.monotonic()
+        missing = round((now - self._last_any) * self._settings.rate)
+        self._sequence.restart(max(missing, 0))
+        self._last_whole = self._last_any = now
+        self._patience = FIRST_FRAME
+        self.counts.restarts += 1
+
+    def _let_go(self) -> None:
+        session, self._current = self._current, None
+        if session is not None:
+            session.close()

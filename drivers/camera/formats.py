@@ -1,0 +1,126 @@
+"""The picture that is asked for: agreed with the device and read back, decoded to BGR."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from drivers.camera.abi import (
+    ANY_FIELD,
+    CAPTURE,
+    PROGRESSIVE,
+    Format,
+    Fraction,
+    Request,
+    StreamParameters,
+    fourcc,
+    letters,
+)
+from drivers.camera.device import Device
+from drivers.camera.errors import CameraRefused
+from drivers.camera.modes import modes_of
+from drivers.camera.settings import V4l2Settings
+from drivers.types import Image
+
+RATE_TOLERANCE = 0.01
+PER_SECOND = 1000  # a rate as a fraction of whole numbers
+JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+
+Decoder = Callable[[Image], Image]
+
+
+def _converted(code: int) -> Decoder:
+    return lambda pixels: np.asarray(cv2.cvtColor(pixels, code), np.uint8)
+
+
+# A Bayer pattern is named by its first row and the one below it: RGGB has red at (0, 0).
+RAW: dict[str, tuple[int, Decoder]] = {
+    "YUYV": (2, _converted(cv2.COLOR_YUV2BGR_YUYV)),
+    "GREY": (1, _converted(cv2.COLOR_GRAY2BGR)),
+    "RGGB": (1, _converted(cv2.COLOR_BayerRGGB2BGR)),
+    "GRBG": (1, _converted(cv2.COLOR_BayerGRBG2BGR)),
+    "BA81": (1, _converted(cv2.COLOR_BayerBGGR2BGR)),
+    "GBRG": (1, _converted(cv2.COLOR_BayerGBRG2BGR)),
+}
+
+
+READ = frozenset({*RAW, "MJPG"})
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """What the device delivers, as it said itself; `line` and `size` in bytes, `rate` in Hz."""
+
+    format: str
+    width: int
+    height: int
+    line: int
+    size: int
+    rate: float
+
+    def whole(self, content: Image) -> bool:
+        """Whether a buffer's bytes (n,) are as long as a picture, or begin and end as a JPEG does.
+
+        A JPEG that ends early decodes to a grey patch without an error.
+        """
+        if self.format != "MJPG":
+            return content.size >= self.line * self.height
+        end = content.size - int(np.argmax(content[::-1] != 0))
+        return (
+            content[:2].tobytes() == JPEG_BEGIN
+            and content[max(end - 2, 0) : end].tobytes() == JPEG_END
+        )
+
+    def decode(self, content: Image) -> Image | None:
+        """(height, width, 3) BGR of a buffer's bytes (n,); None where they are no whole picture."""
+        if not self.whole(content):
+            return None
+        if self.format == "MJPG":
+            image = cv2.imdecode(content, cv2.IMREAD_COLOR)
+            fits = image is not None and image.shape == (self.height, self.width, 3)
+            return np.asarray(image, np.uint8) if fits else None
+        depth, decoder = RAW[self.format]
+        lines = content[: self.line * self.height].reshape(self.height, self.line)
+        pixels = np.ascontiguousarray(lines[:, : self.width * depth])
+        return decoder(pixels.reshape(self.height, self.width, depth))
+
+
+def agree(device: Device, settings: V4l2Settings) -> Picture:
+    """Set format, size and rate, and hold what the device made of them against `settings`.
+
+    Raises CameraRefused, naming what it offers, where they differ; CameraBusy while another
+    program streams.
+    """
+    asked = Format(type=CAPTURE)
+    pix = asked.fmt.pix
+    pix.width, pix.height = settings.width, settings.height
+    pix.pixelformat, pix.field = fourcc(settings.format), ANY_FIELD
+    pix = device.call(Request.S_FMT, asked, "setting the format").fmt.pix
+    made = (letters(pix.pixelformat), pix.width, pix.height)
+    if made != (settings.format, settings.width, settings.height):
+        wanted = f"{settings.format} {settings.width}x{settings.height}"
+        problem = f"{wanted} became {made[0]} {made[1]}x{made[2]}; allowed: {_offer(device)}"
+        raise CameraRefused(device.path, "format", problem)
+    if pix.field != PROGRESSIVE:
+        raise CameraRefused(device.path, "format", "is interlaced; use a progressive mode")
+    rate = _agree_rate(device, settings)
+    return Picture(*made, line=pix.bytesperline, size=pix.sizeimage, rate=rate)
+
+
+def _agree_rate(device: Device, settings: V4l2Settings) -> float:
+    asked = StreamParameters(type=CAPTURE)
+    asked.parm.capture.timeperframe = Fraction(PER_SECOND, round(PER_SECOND * settings.rate))
+    device.call(Request.S_PARM, asked, "setting the rate")
+    said = StreamParameters(type=CAPTURE)
+    period = device.call(Request.G_PARM, said, "reading the rate").parm.capture.timeperframe
+    rate = period.denominator / period.numerator if period.numerator else 0.0
+    if abs(rate - settings.rate) > RATE_TOLERANCE * settings.rate:
+        problem = f"{settings.rate:g} Hz became {rate:g} Hz; allowed: {_offer(device)}"
+        raise CameraRefused(device.path, "rate", problem)
+    return rate
+
+
+def _offer(device: Device) -> str:
+    usable = (mode for mode in modes_of(device) if mode.format in READ)
+    return "; ".join(str(mode) for mode in usable) or "none that this driver reads"

@@ -1,0 +1,73 @@
+"""When a frame was exposed and which ones are missing, from what the kernel says of a buffer."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from drivers.camera.abi import BufferFlag
+
+OLDEST = 2.0  # s; a stamp further back is not of this frame
+BITS = 1 << 32
+
+
+class StampSource(StrEnum):
+    """What a frame's stamp rests on."""
+
+    START = "start of exposure"
+    END = "end of exposure"
+    DEQUEUE = "dequeue time"  # the kernel's stamp could not be trusted
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """Times of a sensor [s]: between frames, of the exposure, from first to last line."""
+
+    period: float
+    exposure: float
+    readout: float
+
+    def middle(self, stamp: float, flags: int, taken: float) -> tuple[float, StampSource]:
+        """Middle of the exposure [s] on the kernel's monotonic clock, and what it rests on.
+
+        `taken` is when the buffer was dequeued. Stamps from the future (a period is let pass),
+        from long ago or of another clock are replaced by it.
+        """
+        monotonic = flags & BufferFlag.TIMESTAMP_MASK == BufferFlag.TIMESTAMP_MONOTONIC
+        if not (monotonic and -self.period < taken - stamp < OLDEST):
+            return self._before_end(taken), StampSource.DEQUEUE
+        if flags & BufferFlag.SOURCE_MASK == BufferFlag.SOURCE_START_OF_EXPOSURE:
+            return stamp + self.exposure / 2, StampSource.START
+        return self._before_end(stamp), StampSource.END
+
+    def _before_end(self, end: float) -> float:
+        return end - self.readout - self.exposure / 2
+
+
+@dataclass(slots=True)
+class Sequence:
+    """Numbers of frames that only grow, from the kernel's 32-bit counter that wraps and repeats.
+
+    `number` is that of the last frame, -1 before the first.
+    """
+
+    number: int = -1
+    _counter: int | None = None
+
+    def step_to(self, counter: int) -> int:
+        """Steps to the frame that the kernel counts as `counter`: 1, more when some are missing.
+
+        Less for a counter that repeats or goes back; such a frame is the next one.
+        """
+        step = 1 if self._counter is None else signed(counter - self._counter)
+        self._counter = counter
+        self.number += max(step, 1)
+        return step
+
+    def restart(self, missing: int) -> None:
+        """The stream begins anew after about `missing` frames; its counter too."""
+        self.number += missing
+        self._counter = None
+
+
+def signed(difference: int) -> int:
+    """A difference of 32-bit counters, between -2^31 and 2^31 - 1."""
+    return (difference + BITS // 2) % BITS - BITS // 2

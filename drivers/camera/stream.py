@@ -1,0 +1,133 @@
+"""Buffers that the kernel fills, shared with this process: started, taken, given back, let go."""
+
+import errno
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Self
+
+from drivers.camera.abi import (
+    CAPTURE,
+    MMAP,
+    Buffer,
+    BufferFlag,
+    BufferRequest,
+    Number,
+    Request,
+)
+from drivers.camera.device import Device
+from drivers.camera.errors import CameraFaulty, named
+from drivers.camera.kernel import Mapping
+from drivers.types import Image
+
+FEWEST = 2
+MICRO = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """A buffer's bytes and what the kernel said of them, copied before the buffer went back.
+
+    `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing, both on the
+    monotonic clock [s].
+    """
+
+    counter: int
+    flags: int
+    stamp: float
+    taken: float
+    content: Image
+
+    @property
+    def corrupt(self) -> bool:
+        """Whether the kernel says that the picture is damaged, or gave none."""
+        return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
+
+
+class Stream:
+    """Frames of a device whose format is agreed, from `start` until `stop`."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._mappings: list[Mapping] = []
+
+    @classmethod
+    def start(cls, device: Device, buffers: int) -> Self:
+        """Ask for `buffers`, share them, hand them to the kernel, begin.
+
+        Raises CameraBusy, CameraLost or CameraFaulty; then nothing is held.
+        """
+        stream = cls(device)
+        try:
+            stream._begin(buffers)
+        except BaseException:
+            stream.stop()
+            raise
+        return stream
+
+    def take(self) -> Capture | None:
+        """The next filled buffer, copied, the buffer given back; None when there is none yet.
+
+        Raises CameraLost or CameraFaulty.
+        """
+        device = self._device
+        buffer = Buffer(type=CAPTURE, memory=MMAP)
+        try:
+            device.kernel.ioctl(device.fd, Request.DQBUF, buffer)
+        except OSError as error:
+            if error.errno == errno.EAGAIN:
+                return None
+            if error.errno == errno.EINVAL:  # the queue has stopped by itself
+                raise CameraFaulty(device.path, "the kernel stopped the stream") from None
+            raise named(error, device.path, "taking a frame", "") from None
+        capture = self._copied(buffer)
+        self._give(buffer.index)
+        return capture
+
+    def stop(self) -> None:
+        """End, unmap, free. A device that is gone answers with errors, which change nothing.
+
+        Unmapping comes even so: a mapping that stays keeps the node of an unplugged camera.
+        """
+        device = self._device
+        with suppress(OSError):
+            device.kernel.ioctl(device.fd, Request.STREAMOFF, Number(CAPTURE))
+        while self._mappings:
+            self._mappings.pop().close()
+        with suppress(OSError):
+            none = BufferRequest(count=0, type=CAPTURE, memory=MMAP)
+            device.kernel.ioctl(device.fd, Request.REQBUFS, none)
+
+    def _begin(self, buffers: int) -> None:
+        device = self._device
+        asked = BufferRequest(count=buffers, type=CAPTURE, memory=MMAP)
+        count = device.call(Request.REQBUFS, asked, "asking for buffers").count
+        if count < FEWEST:
+            raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
+        for index in range(count):
+            self._mappings.append(self._shared(index))
+            self._give(index)
+        device.call(Request.STREAMON, Number(CAPTURE), "starting the stream")
+
+    def _shared(self, index: int) -> Mapping:
+        device = self._device
+        asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
+        said = device.call(Request.QUERYBUF, asked, "asking for a buffer")
+        try:
+            return device.kernel.map(device.fd, said.length, said.m.offset)
+        except OSError as error:
+            raise named(error, device.path, "sharing a buffer", "") from None
+
+    def _give(self, index: int) -> None:
+        buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
+        self._device.call(Request.QBUF, buffer, "giving a buffer back")
+
+    def _copied(self, buffer: Buffer) -> Capture:
+        """Sequence, flags and bytes as they are now: giving the buffer back rewrites them."""
+        time = buffer.timestamp
+        return Capture(
+            counter=buffer.sequence,
+            flags=buffer.flags,
+            stamp=time.seconds + MICRO * time.microseconds,
+            taken=self._device.kernel.monotonic(),
+            content=self._mappings[buffer.index].copy(buffer.bytesused),
+        )

@@ -1,0 +1,126 @@
+"""Inverse kinematics of the Franka Research 3: joints that bring the tool to a pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.errors import CellError
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, PARAMETERS, REACH, pose_and_jacobian
+from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
+from drivers.franka.tracking import rotation_vector
+from drivers.types import Array, frozen
+
+TOLERANCE = 1e-7  # m and rad
+ITERATIONS = 150
+STEP = 0.3  # rad, of one iteration
+CENTRE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
+SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
+HALF_RANGE = frozen((POSITION_HIGH - POSITION_LOW) / 2)
+
+
+class Unreachable(CellError):
+    """No posture within the joints' limits brings the tool to a pose; `reason` says what fails."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(f"pose out of reach: {reason}")
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """Where a search ended: joints (7,) [rad], misplacement [m], misorientation [rad]."""
+
+    joints: Array
+    distance: float
+    angle: float
+
+    @property
+    def found(self) -> bool:
+        """Whether the joints bring the tool to the pose."""
+        return max(self.distance, self.angle) < TOLERANCE
+
+
+def solve(
+    pose: Array, seed: Array = HOME, tool: Array = FLANGE_TO_TIP, centre: float = CENTRE
+) -> Array:
+    """Joints (7,) [rad] within their limits that bring the tool to `pose` (4, 4) in the base.
+
+    Searches from `seed` (7,) first, so that neighbouring poses get neighbouring postures, then
+    from fixed other postures. `centre` pulls the arm's free motion to mid-range. Raises
+    Unreachable. Damped least squares with nullspace: Siciliano et al., Robotics, 3.5 and 3.7.
+    """
+    if not np.isfinite(pose).all():
+        raise Unreachable("it is not finite")
+    best: Attempt | None = None
+    for start in (seed, *_STARTS):
+        attempt = _descend(pose, np.clip(start, POSITION_LOW, POSITION_HIGH), tool, centre)
+        if attempt.found:
+            return attempt.joints
+        if best is None or attempt.distance + attempt.angle < best.distance + best.angle:
+            best = attempt
+    raise Unreachable(_reason(pose, tool, best))
+
+
+def twist_between(start: Array, end: Array) -> Array:
+    """Displacement (6,) in the base that takes pose `start` (4, 4) to `end`: [m], then [rad]."""
+    turn = rotation_vector(end[:3, :3] @ start[:3, :3].T)
+    return np.concatenate([end[:3, 3] - start[:3, 3], turn])
+
+
+def damped_inverse(jac: Array, damping: float) -> Array:
+    """Inverse (7, 6) of a Jacobian (6, 7) that stays bounded near singular postures."""
+    square = jac @ jac.T
+    square[np.diag_indices(6)] += damping**2
+    return np.asarray(np.linalg.solve(square, jac).T, dtype=np.float64)
+
+
+def manipulability(jac: Array) -> float:
+    """Smallest singular value of a Jacobian (6, 7): 0 in a singular posture."""
+    return float(np.linalg.svd(jac, compute_uv=False)[-1])
+
+
+def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
+    joints = np.array(start, dtype=np.float64)
+    for _ in range(ITERATIONS):
+        reached, jac = pose_and_jacobian(joints, tool)
+        error = twist_between(reached, pose)
+        size = float(np.abs(error).max())
+        if size < TOLERANCE / 2:
+            break
+        pull = centre * (MIDDLE - joints) * min(1.0, 10 * size)
+        step = _step(jac, error, pull, size)
+        blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
+        if blocked.any():
+            step = _step(jac * ~blocked, error, pull * ~blocked, size)
+        step *= min(1.0, STEP / max(float(np.abs(step).max()), STEP))
+        joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)
+    error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
+    return Attempt(joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
+
+
+def _step(jac: Array, error: Array, pull: Array, size: float) -> Array:
+    inverse = damped_inverse(jac, min(0.1 * size, 0.05) + 1e-6)
+    step: Array = inverse @ error + pull - inverse @ (jac @ pull)
+    return step
+
+
+def _reason(pose: Array, tool: Array, best: Attempt | None) -> str:
+    if best is None:
+        return "no posture was tried"
+    flange = pose @ np.linalg.inv(tool)
+    distance = float(np.linalg.norm(flange[:3, 3] - SHOULDER))
+    if distance > REACH + 0.2:
+        return f"the flange would be {distance:.2f} m from the shoulder; the arm ends before"
+    room = margins(best.joints)
+    ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < 1e-6]
+    missed = f"{1e3 * best.distance:.1f} mm and {np.degrees(best.angle):.1f} deg are missing"
+    return f"{missed}" + (f" with {' and '.join(ended)} at the end" if ended else "")
+
+
+def _starts() -> tuple[Array, ...]:
+    turned = [HOME + frozen([turn, 0, 0, 0, 0, 0, 0]) for turn in (-1.2, 1.2)]
+    folded = frozen([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.8])
+    return (HOME, frozen(MIDDLE), folded, *(frozen(start) for start in turned))
+
+
+_STARTS = _starts()

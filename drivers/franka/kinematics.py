@@ -1,0 +1,104 @@
+"""Forward kinematics and Jacobian of the Franka Research 3, in its base frame."""
+
+import numpy as np
+
+from drivers.types import Array, frozen
+
+# Denavit-Hartenberg parameters after Craig, one row a joint: a [m], d [m], alpha [rad].
+# Source: the user documentation, "Denavit-Hartenberg parameters".
+PARAMETERS = frozen(
+    [
+        [0.0, 0.333, 0.0],
+        [0.0, 0.0, -np.pi / 2],
+        [0.0, 0.316, np.pi / 2],
+        [0.0825, 0.0, np.pi / 2],
+        [-0.0825, 0.384, -np.pi / 2],
+        [0.0, 0.0, np.pi / 2],
+        [0.088, 0.0, np.pi / 2],
+    ]
+)
+FLANGE = 0.107  # m, from the last joint along its axis
+REACH = 0.855  # m, about the shoulder, to the middle of the wrist
+HOME = frozen([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])  # rad
+
+_HALF = np.sqrt(0.5)
+FLANGE_TO_HAND = frozen([[_HALF, _HALF, 0, 0], [-_HALF, _HALF, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+HAND_TO_TIP = frozen([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0.1034], [0, 0, 0, 1]])
+FLANGE_TO_TIP = frozen(FLANGE_TO_HAND @ HAND_TO_TIP)  # the robot's F_T_EE with the Franka Hand
+
+_COS_ALPHA, _SIN_ALPHA = np.cos(PARAMETERS[:, 2]), np.sin(PARAMETERS[:, 2])
+
+
+def _fixed_parts() -> tuple[Array, Array, Array]:
+    """Link transforms as cos(q) A + sin(q) B + C, each (7, 4, 4)."""
+    cosine, sine, fixed = np.zeros((3, 7, 4, 4))
+    cosine[:, 0, 0] = 1
+    cosine[:, 1, 1] = _COS_ALPHA
+    cosine[:, 2, 1] = _SIN_ALPHA
+    sine[:, 0, 1] = -1
+    sine[:, 1, 0] = _COS_ALPHA
+    sine[:, 2, 0] = _SIN_ALPHA
+    fixed[:, 0, 3] = PARAMETERS[:, 0]
+    fixed[:, 1, 2] = -_SIN_ALPHA
+    fixed[:, 2, 2] = _COS_ALPHA
+    fixed[:, 1, 3] = -_SIN_ALPHA * PARAMETERS[:, 1]
+    fixed[:, 2, 3] = _COS_ALPHA * PARAMETERS[:, 1]
+    fixed[:, 3, 3] = 1
+    return frozen(cosine), frozen(sine), frozen(fixed)
+
+
+_COSINE, _SINE, _FIXED = _fixed_parts()
+
+
+def frames(q: Array) -> Array:
+    """Poses (..., 7, 4, 4) of the seven joints' frames in the base for joints (..., 7) [rad]."""
+    angles = np.asarray(q, dtype=np.float64)[..., None, None]
+    links: Array = np.cos(angles) * _COSINE + np.sin(angles) * _SINE + _FIXED
+    for joint in range(1, 7):
+        links[..., joint, :, :] = links[..., joint - 1, :, :] @ links[..., joint, :, :]
+    return links
+
+
+def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
+    """Pose (..., 4, 4) of the tool in the base for joints (..., 7) [rad].
+
+    `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka Hand.
+    """
+    return frames(q)[..., 6, :, :] @ _from_last_joint(tool)
+
+
+def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
+    """Jacobian (..., 6, 7) of the tool in the base: velocity [m/s] over turn rate [rad/s]."""
+    return pose_and_jacobian(q, tool)[1]
+
+
+def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
+    """`forward` and `jacobian` of joints (..., 7) [rad] at the price of one."""
+    joints = frames(q)
+    pose = joints[..., 6, :, :] @ _from_last_joint(tool)
+    axis = joints[..., :3, 2]
+    arm = pose[..., None, :3, 3] - joints[..., :3, 3]
+    columns = np.empty((*axis.shape[:-1], 6))
+    columns[..., 0] = axis[..., 1] * arm[..., 2] - axis[..., 2] * arm[..., 1]
+    columns[..., 1] = axis[..., 2] * arm[..., 0] - axis[..., 0] * arm[..., 2]
+    columns[..., 2] = axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0]
+    columns[..., 3:] = axis
+    return pose, np.swapaxes(columns, -1, -2)
+
+
+def elbow(q: Array) -> tuple[float, float]:
+    """The redundancy of a posture (7,): angle of joint 3 [rad], sign of joint 4's flexion.
+
+    The sign is -1 unless joint 4 is stretched beyond the elbow's offset (libfranka, RobotState).
+    """
+    beyond = q[3] > _ELBOW_FLIP
+    return float(q[2]), 1.0 if beyond else -1.0
+
+
+_ELBOW_FLIP = -0.467002423653011  # rad
+
+
+def _from_last_joint(tool: Array) -> Array:
+    moved = np.array(tool, dtype=np.float64)
+    moved[2, 3] += FLANGE
+    return moved

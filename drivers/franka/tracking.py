@@ -1,0 +1,62 @@
+"""How the arm follows a pose from tick to tick: tool and elbow together fix all seven joints."""
+
+from math import atan2, cos, hypot, sin
+
+import numpy as np
+
+from drivers.types import Array
+
+ELBOW_JOINT = 2  # its angle is the elbow's, as libfranka defines it
+DAMPING = 1e-4
+
+
+def joint_step(q: Array, reached: Array, jac: Array, target: Array, elbow: float) -> Array:
+    """Step (7,) [rad] of joints (7,) towards tool pose `target` (4, 4) and elbow angle [rad].
+
+    `reached` (4, 4) and `jac` (6, 7) are what `pose_and_jacobian` gives for `q`. One Newton step:
+    exact up to the square of the distance, so that what is missing after one tick is made up in
+    the next. Damped, and so bounded, in singular postures.
+    """
+    wanted = np.empty(7)
+    wanted[:3] = target[:3, 3] - reached[:3, 3]
+    wanted[3:6] = rotation_vector(target[:3, :3] @ reached[:3, :3].T)
+    wanted[6] = elbow - q[ELBOW_JOINT]
+    return joint_rates(jac, wanted)
+
+
+def joint_rates(jac: Array, wanted: Array) -> Array:
+    """Joint rates (7,) that give a tool twist and elbow rate `wanted` (7,) under `jac` (6, 7)."""
+    whole = np.zeros((7, 7))
+    whole[:6] = jac
+    whole[6, ELBOW_JOINT] = 1
+    square = whole @ whole.T
+    square.flat[::8] += DAMPING**2
+    return np.asarray(whole.T @ np.linalg.solve(square, wanted), dtype=np.float64)
+
+
+def rotation_vector(turn: Array) -> Array:
+    """Axis times angle (3,) [rad] of a rotation matrix (3, 3), accurate for small angles too."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
+    twice_sine = np.array([zy - yz, xz - zx, yx - xy])
+    sine = hypot(zy - yz, xz - zx, yx - xy) / 2
+    cosine = (xx + yy + zz - 1) / 2
+    if sine < 1e-6 and cosine > 0:
+        return np.asarray(twice_sine / 2, dtype=np.float64)
+    if sine < 1e-6:
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_matrix(turn).as_rotvec(), dtype=np.float64)
+    scale = atan2(sine, cosine) / (2 * sine)
+    return np.asarray(scale * twice_sine, dtype=np.float64)
+
+
+def rotation(vector: Array) -> Array:
+    """Rotation matrix (3, 3) of axis times angle (3,) [rad] (Rodrigues)."""
+    x, y, z = vector.tolist()
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = hypot(x, y, z)
+    if angle < 1e-9:
+        return np.asarray(np.eye(3) + cross, dtype=np.float64)
+    square = cross @ cross
+    turned = np.eye(3) + sin(angle) / angle * cross + (1 - cos(angle)) / angle**2 * square
+    return np.asarray(turned, dtype=np.float64)

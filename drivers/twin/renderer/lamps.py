@@ -1,0 +1,83 @@
+"""Light that changes while the cell works: the arm's shadow, and flicker from the mains."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.twin.renderer.gripper import Outline
+from drivers.twin.renderer.looks.look import Flicker, Lamp
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.stage import BACKDROP
+from drivers.types import Array, Image
+
+COARSE = 4  # px: the grid on which a shadow is drawn
+HIDDEN = -0.03  # m of height under which the desk hides the wall
+Gain = NDArray[np.float32]
+
+
+def dimmed(image: Image, gain: Gain) -> Image:
+    """`image` (h, w, 3) under light that is `gain` (h, w) or (h, 1) times as bright."""
+    whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
+    return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))
+
+
+def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
+    """(height, 1) brightness of the rows of a frame exposed about `stamp` [s].
+
+    The lamp's power falls to zero twice a period of the mains; what an `exposure` [s] averages is
+    the sinc of its share of that.
+    """
+    rate = 2 * light.mains
+    rows = stamp + light.readout * (np.arange(height) / height - 0.5)
+    swing = np.sinc(rate * exposure) * np.cos(2 * np.pi * rate * rows)
+    return np.asarray(1 - light.depth * (0.5 - 0.5 * swing), dtype=np.float32)[:, None]
+
+
+def arm_shadow(
+    lamp: Lamp, parts: Sequence[Outline], optics: Optics, size: tuple[int, int], floor: float
+) -> Gain:
+    """(height, width) brightness that the arm leaves on wall and desk; `size` is (width, height).
+
+    The desk lies at `floor` [m]. What stands between desk and wall is shaded as the wall is.
+    """
+    width, height = size[0] // COARSE, size[1] // COARSE
+    dark = np.zeros((height, width), dtype=np.uint8)
+    for part in parts:
+        middle = (part.front + part.back) / 2
+        points = np.insert(part.corners, 1, middle, axis=1)
+        for seen in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
+            if len(seen) > 2:
+                pixels = np.rint(optics.project(seen) / COARSE * 16)
+                outline = np.clip(pixels, -(2**20), 2**20).astype(np.int32)
+                cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, 4)
+    sigma = _softness(lamp, optics) / COARSE
+    soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
+    return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
+
+
+def _on_wall(points: Array, lamp: Lamp) -> Array:
+    """Where rays from the lamp through `points` (n, 3) meet the wall, above the desk."""
+    place = np.array(lamp.place)
+    away = (BACKDROP - place[1]) / (points[:, 1] - place[1])
+    met = place + away[:, None] * (points - place)
+    met[:, 2] = np.maximum(met[:, 2], HIDDEN)
+    return np.asarray(met)
+
+
+def _on_desk(points: Array, lamp: Lamp, floor: float) -> Array:
+    """Where rays from the lamp through `points` (n, 3) meet the desk before the wall."""
+    place = np.array(lamp.place)
+    low = points[points[:, 2] < place[2] - 0.05]
+    away = (place[2] - floor) / (place[2] - low[:, 2])
+    met = place + away[:, None] * (low - place)
+    met[:, 1] = np.minimum(met[:, 1], BACKDROP)
+    return np.asarray(met)
+
+
+def _softness(lamp: Lamp, optics: Optics) -> float:
+    """Sigma [px] of the shadow's border on the wall, from the lamp's size."""
+    reach = BACKDROP - lamp.place[1]
+    border = lamp.size * BACKDROP / (reach - BACKDROP)
+    return float(border * optics.focal / (BACKDROP - optics.centre[1]))

@@ -1,0 +1,25 @@
+"""The registry of looks: every module of this folder is one look of the cell, its `LOOK`."""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+
+from drivers.twin.renderer.looks.look import Look
+
+PLAIN = "green-mat"
+
+
+@cache
+def looks() -> Mapping[str, Look]:
+    """Looks by name, the plain one first."""
+    modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "look"]
+    found = [importlib.import_module(f"{__name__}.{name}").LOOK for name in modules]
+    return {look.name: look for look in sorted(found, key=lambda it: (it.name != PLAIN, it.name))}
+
+
+def check_look(name: str) -> str:
+    """`name` if there is such a look; a ValueError that lists all names otherwise."""
+    if name not in looks():
+        raise ValueError(f"there is no look {name!r}; allowed: {', '.join(looks())}")
+    return name

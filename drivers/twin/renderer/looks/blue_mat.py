@@ -1,0 +1,7 @@
+"""A work place with an antistatic mat: what preflight asks for where a strip is grey."""
+
+from drivers.twin.renderer.looks.look import Look
+
+ROOM = {"desk": (150, 172, 200), "backdrop": (222, 221, 216), "panel": (120, 118, 114)}
+
+LOOK = Look("blue-mat", "a pale blue antistatic mat before a white wall; even light", ROOM)

@@ -1,0 +1,5 @@
+"""The cell as it is by default."""
+
+from drivers.twin.renderer.looks.look import Look
+
+LOOK = Look("green-mat", "a green mat before a green backdrop, as for chroma keying; even light")

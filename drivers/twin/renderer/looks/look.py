@@ -1,0 +1,100 @@
+"""A look of the cell: what surrounds the strip, how it is lit, and what is printed on the strip."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from drivers.types import Array
+
+Colour = tuple[int, int, int]
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A box parallel to the axes of the cell frame: low and high corner [m], its sRGB colour."""
+
+    low: Point
+    high: Point
+    colour: Colour
+
+
+@dataclass(frozen=True, slots=True)
+class Cable:
+    """A cable through `points` [m], `thickness` [m] across, of one sRGB colour."""
+
+    points: tuple[Point, ...]
+    thickness: float
+    colour: Colour
+
+
+Thing = Box | Cable
+
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    """A lamp at `place` [m] that throws the arm's shadow; `size` [m] is its radius.
+
+    `share` is how much of the light at the desk comes from it.
+    """
+
+    place: Point
+    size: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flicker:
+    """Light that falls by `depth` of its brightness twice a period of the `mains` [Hz].
+
+    A rolling shutter reads the image from top to bottom in `readout` [s].
+    """
+
+    mains: float
+    depth: float
+    readout: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """Colours that alternate with the strip's own, in parts of `pitch` [m].
+
+    `across` alternates along the strip's length, `along` over its width, `checks` in both.
+    `own` scales the brightness of the strip's own colour.
+    """
+
+    kind: Literal["across", "along", "checks"] = "across"
+    pitch: float = 0.02
+    others: tuple[Colour, ...] = ()
+    own: float = 1.0
+
+    @property
+    def plain(self) -> bool:
+        """Whether the strip keeps the one colour that its file states."""
+        return not self.others and self.own == 1.0
+
+    def colours(self, stated: Colour) -> Array:
+        """(k, 3) BGR of the strip, its own first."""
+        own = np.array(stated, dtype=np.float64) * self.own
+        return np.array([own, *self.others], dtype=np.float64)[:, ::-1]
+
+
+UNIFORM = Pattern()
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One look: what it `says` to the operator and what differs from the plain green cell.
+
+    `colours` are sRGB by key of the twin's surroundings; `things` stand still about the strip.
+    """
+
+    name: str
+    says: str
+    colours: Mapping[str, Colour] = field(default_factory=dict)
+    things: tuple[Thing, ...] = ()
+    lamp: Lamp | None = None
+    flicker: Flicker | None = None
+    pattern: Pattern = UNIFORM

@@ -1,0 +1,157 @@
+"""The robot's motion generators: from one command to the posture one tick on, or a violation."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.franka.kinematics import pose_and_jacobian
+from drivers.franka.tracking import joint_step, rotation
+from drivers.twin.server.configuration import rigid
+from drivers.twin.server.limits import (
+    CARTESIAN_JOINT,
+    JOINT,
+    TICK,
+    check_elbow_course,
+    check_end,
+    check_joint_course,
+    check_joints,
+    check_tool_course,
+    twist_of,
+)
+from drivers.twin.server.posture import Posture
+from drivers.twin.server.reflex import Reflex, Violation
+from drivers.twin.server.wire import Generator, RobotCommand, usable
+from drivers.types import Array
+
+Follow = Callable[[Posture, RobotCommand, Array], Posture]
+
+
+def follow(
+    generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
+) -> Posture:
+    """The posture one tick on; Violation where the command breaks a limit of the robot.
+
+    `first` says that the motion begins with this command, whose pose must be the arm's own.
+    """
+    try:
+        new = _FOLLOW[generator](old, command, tool)
+    except Violation as violation:
+        if first and generator in _START and violation.reflex not in _OWN_NAME:
+            raise Violation(_START[generator]) from None
+        raise
+    if command.finished:
+        cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
+        check_end(new.joints, CARTESIAN_JOINT if cartesian else JOINT)
+    return new
+
+
+def readable(generator: Generator, command: RobotCommand) -> bool:
+    """Whether what the generator reads of a command is made of usable numbers."""
+    fits = usable(_READ[generator](command))
+    return fits and (command.elbow is None or usable(command.elbow))
+
+
+def extrapolated(old: Posture, message_id: int) -> RobotCommand:
+    """The command that goes on as before, for a tick in which none came."""
+    return RobotCommand(
+        message_id,
+        old.q + TICK * old.joints.velocity,
+        old.joints.velocity,
+        _integrated(old.pose, old.tool.velocity),
+        old.tool.velocity,
+        None,
+        False,
+    )
+
+
+def _joint_position(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _joints(old, command.q, (command.q - old.q) / TICK, tool)
+
+
+def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _joints(old, old.q + TICK * command.dq, command.dq, tool)
+
+
+def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
+    course = old.joints.step(velocity)
+    check_joint_course(old.joints, course, JOINT)
+    check_joints(
+        q,
+        velocity,
+        Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
+        Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    )
+    return replace(old.moved(q, tool), joints=course)
+
+
+def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    if not rigid(command.pose):
+        raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
+    return _cartesian(old, command, command.pose, twist_of(old.pose, command.pose), tool)
+
+
+def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _cartesian(old, command, _integrated(old.pose, command.twist), command.twist, tool)
+
+
+def _cartesian(
+    old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
+) -> Posture:
+    course = old.tool.step(twist)
+    check_tool_course(old.tool, course)
+    elbow = _elbow(old, command)
+    swing = old.swing.step(np.array([elbow - old.elbow]) / TICK)
+    check_elbow_course(old.swing, swing)
+    velocity = joint_step(old.q, old.reached, old.jacobian, pose, elbow) / TICK
+    q = old.q + TICK * velocity
+    joints = old.joints.step(velocity)
+    check_joint_course(old.joints, joints, CARTESIAN_JOINT)
+    check_joints(
+        q,
+        velocity,
+        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
+        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
+    )
+    reached, jacobian = pose_and_jacobian(q, tool)
+    return Posture(q, reached, jacobian, pose, elbow, joints, course, swing)
+
+
+def _elbow(old: Posture, command: RobotCommand) -> float:
+    """The commanded angle [rad]; without one the elbow stays where it is."""
+    if command.elbow is None:
+        return old.elbow
+    angle, sign = command.elbow
+    if sign != old.elbow_sign:
+        raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT)
+    return angle
+
+
+def _integrated(pose: Array, twist: Array) -> Array:
+    moved = np.array(pose)
+    moved[:3, 3] += TICK * twist[:3]
+    moved[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]
+    return moved
+
+
+_FOLLOW: dict[Generator, Follow] = {
+    Generator.JOINT_POSITION: _joint_position,
+    Generator.JOINT_VELOCITY: _joint_velocity,
+    Generator.CARTESIAN_POSE: _cartesian_pose,
+    Generator.CARTESIAN_VELOCITY: _cartesian_velocity,
+}
+_READ: dict[Generator, Callable[[RobotCommand], Array]] = {
+    Generator.JOINT_POSITION: lambda command: command.q,
+    Generator.JOINT_VELOCITY: lambda command: command.dq,
+    Generator.CARTESIAN_POSE: lambda command: command.pose,
+    Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
+}
+_START = {
+    Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
+    Generator.CARTESIAN_POSE: Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
+}
+_OWN_NAME = {
+    Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT,
+}

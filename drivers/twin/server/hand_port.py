@@ -1,0 +1,87 @@
+"""The hand's port: requests of the one client, its replies, the states that it gets."""
+
+import select
+
+from drivers.twin.server.hand import TEMPERATURE, WIDEST, Hand
+from drivers.twin.server.hand_wire import (
+    CONNECTED,
+    PORT,
+    STATE,
+    VERSION,
+    HandCommand,
+    reply,
+    take_request,
+)
+from drivers.twin.server.link import Link, Welcome
+from drivers.twin.server.reception import Reception
+from drivers.twin.server.wire import Malformed
+
+
+class HandPort:
+    """Translates between the wire and the hand; what is no message ends the connection."""
+
+    def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
+        self._hand = hand
+        self._reception = Reception(address, PORT, poll, _greet)
+
+    @property
+    def client(self) -> Link | None:
+        """Who is connected."""
+        return self._reception.client
+
+    def serve(self, descriptor: int) -> None:
+        """Attend to a readable TCP descriptor, if it is one of this port."""
+        if self._reception.serve(descriptor) and not self._listen():
+            self._hand.interrupt()
+            self._hand.replies.clear()
+            self._reception.dismiss(reset=True)
+
+    def close(self) -> None:
+        """Hang up on everybody."""
+        self._reception.close()
+
+    def discard(self) -> None:
+        """Read a datagram of the client away: the hand takes none."""
+        if self.client is not None:
+            self.client.receive_datagram()
+
+    def answer(self) -> None:
+        """Send the replies that are due."""
+        for content in self._hand.replies:
+            if self.client is not None:
+                self.client.send(content)
+        self._hand.replies.clear()
+
+    def publish(self, time: int) -> None:
+        """Send the hand's state at robot time [ms]."""
+        if self.client is not None:
+            hand = self._hand
+            self.client.send_datagram(
+                STATE.pack(time & 0xFFFFFFFF, hand.width, WIDEST, hand.is_grasped, TEMPERATURE)
+            )
+
+    def _listen(self) -> bool:
+        client = self.client
+        if client is None or not client.read():
+            return False
+        try:
+            while (request := take_request(client.received)) is not None:
+                if request.command is HandCommand.CONNECT:
+                    return False
+                self._hand.begin(request)
+        except Malformed:
+            return False
+        self.answer()
+        return True
+
+
+def _greet(received: bytearray) -> Welcome | None:
+    request = take_request(received)
+    if request is None:
+        return None
+    if request.command is not HandCommand.CONNECT:
+        raise Malformed(f"{request.command.name} before connecting")
+    version, port = request.values
+    accepted = version == VERSION
+    content = CONNECTED.pack(0 if accepted else 1, VERSION)
+    return Welcome(accepted, int(port), reply(request.command, request.command_id, content))

@@ -1,0 +1,149 @@
+"""What the robot itself enforces on commands, whatever its client checked."""
+
+from dataclasses import dataclass, field
+from math import hypot
+
+import numpy as np
+
+from drivers.franka import limits
+from drivers.franka.tracking import rotation_vector
+from drivers.twin.server.reflex import Reflex, Violation
+from drivers.types import Array, frozen
+
+TICK = 1e-3  # s
+SLACK = (
+    1.01  # float32 of the state, from which clients limit their rates, costs a few tenths of 1 %
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Names of the errors of one kind of motion: too fast, and two kinds of discontinuity."""
+
+    velocity: Reflex
+    acceleration: Reflex
+    jerk: Reflex
+
+
+JOINT = Rates(
+    Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    Reflex.JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+    Reflex.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
+)
+CARTESIAN = Rates(
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
+)
+CARTESIAN_JOINT = Rates(
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY,
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Where the tool may be: corners (3,) [m] in the base."""
+
+    low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
+    high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
+
+    def check(self, pose: Array) -> None:
+        """Violation for a tool pose (4, 4) outside."""
+        place = pose[:3, 3]
+        if np.minimum(place - self.low, self.high - place).min() < 0:
+            raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
+
+
+@dataclass(slots=True)
+class Course:
+    """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
+
+    velocity: Array
+    acceleration: Array
+
+    def step(self, velocity: Array) -> "Course":
+        """The course one tick on with a new `velocity`."""
+        return Course(velocity, (velocity - self.velocity) / TICK)
+
+
+def still(axes: int) -> Course:
+    """A course at rest."""
+    return Course(np.zeros(axes), np.zeros(axes))
+
+
+# What follows runs in every tick: for so few numbers plain floats are faster than arrays.
+
+
+def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
+    """Violation where joints run, accelerate or jerk beyond their limits."""
+    if _beyond(new.velocity, _JOINT_VELOCITY):
+        raise Violation(rates.velocity)
+    if _beyond(new.acceleration, _JOINT_ACCELERATION):
+        raise Violation(rates.acceleration)
+    if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
+        raise Violation(rates.jerk)
+
+
+def check_tool_course(old: Course, new: Course) -> None:
+    """Violation where the tool moves, accelerates or jerks beyond its limits."""
+    change = (new.acceleration - old.acceleration) / TICK
+    for values, index, reflex in (
+        (new.velocity, 0, CARTESIAN.velocity),
+        (new.acceleration, 1, CARTESIAN.acceleration),
+        (change, 2, CARTESIAN.jerk),
+    ):
+        x, y, z, *turn = values.tolist()
+        if (
+            hypot(x, y, z) > SLACK * limits.TRANSLATION[index]
+            or hypot(*turn) > SLACK * limits.ROTATION[index]
+        ):
+            raise Violation(reflex)
+
+
+def check_elbow_course(old: Course, new: Course) -> None:
+    """Violation where the elbow (1,) swings beyond its limits."""
+    velocity, acceleration = float(new.velocity[0]), float(new.acceleration[0])
+    jerk = (acceleration - float(old.acceleration[0])) / TICK
+    rates = zip((velocity, acceleration, jerk), limits.ELBOW, strict=True)
+    if any(abs(rate) > SLACK * most for rate, most in rates):
+        raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
+
+
+def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
+    """Violation for joints (7,) beyond their ends, or faster than they could still brake."""
+    if limits.margins(q).min() < 0:
+        raise Violation(position)
+    slowest, fastest = limits.velocity_bounds(q)
+    if np.minimum(velocity - slowest, fastest - velocity).min() < -_BRAKING:
+        raise Violation(rate)
+
+
+def check_end(joints: Course, rates: Rates) -> None:
+    """Violation for a motion that is declared finished while it runs."""
+    if _beyond(joints.velocity, _JOINT_STANDSTILL):
+        raise Violation(rates.acceleration)
+
+
+def twist_of(old: Array, new: Array) -> Array:
+    """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
+    twist = np.empty(6)
+    twist[:3] = new[:3, 3] - old[:3, 3]
+    twist[3:] = rotation_vector(new[:3, :3] @ old[:3, :3].T)
+    return twist / TICK
+
+
+def _beyond(values: Array, most: tuple[float, ...]) -> bool:
+    return any(abs(value) > limit for value, limit in zip(values.tolist(), most, strict=True))
+
+
+def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
+    return tuple((SLACK * time * limit).tolist())
+
+
+_JOINT_VELOCITY = _slack(limits.VELOCITY)
+_JOINT_ACCELERATION = _slack(limits.ACCELERATION)
+_JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick
+_JOINT_STANDSTILL = _slack(limits.ACCELERATION, TICK)
+_BRAKING = max(_JOINT_STANDSTILL)  # rad/s, what one tick of braking takes off

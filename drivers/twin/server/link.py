@@ -1,0 +1,101 @@
+"""One client at one port: its TCP connection, and the datagrams that go with it."""
+
+import socket
+import struct
+from dataclasses import dataclass
+from typing import Protocol
+
+RESET = struct.pack("ii", 1, 0)
+MOST_PENDING = 64 * 1024  # bytes of requests that nobody has read yet
+
+
+class Link:
+    """A client's sockets. Neither reading nor sending blocks or raises when the client is gone."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connection = connection
+        self._datagrams: socket.socket | None = None
+        self.received = bytearray()
+
+    def fileno(self) -> int:
+        """Descriptor of the TCP connection."""
+        return self._connection.fileno()
+
+    @property
+    def datagram_fileno(self) -> int:
+        """Descriptor of the datagrams, -1 before they are opened."""
+        return -1 if self._datagrams is None else self._datagrams.fileno()
+
+    def read(self) -> bool:
+        """Append what has arrived to `received`; False when the client is gone."""
+        try:
+            content = self._connection.recv(4096)
+        except BlockingIOError:
+            return True
+        except OSError:
+            return False
+        self.received += content
+        return bool(content) and len(self.received) <= MOST_PENDING
+
+    def send(self, content: bytes) -> bool:
+        """Send whole replies; False when the client is gone or reads nothing."""
+        try:
+            return self._connection.send(content) == len(content)
+        except OSError:
+            return False
+
+    def open_datagrams(self, address: str, port: int) -> bool:
+        """Exchange datagrams between `address` and the client's `port`; False for no such port."""
+        datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        datagrams.setblocking(False)
+        try:
+            datagrams.bind((address, 0))
+            datagrams.connect((self._connection.getpeername()[0], port))
+        except OSError:
+            datagrams.close()
+            return False
+        self._datagrams = datagrams
+        return True
+
+    def send_datagram(self, content: bytes) -> None:
+        """Send one datagram, which may be lost."""
+        if self._datagrams is not None:
+            try:
+                self._datagrams.send(content)
+            except OSError:
+                return
+
+    def receive_datagram(self) -> bytes | None:
+        """The next datagram of the client; None when there is none."""
+        if self._datagrams is None:
+            return None
+        try:
+            return self._datagrams.recv(2048)
+        except OSError:
+            return None
+
+    def close(self, reset: bool = False) -> None:
+        """Hang up; with `reset` at once and audibly, so that nobody waits for an answer."""
+        if reset:
+            self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+        self._connection.close()
+        if self._datagrams is not None:
+            self._datagrams.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """A client's wish to connect: whether it is granted, its UDP port, the reply to it."""
+
+    accepted: bool
+    port: int
+    reply: bytes
+
+
+class Greeting(Protocol):
+    """What a port makes of the first bytes of a client."""
+
+    def __call__(self, received: bytearray) -> Welcome | None:
+        """Take the request to connect; None while it is incomplete, Malformed for any other."""

@@ -1,0 +1,234 @@
+"""The robot on the network: one loop over its ports, in lock-step or by the wall clock."""
+
+import select
+import socket
+from collections.abc import Callable, Iterable
+from threading import Thread
+from typing import Self
+
+from drivers.errors import ConfigurationError
+from drivers.twin.server.address import bind_free
+from drivers.twin.server.arm_port import ArmPort
+from drivers.twin.server.disturbance import Disturbance
+from drivers.twin.server.faults import DropFault, Fault, FreezeFault, VersionFault
+from drivers.twin.server.hand import Between, Hand
+from drivers.twin.server.hand_port import HandPort
+from drivers.twin.server.limits import Box
+from drivers.twin.server.pace import Pace, Stopwatch
+from drivers.twin.server.punctuality import Punctuality
+from drivers.twin.server.robot import Surroundings, resting_robot
+from drivers.twin.server.settings import ServerSettings
+from drivers.twin.server.wire import RobotCommand
+from drivers.types import Array
+
+HAND_PERIOD = 5  # ms, of the hand's states
+OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
+OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
+
+
+class RobotServer:
+    """Arm and hand at `address`, for one client each.
+
+    `start` (7,) [rad] are the joints to begin with, `surroundings` and `between` what arm and hand
+    feel of the world, `faults` what goes wrong; `on_command` sees every command that is followed.
+    Listens from its construction on; serves between `start` and `close`, or inside a `with`, in a
+    thread, or in the caller's by `serve`.
+    """
+
+    def __init__(
+        self,
+        settings: ServerSettings | None = None,
+        start: Array | None = None,
+        surroundings: Surroundings | None = None,
+        between: Between = lambda: None,
+        faults: Iterable[Fault] = (),
+        box: Box | None = None,
+        on_command: Callable[[RobotCommand], None] | None = None,
+    ) -> None:
+        settings = settings or ServerSettings()
+        self.robot = resting_robot(start, box, surroundings)
+        self.hand = Hand(between)
+        self._poll = select.epoll()
+        self._lock_step = settings.lock_step
+        self._disturbance = Disturbance(faults)
+        self._on_command = on_command
+        try:
+            self.address, self._arm, self._hand_port = bind_free(settings.address, self._open)
+        except ConfigurationError:
+            self._poll.close()
+            raise
+        self._waker, self._bell = socket.socketpair()
+        self._bell.setblocking(False)
+        self._poll.register(self._waker, select.EPOLLIN)
+        self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
+        self._newest: RobotCommand | None = None
+        self._answered = 0
+        self._punctuality = Punctuality()
+        self._strict = False
+        self._thread: Thread | None = None
+        self._stopping = False
+
+    def start(self) -> Self:
+        """Serve in a thread of this process."""
+        self._thread = Thread(target=self.serve, name=f"twin {self.address}", daemon=True)
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Hang up on everybody and free the address; harmless when repeated."""
+        self._stopping = True
+        if self._bell.fileno() >= 0:
+            self._bell.send(b"!")
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        else:
+            self._hang_up()
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def inject(self, fault: Fault) -> None:
+        """One more fault for the script, at its tick or at the next."""
+        self._disturbance.add(fault)
+        self._bell.send(b"!")
+
+    def serve(self) -> None:
+        """Serve until `close` is called from elsewhere."""
+        try:
+            while not self._stopping:
+                self._turn()
+        finally:
+            self._hang_up()
+
+    def _open(self, address: str) -> tuple[ArmPort, HandPort]:
+        arm = ArmPort(address, self._poll, self.robot)
+        try:
+            return arm, HandPort(address, self._poll, self.hand)
+        except OSError:
+            arm.close()
+            raise
+
+    def _hang_up(self) -> None:
+        if self._bell.fileno() >= 0:
+            self._arm.close()
+            self._hand_port.close()
+            self._bell.close()
+            self._waker.close()
+            self._poll.close()
+
+    def _turn(self) -> None:
+        self._strict = self._strict and self._lock_step and self.robot.moving
+        if self._strict:
+            self._wait_for_command()
+        elif self._idle():
+            self._strike()
+            self._attend(None)
+            self._pace.restart()
+        else:
+            self._wait_for_period()
+
+    def _idle(self) -> bool:
+        """Whether nobody listens and nothing moves."""
+        alone = self._arm.client is None and self._hand_port.client is None
+        return alone and self.robot.posture.at_rest and not self.hand.moving
+
+    def _wait_for_command(self) -> None:
+        if not self._attend(OFFER_HAND):
+            self._hand_port.publish(self.robot.time)
+            if self._silence.rang():
+                self._arm.repeat()
+        command = self._arm.command()
+        if command is not None and command.message_id == self.robot.time and self.robot.moving:
+            self._follow(command)
+            self._silence.reset()
+            self._pace.restart()
+
+    def _wait_for_period(self) -> None:
+        remaining = self._pace.remaining()
+        if remaining > 0:
+            self._attend(remaining)
+        command = self._arm.command()
+        if command is not None and self._lock_step and self.robot.moving:
+            # The client has begun: from here on its commands are the clock.
+            self._strict = True
+            if command.message_id == self.robot.time:
+                self._follow(command)
+            return
+        if command is not None and command.message_id > self._answered:
+            self._newest, self._answered = command, command.message_id
+        if self._pace.remaining() <= 0:
+            self._pace.passed()
+            self._pass_period()
+
+    def _pass_period(self) -> None:
+        robot, command = self.robot, self._newest
+        self._newest = None
+        if self._lock_step or not robot.moving:
+            robot.rest()
+        elif command is not None:
+            self._punctuality.count(True)
+            self._heed(command)
+        else:
+            self._punctuality.count(False)
+            robot.miss()
+        self._advance()
+
+    def _follow(self, command: RobotCommand) -> None:
+        self._punctuality.count(True)
+        self._heed(command)
+        self._advance()
+
+    def _heed(self, command: RobotCommand) -> None:
+        if self._on_command is not None:
+            self._on_command(command)
+        self.robot.step(command)
+
+    def _advance(self) -> None:
+        """One millisecond of robot time is over: the hand moves, faults strike, states go out."""
+        robot = self.robot
+        self._strike()
+        robot.time += 1
+        self.hand.advance()
+        self._hand_port.answer()
+        if robot.time % HAND_PERIOD == 0:
+            self._hand_port.publish(robot.time)
+        if robot.motion is None:
+            self._punctuality.reset()
+        self._arm.publish(self._punctuality.rate, self._disturbance.is_nan(robot.time))
+
+    def _strike(self) -> None:
+        for fault in self._disturbance.strike(self.robot):
+            self._suffer(fault)
+
+    def _suffer(self, fault: Fault) -> None:
+        if isinstance(fault, DropFault):
+            self._arm.drop()
+        elif isinstance(fault, VersionFault):
+            self._arm.version = fault.version
+        elif isinstance(fault, FreezeFault):
+            frozen = select.poll()
+            frozen.register(self._waker, select.POLLIN)
+            frozen.poll(1000 * fault.duration)
+            self._pace.restart()
+
+    def _attend(self, seconds: float | None) -> bool:
+        """Wait for `seconds` at most, then attend to TCP; whether anything came.
+
+        The hand is heard before the arm, so that a command for it counts from the same tick.
+        """
+        if seconds is not None and seconds < OFFER_HAND:
+            select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
+            seconds = 0
+        events = self._poll.poll(seconds)
+        for descriptor, _ in events:
+            self._hand_port.serve(descriptor)
+        for descriptor, _ in events:
+            self._arm.serve(descriptor)
+            if descriptor == self._waker.fileno() and not self._stopping:
+                self._waker.recv(64)
+        self._hand_port.discard()
+        return bool(events)

@@ -1,0 +1,139 @@
+"""The policy `adaptive`: it moves the path until the displacement that it foresees is 0."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.features import USUAL, Features
+from policies.adaptive.roll import wanted
+from policies.adaptive.steering import Steering
+from policies.foretelling import Foretold
+from policies.path import Path, triangular
+from policies.policy import Decision, Observation
+
+SMOOTH = 0.08  # s in which the path follows a new judgement
+BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
+LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
+SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
+UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
+
+
+class Fold(NamedTuple):
+    """State of n folds: `rise` (n,) [m] of their lines, `memory` (n, units) summed over the
+    images `told` (n,), `time` (n,) [s] of the last decision.
+    """
+
+    rise: Array
+    memory: Array
+    told: Array
+    time: Array
+
+
+class Adaptive:
+    """Steers down along z = x + rise, with the rise at which the critic foresees d = 0.
+
+    While no image deserves belief it holds the rise; after `BLIND` it takes that of `shifted`,
+    and `blind` tells.
+    """
+
+    name = "adaptive"
+
+    def __init__(self, critic: Critic) -> None:
+        self.critic = critic
+        self.judgement: Judgement | None = None
+        self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
+        self._length = USUAL
+        self._steering = Steering(USUAL, SPEED, 1)
+        self._features = Features(USUAL, 1)
+        self._fold: Fold = _begun(USUAL, 1, critic.memory)
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s].
+
+        Raises ConfigurationError for a length or speed that the critic was not trained for.
+        """
+        _check(strip.length, speed)
+        self._length, self.judgement = strip.length, None
+        self._steering = Steering(strip.length, speed, count)
+        self._features = Features(strip.length, count)
+        self._fold = _begun(strip.length, count, self.critic.memory)
+
+    def lift(self) -> Path:
+        """The triangle, of which the first leg is used."""
+        return triangular(self._length)
+
+    @property
+    def rise(self) -> Array:
+        """Rises (n,) [m] of the lines that the grippers come down on."""
+        return self._fold.rise
+
+    def foretold(self) -> Foretold | None:
+        """What is expected of the first fold; None before the first decision."""
+        if self.judgement is None:
+            return None
+        displacement, sigma = self.judgement.displacement, self.judgement.sigma
+        return Foretold(
+            displacement=float(displacement[0]),
+            sigma=float(sigma[0]),
+            **self.judgement.belief.first(),
+            blind=bool(self.blind[0]),
+        )
+
+    def decide(self, observation: Observation) -> Decision:
+        """Towards the line of each strip, moved by what its images foretell."""
+        fresh = self._features.tell(observation)
+        inputs = self._features.inputs(observation, self.rise, self._steering.descending)
+        judgement = self._judged(inputs, fresh)
+        self.blind = observation.time - self._features.newest > BLIND
+        self._fold = self._fold._replace(
+            rise=self._moved(judgement, observation.time), time=observation.time
+        )
+        return self._steering.decide(observation.x, observation.z, self.rise)
+
+    def _judged(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
+        """The judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
+        whitened = self.critic.whitened(inputs)
+        memory = self._fold.memory + fresh[:, None] * self.critic.recalled(whitened)
+        told = self._fold.told + fresh
+        self._fold = self._fold._replace(memory=memory, told=told)
+        self.judgement = self.critic.judge(whitened, memory / np.maximum(told, 1)[:, None])
+        return self.judgement
+
+    def _moved(self, judgement: Judgement, time: Array) -> Array:
+        """The rises (n,) at which d is as wanted, approached smoothly."""
+        missing = wanted(judgement.belief) - judgement.displacement
+        rise = self.rise + missing / judgement.slope
+        rise = np.where(self.blind, UNKNOWING * self._length, rise)
+        rise = np.clip(rise, 0.0, self._steering.highest)
+        since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
+        followed = 1.0 - np.exp(-since / SMOOTH)
+        return np.asarray(self.rise + followed * (rise - self.rise))
+
+
+def _begun(length: float, count: int, memory: int) -> Fold:
+    return Fold(
+        rise=np.full(count, UNKNOWING * length),
+        memory=np.zeros((count, memory)),
+        told=np.zeros(count),
+        time=np.full(count, np.nan),
+    )
+
+
+def _check(length: float, speed: float) -> None:
+    low, high = LENGTHS
+    if not low <= length <= high:
+        raise ConfigurationError(
+            f"adaptive: the strip is {length:g} m long, the policy knows {low:g} to {high:g} m; "
+            "use another policy, as --policy feedback"
+        )
+    if abs(speed - SPEED) > SPEED_TOLERANCE:
+        raise ConfigurationError(
+            f"adaptive: the cell folds at {speed:g} m/s, the policy knows {SPEED:g} m/s; set "
+            "fold.speed, or use another policy, as --policy feedback"
+        )

@@ -1,0 +1,116 @@
+"""Checkpoints of the critic: arrays and their origin in one file, loaded without pickles."""
+
+import json
+import zipfile
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+from policies.adaptive.critic import NAMES, OUTPUTS, Critic
+from policies.adaptive.features import COUNT
+
+COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
+ABOUT = "about"  # JSON: schema, policy, how the weights came about
+LARGEST = 50_000_000  # bytes of a file that is opened at all
+SCHEMA = 1
+
+
+def load_critic(path: FilePath | None = None) -> Critic:
+    """The critic at `path`, or the committed one.
+
+    Raises ConfigurationError for a file that is missing, broken, or of another policy.
+    """
+    return Critic(_weights(path or COMMITTED))
+
+
+def about(path: FilePath | None = None) -> dict[str, Any]:
+    """How the weights at `path` came about: settings of their training and its results."""
+    return _about(_arrays(path or COMMITTED), path or COMMITTED)
+
+
+def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
+    """Write `critic` with `facts` about its training to `path`, whole or not at all.
+
+    Raises ConfigurationError where that is not possible.
+    """
+    told = json.dumps({"schema": SCHEMA, "policy": "adaptive", **facts})
+    partial = path.with_name(path.name + ".partial")
+    try:
+        with partial.open("wb") as stream:
+            arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
+            np.savez_compressed(stream, allow_pickle=False, **arrays, about=np.array(told))
+        partial.replace(path)
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: cannot be written: {error.strerror}; make room or name another folder"
+        ) from None
+
+
+def _arrays(path: FilePath) -> dict[str, Any]:
+    try:
+        if path.stat().st_size > LARGEST:
+            raise _broken(path, "is too large")
+        with np.load(path, allow_pickle=False) as held:
+            return {name: held[name] for name in held.files}
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: checkpoint cannot be read: {error.strerror or 'not a file of arrays'}; "
+            "name another or train one"
+        ) from None
+    except (ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
+        raise _broken(path, "not a file of arrays") from None
+
+
+def _about(arrays: dict[str, Any], path: FilePath) -> dict[str, Any]:
+    try:
+        told = json.loads(str(arrays[ABOUT]))
+    except (KeyError, json.JSONDecodeError):
+        raise _broken(path, "does not say what it is") from None
+    if not isinstance(told, dict) or told.get("policy") != "adaptive":
+        raise _broken(path, "is not of the policy adaptive")
+    if told.get("schema") != SCHEMA:
+        raise _broken(path, f"has schema {told.get('schema')}, this version reads {SCHEMA}")
+    return told
+
+
+def _weights(path: FilePath) -> dict[str, Array]:
+    arrays = _arrays(path)
+    _about(arrays, path)
+    missing = [name for name in NAMES if name not in arrays]
+    if missing:
+        raise _broken(path, f"lacks {', '.join(missing)}")
+    weights = {name: np.asarray(arrays[name]) for name in NAMES}
+    expected = _shapes(weights)
+    for name, array in weights.items():
+        if array.dtype.kind != "f" or array.shape != expected[name]:
+            raise _broken(path, f"{name} is {array.shape}, expected {expected[name]}")
+        if not np.isfinite(array).all():
+            raise _broken(path, f"{name} holds what is not a number")
+    return weights
+
+
+def _shapes(weights: dict[str, Array]) -> dict[str, tuple[int, ...]]:
+    """Shapes that arrays must have, sizes of layers being those of their biases."""
+    memory, one, two = (weights[f"{n}_bias"].size for n in ("recall", "first", "second"))
+    return {
+        "mean": (COUNT,),
+        "whiten": (COUNT, COUNT),
+        "recall": (COUNT, memory),
+        "recall_bias": (memory,),
+        "first": (COUNT + memory, one),
+        "first_bias": (one,),
+        "second": (one, two),
+        "second_bias": (two,),
+        "last": (two, OUTPUTS),
+        "last_bias": (OUTPUTS,),
+        "stretch": (4,),
+    }
+
+
+def _broken(path: FilePath, reason: str) -> ConfigurationError:
+    return ConfigurationError(
+        f"{path}: checkpoint is corrupt: {reason}; restore the file or train one"
+    )

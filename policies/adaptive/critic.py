@@ -1,0 +1,96 @@
+"""The critic: what displacement will come of a fold, how sure that is, and what strip it may be."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from drivers.types import Array
+from policies.foretelling import Estimate
+
+STEEPEST, FLATTEST = 2.0, 0.1  # of dd/dr that are believed
+DISPLACEMENT, SLOPE, SPREAD = range(3)
+STRIP = 3  # first of the outputs about the strip: (mean, log sigma) each
+OUTPUTS = STRIP + 6
+FAR = 8.0  # spreads from the mean beyond which inputs are not believed
+UNIT = 0.01  # m, of displacement in the outputs
+ROUGH = 10.0  # 1/m, yarn friction that makes one unit of its output
+NAMES = (
+    *("mean", "whiten", "recall", "recall_bias", "first", "first_bias"),
+    *("second", "second_bias", "last", "last_bias", "stretch"),
+)
+
+
+class Belief(NamedTuple):
+    """The strip as far as n folds tell; `log_bending_length`, `log_retardation_time` [m, s] and
+    `friction`, ln(1 + yield curvature / ROUGH), each mean and sigma: arrays (n, 2).
+    """
+
+    log_bending_length: Array
+    log_retardation_time: Array
+    friction: Array
+
+    def first(self) -> dict[str, Estimate]:
+        """Of the first fold: bending length [m], retardation time [s], yield curvature [1/m]."""
+        logs = (self.log_bending_length, self.log_retardation_time, self.friction)
+        ends = [
+            np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
+        ]
+        ends[2] = ROUGH * np.maximum(ends[2] - 1.0, 0.0)
+        names = ("bending_length", "retardation_time", "yield_curvature")
+        return {name: Estimate(*map(float, each)) for name, each in zip(names, ends, strict=True)}
+
+
+class Judgement(NamedTuple):
+    """Of n folds: the `displacement` (n,) [m] that comes if the rise is kept, `slope` (n,) by
+    which it grows with the rise, one `sigma` (n,) [m] of it, and the `belief`.
+    """
+
+    displacement: Array
+    slope: Array
+    sigma: Array
+    belief: Belief
+
+
+class Critic:
+    """A network of two hidden layers over whitened inputs and a running mean of what it recalls.
+
+    `recalled` inputs (n, inputs) become (n, memory) units, whose mean over a fold's images is the
+    fold's memory; `judge` reads inputs and memory. `weights` are the arrays called NAMES.
+    """
+
+    def __init__(self, weights: dict[str, Array]) -> None:
+        self.weights = {name: np.asarray(weights[name], dtype=np.float64) for name in NAMES}
+
+    @property
+    def memory(self) -> int:
+        """Units of memory."""
+        return int(self.weights["recall"].shape[1])
+
+    def whitened(self, inputs: Array) -> Array:
+        """Inputs (n, inputs) with unit spread and no correlation, within `FAR` of their mean."""
+        return np.clip((inputs - self.weights["mean"]) @ self.weights["whiten"], -FAR, FAR)
+
+    def recalled(self, whitened: Array) -> Array:
+        """What of whitened inputs (n, k) goes into the memory (n, memory)."""
+        return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
+
+    def judge(self, whitened: Array, memory: Array) -> Judgement:
+        """The judgement on whitened inputs (n, k) with `memory` (n, memory)."""
+        w = self.weights
+        known = np.concatenate([whitened, memory], axis=1)
+        hidden = np.tanh(known @ w["first"] + w["first_bias"])
+        hidden = np.tanh(hidden @ w["second"] + w["second_bias"])
+        out = hidden @ w["last"] + w["last_bias"]
+        stretch = w["stretch"]
+        spread = np.exp(np.clip(out[:, [SPREAD, 4, 6, 8]], -8.0, 4.0)) * stretch
+        strip = np.stack([out[:, STRIP::2], spread[:, 1:]], axis=2)
+        return Judgement(
+            displacement=UNIT * out[:, DISPLACEMENT],
+            slope=np.clip(out[:, SLOPE], FLATTEST, STEEPEST),
+            sigma=UNIT * spread[:, 0],
+            belief=Belief(strip[:, 0], strip[:, 1], strip[:, 2]),
+        )
+
+    def with_stretch(self, stretch: Array) -> Self:
+        """The same critic, its sigmas (displacement, belief of three) times `stretch` (4,) more."""
+        return type(self)(self.weights | {"stretch": self.weights["stretch"] * stretch})

@@ -1,0 +1,50 @@
+"""What the critic is told: the gripper, its line, and the images of a tenth of a second."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array
+from policies.adaptive.window import Window
+from policies.policy import Observation
+from policies.profile import POINTS
+
+CHANNELS = 2 + 2 * POINTS  # desk contact, tip x, the profile's points
+RATE = 0.1  # s, by which rates become comparable with values
+STATE = 9
+USUAL = 0.6  # m, length of most strips
+COUNT = STATE + 2 * CHANNELS
+CONFIDENT = 0.5  # in a profile, from which on it is believed
+
+
+RISE_AT = 2  # of the inputs
+
+
+class Features:
+    """Turns observations of n strips into inputs (n, COUNT), lengths over the strip's length."""
+
+    def __init__(self, length: float, count: int) -> None:
+        self._length = length
+        self._window = Window(count, CHANNELS)
+
+    @property
+    def newest(self) -> Array:
+        """Stamps (n,) [s] of the newest images that deserved belief, -inf before the first."""
+        return self._window.newest
+
+    def tell(self, seen: Observation) -> NDArray[np.bool_]:
+        """Take note of an observation; which strips (n,) it shows anew, and with confidence."""
+        count = len(seen.x)
+        flat = seen.profile.reshape(count, -1)
+        values = np.concatenate([seen.contact_x[:, None], seen.tip_x[:, None], flat], axis=1)
+        good = np.isfinite(values).all(axis=1) & (seen.profile_confidence >= CONFIDENT)
+        return self._window.tell(seen.stamp, values / self._length, good)
+
+    def inputs(self, seen: Observation, rise: Array, descending: NDArray[np.bool_]) -> Array:
+        """Inputs (n, COUNT) for grippers whose line has `rise` (n,) [m]."""
+        trend = self._window.trend()
+        x, z, r = seen.x / self._length, seen.z / self._length, rise / self._length
+        age = np.clip(seen.time - self.newest, 0.0, 0.5)
+        noise = np.stack([trend.spread[:, 0], trend.spread[:, 2:].mean(axis=1)], axis=1)
+        length = np.full(len(x), self._length / USUAL)
+        state = np.stack([x, z, r, z - x - r, descending, age, length], axis=1)
+        return np.concatenate([state, 100.0 * noise, trend.value, RATE * trend.rate], axis=1)

@@ -1,0 +1,94 @@
+"""The policy with which training folds: rises switched at random moments, and inputs kept."""
+
+import math
+
+import numpy as np
+
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.adaptive.adaptive import Adaptive
+from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.features import COUNT
+from policies.policy import Decision, Observation
+
+EVERY = 4  # decisions between inputs that are kept
+LATEST = 5.8  # s after the first decision, until which rises are switched
+NEVER = 1_000_000  # kept decisions
+AS_IT_IS = 0.25  # share of the folds whose rise is never switched
+
+
+class Silent(Critic):
+    """A critic before any training: it foresees nothing."""
+
+    def __init__(self) -> None:
+        sizes = {"mean": (COUNT,), "whiten": (COUNT, 1), "recall": (1, 1), "recall_bias": (1,)}
+        sizes |= {"first": (2, 1), "first_bias": (1,), "second": (1, 1), "second_bias": (1,)}
+        sizes |= {"last": (1, 9), "last_bias": (9,), "stretch": (4,)}
+        super().__init__({name: np.zeros(size) for name, size in sizes.items()})
+
+
+class Explorer(Adaptive):
+    """Folds with the critic, or without one with random rises, until each fold's switch.
+
+    `kept` are inputs (n, COUNT) at every `EVERY`th decision, `rises` (n,) the rises kept from
+    then on, `times` (n,) [s]; `switch` (n,) counts the kept decisions before the switch.
+    """
+
+    def __init__(
+        self,
+        critic: Critic | None,
+        perturbation: float,
+        rate: float,
+        rng: np.random.Generator,
+        *,
+        switches: bool = True,
+    ) -> None:
+        """Perturbed by `perturbation` [m], deciding at `rate` [Hz]; never where not `switches`."""
+        super().__init__(critic or Silent())
+        self._alone, self._switches = critic is None, switches
+        self._perturbation, self._rng = perturbation, rng
+        self._latest = int(LATEST * rate) // EVERY
+        self.kept: list[Array] = []
+        self.rises: list[Array] = []
+        self.times: list[Array] = []
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Forget; draw when and whither each rise is switched."""
+        super().reset(strip, speed, count)
+        rng, highest = self._rng, self._steering.highest
+        self.switch = rng.integers(0, self._latest, count)
+        self.kept, self.rises, self.times = [], [], []
+        if not self._switches:
+            self.switch = np.full(count, NEVER)
+        self._after: Array = np.full(count, np.nan)
+        self._count = 0
+        if self._alone:
+            self._fold = self._fold._replace(rise=rng.uniform(0.0, highest, count))
+            stays = rng.uniform(size=count) < AS_IT_IS
+            self.switch = np.where(stays, 0, self.switch)
+            self._after = np.where(stays, self.rise, rng.uniform(0.0, highest, count))
+
+    def decide(self, observation: Observation) -> Decision:
+        """As the critic says before the switch, with the rise kept after it."""
+        decision = super().decide(observation)
+        self._count += 1
+        return decision
+
+    def _judged(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Judgement:
+        if self._count % EVERY == 0:
+            self.kept.append(inputs.astype(np.float32))
+        return super()._judged(inputs, fresh)
+
+    def _moved(self, judgement: Judgement, time: Array) -> Array:
+        before = self.rise if self._alone else super()._moved(judgement, time)
+        step = self._count / EVERY
+        reached = np.isnan(self._after) & (step >= self.switch)
+        if reached.any():
+            noise = self._rng.normal(size=len(time)) * self._perturbation
+            chosen = np.clip(before + noise, 0.0, self._steering.highest)
+            self._after = np.where(reached, chosen, self._after)
+        rise = np.where(step >= self.switch, self._after, before)
+        if math.fmod(self._count, EVERY) == 0:
+            self.rises.append(rise)
+            self.times.append(time)
+        return np.asarray(rise)

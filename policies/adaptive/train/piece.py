@@ -1,0 +1,141 @@
+"""A piece of training: some hundred folds in the rod, and what every fold's critic could know."""
+
+from pathlib import Path as FilePath
+from typing import NamedTuple, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.strip.rod.lumping import needs_terms
+from drivers.types import Array
+from policies.adaptive.adaptive import LENGTHS
+from policies.adaptive.critic import ROUGH, Critic
+from policies.adaptive.fabrics import LENGTH, plain, unknown
+from policies.adaptive.features import RISE_AT
+from policies.adaptive.train.explorer import Explorer
+from policies.adaptive.train.settings import CriticSettings
+from policies.rollout import Rollout, roll_out
+from policies.sensing import IMAGES, TRAINING
+
+ABSURD = 0.2  # m of displacement, clipped
+RATES = (45.0, 75.0)  # Hz, of the camera
+
+
+Flags = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
+
+
+class Piece(NamedTuple):
+    """n folds at k kept decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept from
+    then on minus the one in the inputs; `alive` (n, k), before the touch; `foretold` (n, k), at or
+    after the last switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
+    """
+
+    inputs: Array
+    moved: Array
+    alive: Flags
+    foretold: Flags
+    displacement: Array
+    strip: Array
+
+    def save(self, path: FilePath) -> None:
+        """Write the piece to `path` at once."""
+        partial = path.with_name(path.name + ".partial")
+        with partial.open("wb") as stream:
+            np.savez(stream, **self._asdict())
+        partial.replace(path)
+
+    @classmethod
+    def load(cls, path: FilePath) -> Self:
+        """The piece at `path`; OSError or ValueError where none is whole."""
+        with np.load(path, allow_pickle=False) as held:
+            return cls(**{name: held[name] for name in cls._fields})
+
+
+def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
+    """Piece `number` of round `turn`, folded with `critic`: a pure function of its arguments.
+
+    Strips that only the rod's further terms simulate fold together, the others without those.
+    Linear algebra keeps to one thread, on whose number its rounding depends.
+    """
+    with threadpool_limits(1, user_api="blas"):
+        return _explored(settings, turn, number, critic)
+
+
+def _explored(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
+    rng = np.random.default_rng([settings.seed, turn, number])
+    draw = unknown if settings.friction else plain
+    length = LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTHS))
+    strips = [draw(rng, length) for _ in range(settings.folds)]
+    rich = np.array([needs_terms(describe(strip)) for strip in strips])
+    parts = [
+        _folded(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
+        for kind in (~rich, rich)
+        if kind.any()
+    ]
+    return gathered(parts)
+
+
+def gathered(pieces: list[Piece]) -> Piece:
+    """All folds of `pieces`, the shorter ones padded."""
+    longest = max(piece.moved.shape[1] for piece in pieces)
+    padded = [_padded(piece, longest) for piece in pieces]
+    return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
+
+
+def _padded(piece: Piece, length: int) -> Piece:
+    """The piece with `length` kept decisions; those added are not alive."""
+    more = length - piece.moved.shape[1]
+
+    def longer(values: NDArray[T]) -> NDArray[T]:
+        return np.pad(values, [(0, 0), (0, more), *[(0, 0)] * (values.ndim - 2)])
+
+    return piece._replace(
+        inputs=longer(piece.inputs),
+        moved=longer(piece.moved),
+        alive=longer(piece.alive),
+        foretold=longer(piece.foretold),
+    )
+
+
+def _folded(
+    settings: CriticSettings,
+    strips: list[StripFile],
+    turn: int,
+    critic: Critic | None,
+    rng: np.random.Generator,
+) -> Piece:
+    trial = turn >= settings.rounds
+    rate = 60.0 if trial else float(rng.uniform(*RATES))
+    sensing = IMAGES if trial else TRAINING
+    rollout = Rollout(speed=settings.speed, rate=rate, sensing=sensing)
+    moved = 0.0 if trial else settings.perturbation[turn]
+    explorer = Explorer(critic, moved, rate, rng, switches=not trial)
+    rod = Rod(settings.segments, strict=False)
+    models = [describe(strip) for strip in strips]
+    folds = roll_out(explorer, rod, strips[0], models, settings=rollout, rng=rng)
+    ended = np.array([np.inf if t is None else t.time for t in folds.touch])
+    times = np.array(explorer.times).T
+    rises = np.array(explorer.rises).T
+    length = strips[0].length
+    inputs = np.moveaxis(np.array(explorer.kept), 0, 1)
+    steps = np.arange(times.shape[1])
+    return Piece(
+        inputs=inputs,
+        moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
+        alive=times < ended[:, None],
+        foretold=(steps >= explorer.switch[:, None]) | trial,
+        displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
+        strip=np.array([truth(strip) for strip in strips]),
+    )
+
+
+def truth(strip: StripFile) -> tuple[float, float, float]:
+    """What a belief is about: ln bending length, ln retardation time, ln(1 + yield / ROUGH)."""
+    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
+    logs = np.log([strip.bending_length, strip.retardation_time, 1.0 + friction / ROUGH])
+    return float(logs[0]), float(logs[1]), float(logs[2])

@@ -1,0 +1,181 @@
+"""Regression of the critic on folds: displacement, its slope and spread, and the strip."""
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from drivers.types import Array
+from policies.adaptive.critic import (
+    DISPLACEMENT,
+    FAR,
+    NAMES,
+    OUTPUTS,
+    SLOPE,
+    SPREAD,
+    STRIP,
+    UNIT,
+    Critic,
+)
+from policies.adaptive.features import CHANNELS, COUNT, STATE
+from policies.adaptive.train.piece import Piece
+from policies.adaptive.train.settings import CriticSettings
+from policies.profile import POINTS
+
+BATCH = 64  # folds
+PICKED = 28  # moments of each fold that a step learns from
+FASTEST, SLOWEST = 2e-3, 2e-5  # learning rates, falling along a cosine
+NOISE = 3e-4  # of inputs, spreads below which are not blown up to one
+SOFT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
+BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
+BELIEF = 0.1  # weight of the strip's likelihood
+
+
+class Network(nn.Module):
+    """The critic's arrays as parameters; see `policies.adaptive.critic.Critic`."""
+
+    def __init__(self, inputs: int, memory: int, hidden: tuple[int, int]) -> None:
+        super().__init__()
+        one, two = hidden
+        sizes = {"recall": (inputs, memory), "first": (inputs + memory, one)}
+        sizes |= {"second": (one, two), "last": (two, OUTPUTS)}
+        for name, (rows, columns) in sizes.items():
+            weight = torch.randn(rows, columns) / max(rows, 1) ** 0.5
+            self.register_parameter(name, nn.Parameter(weight))
+            self.register_parameter(f"{name}_bias", nn.Parameter(torch.zeros(columns)))
+
+    def forward(self, whitened: Tensor, told: Tensor, picked: Tensor) -> Tensor:
+        """Outputs (n, p, OUTPUTS) at the `picked` (n, p) moments of folds (n, k, inputs).
+
+        `told` (n, k, 1) is 1 for the moments that go into the memory.
+        """
+        p = self.get_parameter
+        recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * told
+        memory = torch.cumsum(recalled, 1) / torch.cumsum(told, 1).clamp(min=1.0)
+        known = torch.cat([_picked(whitened, picked), _picked(memory, picked)], dim=-1)
+        hidden = torch.tanh(known @ p("first") + p("first_bias"))
+        hidden = torch.tanh(hidden @ p("second") + p("second_bias"))
+        return hidden @ p("last") + p("last_bias")
+
+
+def whitening(piece: Piece) -> tuple[Array, Array]:
+    """Mean (k,) and matrix (k, k) that give living inputs unit spread without correlation."""
+    inputs = piece.inputs[piece.alive].astype(np.float64)
+    mean = inputs.mean(axis=0)
+    scale = np.ones(inputs.shape[1])
+    scale[:STATE] = 1.0 / np.maximum(inputs[:, :STATE].std(axis=0), 1e-6) * 0.1
+    covariance = np.cov((inputs - mean) * scale, rowvar=False)
+    values, vectors = np.linalg.eigh(covariance)
+    return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
+
+
+def used(settings: CriticSettings) -> Array:
+    """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
+    kept = np.ones(COUNT)
+    for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
+        part[1] = settings.tip
+        part[2:] = settings.profile
+    return kept
+
+
+def fit(
+    piece: Piece, settings: CriticSettings, epochs: int, seed: int, start: Critic | None
+) -> Critic:
+    """The critic after `epochs` over `piece`, begun from `start` or at random from `seed`.
+
+    Deterministic: one thread, its own generator.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng():
+            torch.manual_seed(seed)
+            return _fitted(piece, settings, epochs, start)
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
+    mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
+    whiten = whiten * used(settings)[:, None]
+    network = Network(len(mean), settings.memory, settings.hidden)
+    if start is not None:
+        network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
+    data = _tensors(piece, mean, whiten)
+    blur = torch.tensor(whiten, dtype=torch.float32)
+    rounds = len(data[0]) // BATCH
+    steps = epochs * rounds
+    optimiser = torch.optim.Adam(network.parameters(), lr=FASTEST)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, SLOWEST)
+    for _ in range(epochs):
+        order = torch.randperm(len(data[0]))[: rounds * BATCH]
+        for batch in torch.split(order, BATCH):
+            optimiser.zero_grad()
+            loss = _loss(network, _biased([part[batch] for part in data], blur))
+            torch.autograd.backward(loss)
+            optimiser.step()
+            schedule.step()
+    return _critic(network, mean, whiten)
+
+
+def biases(count: int) -> Tensor:
+    """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
+
+    Of contact and tip, and of the profile an error that changes linearly along it: what images
+    leave, as `tests.benchmarks.measure_sensing` shows.
+    """
+    along = torch.linspace(0.0, 1.0, POINTS)[:, None]
+    begin, end = BIAS * torch.randn(2, count, 1, 2)
+    profile = (begin + (end - begin) * along).reshape(count, 2 * POINTS)
+    values = torch.cat([BIAS * torch.randn(count, 2), profile], dim=1)
+    return torch.nn.functional.pad(values, (STATE, CHANNELS))
+
+
+def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
+    whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
+    whitened = whitened.clip(-FAR, FAR)
+    known = np.isfinite(piece.displacement)
+    foretold = piece.foretold & piece.alive & known[:, None]
+    displacement = np.nan_to_num(piece.displacement) / UNIT
+    arrays = (whitened, piece.moved / UNIT, piece.alive, foretold, displacement, piece.strip)
+    return [torch.tensor(array, dtype=torch.float32) for array in arrays]
+
+
+def _biased(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
+    whitened, *others = batch
+    return [whitened + (biases(len(whitened)) @ whiten)[:, None], *others]
+
+
+def _loss(network: Network, batch: list[Tensor]) -> Tensor:
+    whitened, moved, alive, foretold, displacement, strip = batch
+    # moments that foretell a displacement first, at random; a fold with few repeats some
+    score = torch.rand(alive.shape) + foretold + alive
+    picked = torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
+    out = network(whitened, alive[..., None], picked)
+    moved, alive, foretold = (values.gather(1, picked) for values in (moved, alive, foretold))
+    expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
+    spread = out[..., SPREAD].clamp(-8.0, 4.0)
+    error = displacement[:, None] - expected
+    likely = _soft(error, spread, SOFT)
+    off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
+    belief = _soft(off, sure, 0.0).sum(dim=-1)
+    return _mean(likely, foretold) + BELIEF * _mean(belief, alive)
+
+
+def _soft(error: Tensor, spread: Tensor, power: float) -> Tensor:
+    """Negative log likelihood of a normal error, weighted by its spread to some `power`."""
+    likelihood = 0.5 * (error * torch.exp(-spread)) ** 2 + spread
+    return likelihood * torch.exp(2.0 * power * spread).detach() if power else likelihood
+
+
+def _mean(values: Tensor, weight: Tensor) -> Tensor:
+    return (values * weight).sum() / weight.sum().clamp(min=1.0)
+
+
+def _picked(values: Tensor, picked: Tensor) -> Tensor:
+    return values.gather(1, picked[..., None].expand(-1, -1, values.shape[-1]))
+
+
+def _critic(network: Network, mean: Array, whiten: Array) -> Critic:
+    arrays = {name: np.asarray(value.numpy()) for name, value in network.state_dict().items()}
+    arrays |= {"mean": mean, "whiten": whiten, "stretch": np.ones(4)}
+    return Critic({name: arrays[name] for name in NAMES})

@@ -1,0 +1,81 @@
+"""Folds of a finished critic: how good it is, and how large its sigmas must be."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import Array
+from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.train.piece import Piece
+
+LAST = 16  # kept decisions before the touch, about a second, on which sigmas are set
+ONE, TWO = 1.0, 1.96
+WITHIN = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to hold it
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """|d| over folds in the rod [m], and the share of outcomes within one and 1.96 sigma of what
+    was foretold at the touch.
+    """
+
+    folds: int
+    untouched: int
+    mean: float
+    most: float
+    worst: float
+    within: tuple[float, float]
+
+    def facts(self) -> dict[str, object]:
+        """For a record."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
+    """`critic` with sigmas that hold their share of the outcomes of `piece`, and the trial."""
+    ratios = off_over_sigma(critic, piece)
+    critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
+    at_touch = off_over_sigma(critic, piece, last=1)[0]
+    miss = np.abs(piece.displacement)
+    return critic, Trial(
+        folds=len(miss),
+        untouched=int(np.isnan(miss).sum()),
+        mean=float(np.nanmean(miss)),
+        most=float(np.nanquantile(miss, 0.95)),
+        worst=float(np.nanmax(miss)),
+        within=(float(np.mean(at_touch < ONE)), float(np.mean(at_touch < TWO))),
+    )
+
+
+def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
+    """|outcome - foretold| / sigma of displacement and of the belief's three numbers, at the
+    `last` kept decisions before each touch.
+    """
+    found: list[list[Array]] = [[] for _ in range(4)]
+    count = len(piece.displacement)
+    memory, told = np.zeros((count, critic.memory)), np.zeros((count, 1))
+    left = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
+    for k in range(piece.alive.shape[1]):
+        alive = piece.alive[:, k]
+        whitened = critic.whitened(piece.inputs[:, k].astype(np.float64))
+        memory += alive[:, None] * critic.recalled(whitened)
+        told += alive[:, None]
+        judged = critic.judge(whitened, memory / np.maximum(told, 1))
+        near = alive & (left[:, k] <= last) & np.isfinite(piece.displacement)
+        for kept, ratio in zip(found, _ratios(judged, piece), strict=True):
+            kept.append(ratio[near])
+    return [np.concatenate(kept) for kept in found]
+
+
+def _ratios(judged: Judgement, piece: Piece) -> list[Array]:
+    off = np.abs(piece.displacement - judged.displacement) / judged.sigma
+    belief = [
+        np.abs(piece.strip[:, i] - held[:, 0]) / held[:, 1] for i, held in enumerate(judged.belief)
+    ]
+    return [off, *belief]
+
+
+def _stretch(ratios: Array) -> float:
+    """The factor on sigma by which both shares of outcomes are held as nearly as can be."""
+    needed = [np.quantile(ratios, share) / sigmas for share, sigmas in WITHIN]
+    return float(np.sqrt(np.prod(needed)))

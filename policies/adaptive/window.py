@@ -1,0 +1,73 @@
+"""The last tenth of a second of what n strips showed, as values and rates at its newest image."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array
+
+SPAN = 0.12  # s of images that count
+FRAMES = 12  # kept, of cameras up to 100 Hz
+SLOW = 1.6e-5  # s^2, noise over the rates that occur, squared: what a single image says of a rate
+WILD = 1.5e-3  # over the length: deviations from the line that begin to count less
+PASSES = 2  # of reweighting
+
+
+class Trend(NamedTuple):
+    """Of n strips and their channels: `value` and `rate` (n, channels) at the newest image, and
+    `spread` (n, channels), the rms deviation of the images from the line.
+    """
+
+    value: Array
+    rate: Array
+    spread: Array
+
+
+class Window:
+    """Keeps images by their stamps; one not newer than the last is no image."""
+
+    def __init__(self, count: int, channels: int) -> None:
+        """Of `count` strips with so many `channels`."""
+        self._stamps: Array = np.full((count, FRAMES), -np.inf)
+        self._values: Array = np.zeros((count, FRAMES, channels))
+
+    @property
+    def newest(self) -> Array:
+        """Stamps (n,) [s] of the newest images, -inf before the first."""
+        return self._stamps[:, 0]
+
+    def tell(self, stamp: Array, values: Array, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Add images with `stamp` (n,), `values` (n, channels), where `good`; which were new."""
+        new = good & (stamp > self.newest)
+        if new.any():
+            self._stamps[new, 1:] = self._stamps[new, :-1]
+            self._values[new, 1:] = self._values[new, :-1]
+            self._stamps[new, 0], self._values[new, 0] = stamp[new], values[new]
+        return new
+
+    def trend(self) -> Trend:
+        """A line through the images of the last `SPAN`, wild ones reweighted (Cauchy)."""
+        with np.errstate(invalid="ignore"):
+            ago = self._stamps - self.newest[:, None]
+        inside = np.nan_to_num(ago, nan=-np.inf) >= -SPAN
+        t = np.where(inside, ago, 0.0)[..., None]
+        inside = inside[..., None]
+        weight = np.broadcast_to(inside, self._values.shape).astype(np.float64)
+        for _ in range(PASSES):
+            value, rate = _line(t, self._values, weight)
+            off = self._values - value[:, None] - rate[:, None] * t
+            weight = inside / (1.0 + (off / WILD) ** 2)
+        value, rate = _line(t, self._values, weight)
+        off = np.where(inside, self._values - value[:, None] - rate[:, None] * t, 0.0)
+        spread = np.sqrt((off**2).sum(axis=1) / np.maximum(inside.sum(axis=1), 1))
+        return Trend(value, rate, spread)
+
+
+def _line(t: Array, values: Array, weight: Array) -> tuple[Array, Array]:
+    """Weighted least squares over the frames; rates are held back by what a single image says."""
+    s0 = weight.sum(axis=1) + 1e-12
+    s1, s2 = (weight * t).sum(axis=1), (weight * t * t).sum(axis=1) + SLOW
+    y0, y1 = (weight * values).sum(axis=1), (weight * values * t).sum(axis=1)
+    rate = (s0 * y1 - s1 * y0) / (s0 * s2 - s1 * s1)
+    return (y0 - s1 * rate) / s0, rate

@@ -1,0 +1,45 @@
+"""Profiles of lifted strips at a fixed number of points, from midlines and from images alike."""
+
+import numpy as np
+
+from drivers.strip.model import CONTACT_HEIGHT
+from drivers.types import Array
+
+POINTS = 12  # of a profile that a policy reads, desk contact and gripper included
+
+
+def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
+    """Points (n, POINTS, 2) [m] at equal steps along midlines from desk contact to gripper.
+
+    `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip before `contact_x` (n,)
+    lies flat, so that this is also its arc length. The last point is the gripper's, `grip` (n, 2).
+    """
+    share = np.linspace(0.0, 1.0, POINTS)
+    at = contact_x[:, None] + share * (arc[:, -1] - contact_x)[:, None]
+    j = (arc[:, None, :] <= at[:, :, None]).sum(axis=-1) - 1
+    j = np.clip(j, 0, arc.shape[1] - 2)
+    lane = np.arange(len(arc))[:, None]
+    part = (at - arc[lane, j]) / (arc[lane, j + 1] - arc[lane, j])
+    found = (1 - part)[..., None] * shapes[lane, j] + part[..., None] * shapes[lane, j + 1]
+    found[:, -1] = grip
+    return np.asarray(found)
+
+
+def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
+    """One profile (1, POINTS, 2) [m] from `points` (m, 2) seen in an image.
+
+    It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
+    images begin up to 2 mm past the one, and the fingers hide the last ones before the other. NaN
+    where nothing was seen.
+    """
+    if len(points) < 2 or not np.isfinite(contact_x):
+        return np.full((1, POINTS, 2), np.nan)
+    return evened(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]))[None]
+
+
+def evened(points: Array) -> Array:
+    """Points (POINTS, 2) at equal steps along one polyline (m, 2) [m], m at least 2."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0.0, travel[-1], POINTS)
+    return np.stack([np.interp(at, travel, points[:, c]) for c in range(2)], axis=1)

@@ -1,0 +1,91 @@
+"""Draws a montage of all looks with what is seen in them: `draw_looks.py OUT.png [STRIP]`.
+
+`python -m tests.benchmarks.draw_looks runbooks/images/looks.png`. The red line is the profile, the
+yellow ring the desk contact; where preflight refuses the strip, the names of the failed checks.
+"""
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image as Picture
+
+from calibration.perception.perception import Perception
+from calibration.perception.preflight import Preflight, inspect
+from calibration.perception.settings import PerceptionSettings
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks import looks
+from drivers.twin.renderer.looks.look import Look
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Frame, Image, Pose
+from policies.fixed_paths import triangular
+from tests.benchmarks.measure_perception import STRIPS
+from tests.support.twin_calibration import twin_calibration
+from tests.support.twin_fold import FoldCamera, TwinFold, simulate_fold
+
+CAMERA, SETTINGS = CameraSettings(noise=0.5), PerceptionSettings()
+SHOWN = (slice(200, 680), slice(300, 1060))  # rows, columns
+TILE = (320, 202)
+COLUMNS, COLOURS = 3, 256
+SEQUENCE = 250
+RED, YELLOW, WHITE, DARK = (40, 40, 230), (0, 230, 255), (255, 255, 255), (40, 40, 40)
+
+
+class LookCamera(FoldCamera):
+    """The camera before a strip in a look of the cell."""
+
+    def __init__(self, strip: StripFile, look: Look) -> None:
+        self.settings = CAMERA
+        self.renderer = Renderer(CAMERA, StripLook.of(strip, look.pattern), 0, surround=look)
+
+    def judged(self, strip: StripFile) -> Preflight:
+        """Preflight of the strip lying flat, the hand beside it."""
+        arc = np.linspace(0, strip.length, 61)
+        waiting = Pose(strip.length + 0.05, 0.25, 0.0)
+        scene = Scene(0.0, np.column_stack([arc, 0 * arc]), arc, waiting, 0.04, holds_strip=False)
+        frame = Frame(0.0, 0.02, "look", 0, self.renderer.render([scene], 0))
+        return inspect(frame, twin_calibration(CAMERA), SETTINGS, strip)
+
+
+def tile(look: Look, fold: TwinFold) -> Image:
+    """One look: its name, what is seen of `fold` or why the strip was refused."""
+    camera = LookCamera(fold.strip, look)
+    judged, frame = camera.judged(fold.strip), camera.frame(fold, SEQUENCE)
+    image = frame.image.copy()
+    words = look.name
+    if judged.passed and judged.appearance is not None:
+        calibration = twin_calibration(CAMERA)
+        reader = Perception(calibration, SETTINGS, fold.strip, judged.appearance)
+        seen = reader.look(frame, fold.pose(frame.stamp))
+        line = np.rint(calibration.to_image(seen.profile)).astype(np.int32)
+        cv2.polylines(image, [line.reshape(-1, 1, 2)], False, RED, 1, cv2.LINE_AA)
+        place = calibration.to_image(np.array([[seen.contact_x, 0.0]]))[0]
+        cv2.circle(image, tuple(np.rint(place).astype(int).tolist()), 8, YELLOW, 2, cv2.LINE_AA)
+    else:
+        failed = [check.name for check in judged.checks if not check.passed]
+        words += f": refused, {failed[0]}"
+    small = cv2.resize(image[SHOWN], TILE, interpolation=cv2.INTER_AREA)
+    small[:22] = DARK
+    cv2.putText(small, words, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, WHITE, 1, cv2.LINE_AA)
+    return small
+
+
+def main(out: Path, name: str) -> None:
+    """A picture of few colours, small enough for a runbook."""
+    strip = load_strip(STRIPS / f"{name}.yaml")
+    fold = simulate_fold(strip, triangular(strip.length), 0.1)
+    tiles = [tile(look, fold) for look in looks().values()]
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % COLUMNS)
+    rows = [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
+    picture = Picture.fromarray(cv2.cvtColor(np.vstack(rows), cv2.COLOR_BGR2RGB))
+    picture.quantize(COLOURS, kmeans=4, dither=Picture.Dither.NONE).save(out, optimize=True)
+    print(f"{len(looks())} looks drawn to {out}, {out.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "denim")

@@ -1,0 +1,102 @@
+"""Lens files: ROS's and OpenCV's are written and read; broken ones refused in a line."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from calibration.camera_info import read_lens, write_camera_info, write_opencv
+from calibration.lens import CameraFile, Lens
+from drivers.errors import ConfigurationError
+from drivers.types import frozen
+
+MATRIX = frozen([[3400.0, 0, 645.0], [0, 3400.0, 355.0], [0, 0, 1]])
+LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.001, -0.002, 0.0]))
+
+
+def _same(lens: Lens) -> bool:
+    return (
+        np.array_equal(lens.matrix, LENS.matrix)
+        and np.array_equal(lens.distortion, LENS.distortion)
+        and (lens.width, lens.height) == (1280, 720)
+    )
+
+
+def test_camera_info_round_trip_keeps_every_digit(tmp_path: Path) -> None:
+    write_camera_info(LENS, "twin", tmp_path / "camera.yaml")
+    assert _same(read_lens(tmp_path / "camera.yaml"))
+    content = yaml.safe_load((tmp_path / "camera.yaml").read_text())
+    assert [*content] == [
+        "image_width",
+        "image_height",
+        "camera_name",
+        "camera_matrix",
+        "distortion_model",
+        "distortion_coefficients",
+        "rectification_matrix",
+        "projection_matrix",
+    ]
+
+
+def test_opencv_round_trip_keeps_every_digit(tmp_path: Path) -> None:
+    write_opencv(LENS, tmp_path / "camera.yaml")
+    assert _same(read_lens(tmp_path / "camera.yaml"))
+    with pytest.raises(yaml.YAMLError):
+        yaml.safe_load((tmp_path / "camera.yaml").read_text())
+
+
+@pytest.mark.parametrize("header", ["%YAML:1.0\n---", "%YAML 1.2\n---"])
+def test_old_and_new_headers_of_opencv_are_read(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "camera.yaml"
+    write_opencv(LENS, path)
+    path.write_text(header + path.read_text().partition("---")[2])
+    assert _same(read_lens(path))
+
+
+def test_camera_info_with_a_matrix_of_a_wrong_shape_is_one_clear_line(tmp_path: Path) -> None:
+    content = CameraFile.of(LENS, "twin").content()
+    content["camera_matrix"]["data"] = content["camera_matrix"]["data"][:8]
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump(content))
+    with pytest.raises(ConfigurationError, match=r"camera\.yaml: camera_matrix: must be 3 x 3"):
+        read_lens(path)
+
+
+@pytest.mark.parametrize(
+    ("cut", "message"),
+    [
+        ("camera_matrix", "camera_matrix: is missing"),
+        ("image_width", "image_width: is missing"),
+    ],
+)
+def test_opencv_file_without_a_part_is_one_clear_line(
+    tmp_path: Path, cut: str, message: str
+) -> None:
+    path = tmp_path / "camera.yaml"
+    write_opencv(LENS, path)
+    path.write_text(path.read_text().replace(cut, f"other_{cut}"))
+    with pytest.raises(ConfigurationError, match=message):
+        read_lens(path)
+
+
+def test_fisheye_file_of_opencv_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    store.write("image_width", 1280)
+    store.write("image_height", 720)
+    store.write("camera_matrix", np.eye(3))
+    store.write("distortion_coefficients", np.zeros((1, 8)))
+    store.release()
+    with pytest.raises(ConfigurationError, match="are 8 numbers, allowed are 4 or 5"):
+        read_lens(path)
+
+
+def test_garbage_and_missing_files_are_one_clear_line(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text("%YAML:1.0\n{{{: !!opencv-matrix garbage\n")
+    with pytest.raises(ConfigurationError, match="cannot be read as a file of OpenCV"):
+        read_lens(path)
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        read_lens(tmp_path / "none.yaml")

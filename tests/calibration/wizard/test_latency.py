@@ -1,0 +1,56 @@
+"""The camera's latency from steps of the arm: found within 5 ms, or refused."""
+
+import numpy as np
+import pytest
+
+from calibration.homography import Homography
+from calibration.wizard.latency import LatencySettings, LatencyVerdict, SeenStep, latency_verdict
+from drivers.types import Array
+from tests.support.board_sessions import LENS
+
+SETTINGS = LatencySettings()
+AWAY = np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]])
+MAP = Homography.of(np.linalg.inv(AWAY))
+
+
+def _arm(rng: np.random.Generator) -> Array:
+    """Ten seconds of smooth steps along x, 100 readings a second."""
+    t = np.arange(0.0, 10.0, 0.01)
+    x = 0.25 + 0.06 * (1 - np.cos(2 * np.pi * t / 1.5)) + 2e-5 * rng.standard_normal(len(t))
+    return np.column_stack([t, x, np.full(len(t), 0.15)])
+
+
+def _verdict(latency: float, noise: float = 0.1, jitter: float = 0.0) -> LatencyVerdict:
+    rng = np.random.default_rng(1)
+    arm = _arm(rng)
+    stamps = np.arange(0.5, 9.5, 0.1)
+    shown = stamps - latency + jitter * rng.standard_normal(len(stamps))
+    x = np.interp(shown, arm[:, 0], arm[:, 1])
+    pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
+    pixels += noise * rng.standard_normal(pixels.shape)
+    seen = [SeenStep(float(t), p) for t, p in zip(stamps, pixels, strict=True)]
+    return latency_verdict(arm, seen, LENS, MAP, SETTINGS)
+
+
+@pytest.mark.parametrize("latency", [-0.02, 0.0, 0.013, 0.06, 0.19])
+def test_latency_is_found_within_a_millisecond(latency: float) -> None:
+    verdict = _verdict(latency)
+    assert verdict.passed, verdict.reasons
+    assert verdict.latency == pytest.approx(latency, abs=1e-3)
+
+
+def test_unsteady_stamps_are_refused() -> None:
+    verdict = _verdict(0.03, jitter=0.08)
+    assert not verdict.passed
+
+
+def test_arm_that_does_not_move_says_nothing_of_time() -> None:
+    arm = np.column_stack([np.arange(0, 5, 0.01), np.full((500, 2), 0.2)])
+    seen = [SeenStep(0.1 * k, np.array([400.0, 300.0])) for k in range(40)]
+    verdict = latency_verdict(arm, seen, LENS, MAP, SETTINGS)
+    assert "0 images show the pointer under way, 10 are needed" in verdict.reasons[0]
+
+
+def test_step_that_nobody_saw_is_refused() -> None:
+    verdict = latency_verdict(_arm(np.random.default_rng(0)), [], LENS, MAP, SETTINGS)
+    assert verdict.reasons == ("no step of the arm was seen; step again",)

@@ -1,0 +1,97 @@
+"""What a session with the board amounts to: poor ones are refused, with the reason."""
+
+import numpy as np
+import pytest
+
+from calibration.board_settings import BoardSettings
+from calibration.lens import fit_lens
+from calibration.wizard.lens_verdict import LensVerdict, lens_verdict
+from drivers.errors import ConfigurationError
+from tests.support.board_sessions import LENS, session
+
+SETTINGS = BoardSettings()
+SIZE = (LENS.width, LENS.height)
+
+
+def _verdict(settings: BoardSettings = SETTINGS, **facts: object) -> LensVerdict:
+    length = facts.pop("length", SETTINGS.width)
+    return lens_verdict(session(settings, **facts), SIZE, length, settings)
+
+
+def test_good_session_passes_and_its_halves_agree() -> None:
+    verdict = _verdict()
+    assert verdict.passed, verdict.reasons
+    assert verdict.fit is not None
+    assert verdict.fit.lens.matrix[0, 0] == pytest.approx(LENS.matrix[0, 0], rel=0.003)
+    assert verdict.bend_px < 0.5
+    assert set(verdict.per_view) == set(range(13))
+
+
+def test_frontal_views_are_refused_though_their_rms_is_small() -> None:
+    verdict = _verdict(lean=0.0)
+    assert not verdict.passed
+    assert verdict.fit is not None
+    assert verdict.fit.rms < 0.1
+    for side in ("its top away", "its top nearer", "its right edge away", "its right edge nearer"):
+        assert any(reason.startswith(f"{side}: 0 of 2 views") for reason in verdict.reasons)
+
+
+def test_square_two_percent_wrong_is_seen_by_the_ruler_alone() -> None:
+    wrong = SETTINGS.model_copy(update={"square": 1.02 * SETTINGS.square})
+    views = session(SETTINGS)
+    scaled = {k: type(view)(view.ids, 1.02 * view.board, view.image) for k, view in views.items()}
+    blind = lens_verdict(scaled, SIZE, wrong.width, wrong)
+    assert blind.passed
+    verdict = lens_verdict(scaled, SIZE, SETTINGS.width, wrong)
+    assert verdict.fit is not None
+    assert blind.fit is not None
+    assert verdict.fit.rms == pytest.approx(blind.fit.rms, rel=1e-6)
+    assert verdict.fit.rms < 0.1
+    assert verdict.reasons == (
+        "9 squares measure 252.0 mm, configured are 257.0 mm, +2.0 %; state boards.square: "
+        "0.02800 or print the board at 100 %",
+    )
+
+
+def test_without_a_measured_length_the_session_is_refused() -> None:
+    (reason,) = _verdict(length=None).reasons
+    assert "no length of the board was measured; lay a ruler" in reason
+    assert "252.0 mm as configured" in reason
+
+
+def test_shaken_board_is_refused_by_its_corners() -> None:
+    verdict = _verdict(noise=1.2)
+    assert not verdict.passed
+    assert any("hold the board still and flat" in reason for reason in verdict.reasons)
+
+
+def test_swapped_image_size_is_refused() -> None:
+    verdict = lens_verdict(session(SETTINGS), SIZE[::-1], SETTINGS.width, SETTINGS)
+    assert not verdict.passed
+    assert "outside of an image of 720 x 1280 px; state its width first" in verdict.reasons[0]
+
+
+def test_corners_outside_of_the_stated_image_fit_no_lens() -> None:
+    views = session(SETTINGS).values()
+    with pytest.raises(ConfigurationError, match="lies outside of an image of 720 x 1280"):
+        fit_lens([v.board for v in views], [v.image for v in views], (720, 1280))
+
+
+def test_order_of_views_has_no_influence() -> None:
+    views = session(SETTINGS)
+    shuffled = dict(sorted(views.items(), key=lambda item: (7 * item[0]) % 13))
+    lenses = []
+    for given in (views, shuffled):
+        fit = lens_verdict(given, SIZE, SETTINGS.width, SETTINGS).fit
+        assert fit is not None
+        lenses.append(fit.lens)
+    assert lenses[0].matrix == pytest.approx(lenses[1].matrix, rel=1e-6)
+    assert lenses[0].distortion == pytest.approx(lenses[1].distortion, rel=1e-5)
+
+
+def test_too_few_views_are_refused() -> None:
+    few = {k: view for k, view in session(SETTINGS).items() if k < 5}
+    verdict = lens_verdict(few, SIZE, SETTINGS.width, SETTINGS)
+    assert verdict.fit is None
+    assert verdict.reasons == ("5 views, at least 6 are needed; show more",)
+    assert np.isnan(verdict.bend_mm)

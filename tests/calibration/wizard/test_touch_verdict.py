@@ -1,0 +1,84 @@
+"""What touched points amount to, from points alone."""
+
+import numpy as np
+import pytest
+
+from calibration.touch_settings import TouchSettings
+from calibration.touched_points import held_out, touch_plan
+from calibration.wizard.touch_fit import Touched, suspects
+from calibration.wizard.touch_verdict import Grade, touch_verdict
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.settings import CameraSettings
+from tests.support.board_sessions import LENS
+
+SETTINGS = TouchSettings()
+CAMERA = CameraSettings(principal=(5.5, -4.5))
+OPTICS = Optics.of(CAMERA)
+
+
+def _points(noise: float = 0.05, seed: int = 0) -> list[Touched]:
+    """The grid, as the twin's optics show it, with noise [px]."""
+    rng = np.random.default_rng(seed)
+    places = [np.array([pose.x, pose.z]) for pose in touch_plan(SETTINGS)]
+    return [
+        Touched(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, SETTINGS))
+        for k, at in enumerate(places)
+    ]
+
+
+def test_order_of_touches_has_no_influence() -> None:
+    points = _points()
+    points[4] = Touched(4, points[4].place + 0.02, points[4].pixel, points[4].held_out)
+    order = np.random.default_rng(3).permutation(len(points))
+    one = touch_verdict(points, LENS, SETTINGS)
+    other = touch_verdict([points[i] for i in order], LENS, SETTINGS)
+    assert one.homography is not None
+    assert other.homography is not None
+    assert np.array_equal(one.homography.matrix, other.homography.matrix)
+    assert one.reasons == other.reasons
+    assert one.rejected == other.rejected
+    assert one.halves_mm == other.halves_mm
+
+
+def test_six_touches_are_refused() -> None:
+    verdict = touch_verdict(_points()[:6], LENS, SETTINGS)
+    assert verdict.grade is Grade.REFUSED
+    assert verdict.homography is None
+    assert verdict.reasons == ("homography: 5 touched points, at least 12 are needed; touch more",)
+
+
+def test_points_on_one_side_are_refused() -> None:
+    lying = [p for p in _points() if p.place[0] < 0.3]
+    verdict = touch_verdict(lying, LENS, SETTINGS)
+    assert not verdict.passed
+    assert any(
+        "of the work area, at least 60 % are needed; touch its" in r for r in verdict.reasons
+    )
+
+
+def test_wrong_lens_shows_in_the_held_out_points() -> None:
+    """Through a lens without distortion no plane fits: the worst point tells, not the rms."""
+    straight = type(LENS)(LENS.width, LENS.height, LENS.matrix, np.zeros(5))
+    bent = CAMERA.model_copy(update={"distortion": (-0.6, 0.3)})
+    points = [
+        Touched(p.number, p.place, Optics.of(bent).plane(p.place), p.held_out) for p in _points()
+    ]
+    verdict = touch_verdict(points, straight, SETTINGS)
+    assert not verdict.passed
+
+
+def test_effect_on_the_displacement_is_twice_the_error_along_the_strip() -> None:
+    points, off = _points(noise=0.0), np.array([4e-4, 0.0])
+    moved = [Touched(p.number, p.place + off * p.held_out, p.pixel, p.held_out) for p in points]
+    verdict = touch_verdict(moved, LENS, SETTINGS)
+    assert verdict.residual_mm == pytest.approx(0.4, abs=0.05)
+    assert verdict.displacement_mm == pytest.approx(0.8, abs=0.1)
+    assert verdict.grade is Grade.USABLE
+
+
+def test_points_that_disagree_are_worth_a_second_touch() -> None:
+    points = _points()
+    for k in (2, 9):
+        points[k] = Touched(k, points[k].place - 0.01, points[k].pixel, points[k].held_out)
+    assert suspects(points, LENS, SETTINGS) == (2, 9)
+    assert suspects(points[:5], LENS, SETTINGS) == ()

@@ -1,0 +1,105 @@
+"""What `cell camera` says, without a camera and with one that a stand-in for the kernel has."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import drivers.camera.kernel
+from cell.cli.app import app
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import check_calibrated, check_drivers, open_cell
+from cell.operations.camera import suggested
+from drivers.camera.camera import V4l2Camera
+from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
+from drivers.camera.settings import V4l2Settings
+from drivers.errors import ConfigurationError
+from drivers.twin.paced_clock import PacedClock
+from tests.drivers.camera.fake_kernel import LINK, FakeKernel
+
+REAL = DeviceSelection(camera="v4l2")
+
+
+@pytest.fixture
+def links(tmp_path: Path) -> Path:
+    """Links as udev keeps them: a camera by id and by path, another one by path alone."""
+    for name in ("video0", "video2"):
+        (tmp_path / name).touch()
+    for kind, name, node in (
+        ("by-id", "usb-Test", "video0"),
+        ("by-path", "pci-usb-1", "video0"),
+        ("by-path", "pci-usb-2", "video2"),
+    ):
+        (tmp_path / kind).mkdir(exist_ok=True)
+        (tmp_path / kind / name).symlink_to(tmp_path / node)
+    return tmp_path
+
+
+def test_each_camera_is_listed_once_by_its_best_link(links: Path) -> None:
+    assert device_links(links) == [
+        str(links / "by-id" / "usb-Test"),
+        str(links / "by-path" / "pci-usb-2"),
+    ]
+
+
+def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> None:
+    first, _ = list_cameras(FakeKernel(), links)
+    assert isinstance(first, UnusableDevice)
+    assert "No such file" in first.problem
+
+
+def test_suggested_settings_lock_exposure_where_it_stands() -> None:
+    settings = suggested(report(FakeKernel(), LINK))
+    assert settings == V4l2Settings(
+        device=LINK,
+        format="YUYV",
+        width=64,
+        height=48,
+        rate=60.0,
+        controls={"exposure_time_absolute": 157},
+    )
+
+
+def test_no_camera_is_said_and_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.camera.listing.device_links", lambda *_: [])
+    done = CliRunner().invoke(app, ["camera"])
+    assert (done.exit_code, done.stdout) == (0, "")
+    assert "plug one in" in done.stderr
+
+
+def test_listing_names_formats_controls_and_the_section_to_add(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(drivers.camera.kernel, "Linux", FakeKernel)
+    done = CliRunner().invoke(app, ["camera", "--device", LINK])
+    assert done.exit_code == 0
+    assert "YUYV 64x48 at 60 Hz" in done.stdout
+    assert "exposure_time_absolute 157 (1 to 5000 in steps of 1; is inactive" in done.stdout
+    section = json.loads(done.stdout.rpartition("camera: ")[2])
+    assert V4l2Settings.model_validate(section).device == LINK
+    line = json.loads(CliRunner().invoke(app, ["camera", "--device", LINK, "--json"]).stdout)
+    assert line["camera"] == section
+
+
+def test_cell_without_a_camera_section_says_what_to_add() -> None:
+    with pytest.raises(ConfigurationError, match=r"camera: is missing.*cell camera"):
+        check_drivers(find_configs(None).cell(), REAL)
+
+
+def test_real_camera_without_a_calibration_is_refused_before_anything_opens() -> None:
+    with pytest.raises(ConfigurationError, match=r"calibration: is missing"):
+        check_calibrated(find_configs(None).cell(), REAL)
+    check_calibrated(find_configs(None).cell(), DeviceSelection())
+
+
+def test_real_camera_opens_beside_the_arm_of_the_twin() -> None:
+    configs = find_configs(None)
+    settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
+    devices = open_cell(settings, configs.strip("denim"), REAL, calibrating=False)
+    assert isinstance(devices.camera, V4l2Camera)
+    assert isinstance(devices.clock, PacedClock)
+    assert devices.camera_identity == settings.camera.identity
+    assert devices.camera.rate == 30.0
+    assert devices.plant is None

@@ -1,0 +1,31 @@
+"""A robot that goes where it is told, at once; and says what it was told."""
+
+from types import SimpleNamespace
+
+STILL_MODE = 1
+
+
+class FakeRobot:
+    """Plays `drivers.arm.robot.Robot` for the loop, without a network."""
+
+    def __init__(self, pose: list[float]) -> None:
+        self.pose = pose
+        self.force = [0.0] * 6
+        self.written: list[list[float]] = []
+        self.ended = False
+
+    def start_poses(self) -> "FakeRobot":
+        return self
+
+    def read(self, motion: object) -> SimpleNamespace:
+        return SimpleNamespace(
+            O_T_EE=self.pose,
+            O_T_EE_c=self.pose,
+            O_F_ext_hat_K=self.force,
+            control_command_success_rate=1.0,
+        )
+
+    def write_pose(self, motion: object, pose: list[float], *, last: bool = False) -> None:
+        self.written.append(pose)
+        self.pose = pose
+        self.ended = last

@@ -1,0 +1,111 @@
+"""Geometry and inverse kinematics of the arm against published postures and finite differences."""
+
+import numpy as np
+import pytest
+
+from drivers.franka.inverse import Unreachable, solve, twist_between
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, elbow, forward, jacobian
+from drivers.franka.limits import (
+    POSITION_HIGH,
+    POSITION_LOW,
+    VELOCITY,
+    margins,
+    velocity_bounds,
+)
+
+DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def down_at(x: float, y: float, z: float):
+    pose = DOWN.copy()
+    pose[:3, 3] = x, y, z
+    return pose
+
+
+def postures(count: int):
+    return np.random.default_rng(3).uniform(POSITION_LOW, POSITION_HIGH, (count, 7))
+
+
+def test_home_posture_points_down_where_the_maker_says() -> None:
+    # libfranka's documentation of the start posture: x 0.307 m, z 0.487 m with the Franka Hand
+    assert forward(HOME) == pytest.approx(down_at(0.3069, 0.0, 0.4869), abs=1e-4)
+
+
+def test_stretched_arm_adds_its_links() -> None:
+    upright = forward(np.zeros(7), np.eye(4))
+    assert upright[:3, 3] == pytest.approx([0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107])
+
+
+def test_jacobian_is_the_derivative_of_the_pose() -> None:
+    step = 1e-6
+    for q in postures(5):
+        numeric = [
+            twist_between(forward(q - row), forward(q + row)) / (2 * step)
+            for row in step * np.eye(7)
+        ]
+        assert jacobian(q) == pytest.approx(np.array(numeric).T, abs=1e-7)
+
+
+def test_batch_gives_each_posture_what_it_gets_alone() -> None:
+    batch = postures(4)
+    assert np.array_equal(forward(batch), [forward(q) for q in batch])
+    assert np.array_equal(jacobian(batch), [jacobian(q) for q in batch])
+
+
+def test_inverse_brings_tool_to_nearly_every_pose_of_the_arm() -> None:
+    found = 0
+    for target in forward(postures(20)):
+        try:
+            q = solve(target)
+        except Unreachable:
+            continue
+        found += 1
+        assert margins(q).min() >= 0
+        assert forward(q) == pytest.approx(target, abs=1e-6)
+    assert found >= 18
+
+
+def test_neighbouring_poses_get_neighbouring_postures() -> None:
+    q = HOME
+    for y in np.arange(-0.3, 0.3, 0.02):
+        nearby = solve(down_at(0.5, y, 0.05), q)
+        assert y == -0.3 or np.abs(nearby - q).max() < 0.1
+        q = nearby
+
+
+def test_free_motion_is_used_to_leave_joint_ends() -> None:
+    target = down_at(0.5, 0.0, 0.1)
+    cramped = solve(target, HOME + np.array([1.2, 0, -1.2, 0, 0, 0, 0]), centre=0.0)
+    roomy = solve(target, HOME + np.array([1.2, 0, -1.2, 0, 0, 0, 0]))
+    assert margins(roomy).min() > margins(cramped).min()
+
+
+@pytest.mark.parametrize(
+    ("pose", "said"),
+    [
+        (down_at(1.5, 0, 0.3), "from the shoulder"),
+        (down_at(0.8, 0, 0.0), "are missing"),
+        (down_at(np.nan, 0, 0.3), "not finite"),
+    ],
+)
+def test_pose_out_of_reach_is_refused_with_its_reason(pose, said: str) -> None:
+    with pytest.raises(Unreachable, match=said):
+        solve(pose)
+
+
+def test_joints_may_only_run_as_fast_as_they_can_brake() -> None:
+    slowest, fastest = velocity_bounds(POSITION_HIGH)
+    assert np.array_equal(fastest, np.zeros(7))
+    assert slowest == pytest.approx(-VELOCITY, abs=0.3)
+    assert np.array_equal(velocity_bounds(HOME)[1], VELOCITY)
+
+
+def test_elbow_names_redundancy_and_flexion() -> None:
+    assert elbow(HOME) == (0.0, -1.0)
+    assert elbow(HOME + np.array([0, 0, 0.2, 2.2, 0, 0, 0])) == (pytest.approx(0.2), 1.0)
+
+
+def test_tip_hangs_on_the_flange_as_the_hand_is_mounted() -> None:
+    flange = forward(HOME, np.eye(4))
+    assert forward(HOME) == pytest.approx(flange @ FLANGE_TO_TIP)
+    assert FLANGE_TO_TIP[2, 3] == pytest.approx(0.1034)

@@ -1,0 +1,38 @@
+"""A configuration with a real camera whose calibration is assumed, not measured."""
+
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from calibration.calibration import Calibration, calibrated, save_calibration
+from calibration.homography import Homography
+from calibration.lens import Lens
+from drivers.camera.settings import V4l2Settings
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+DATE = "2026-01-01T00:00:00+00:00"
+SEEN = 0.91  # m that the image shows in x, of a camera that looks straight at the plane
+
+
+def configure(folder: Path, camera: V4l2Settings) -> None:
+    """A copy of the packaged configuration whose camera is `camera`, calibrated by assumption."""
+    plain = yaml.safe_load((CONFIGS / "cell.yaml").read_text())
+    plain["camera"] = camera.model_dump(exclude_defaults=True)
+    plain["calibration"] = "assumed.yaml"
+    plain["monitors"] = {"arm_age": 0.5, "image_age": 1.0}  # s; an emulated processor is slow
+    plain["twin"]["world"] |= {"strip": False}  # no camera sees it
+    (folder / "cell.yaml").write_text(yaml.safe_dump(plain))
+    (folder / "strips").symlink_to(CONFIGS / "strips")
+    save_calibration(_assumed(camera), folder / "assumed.yaml")
+
+
+def _assumed(camera: V4l2Settings) -> Calibration:
+    width, height = camera.width, camera.height
+    focal, metre = 2.5 * width, SEEN / width
+    matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
+    lens = Lens(width=width, height=height, matrix=matrix, distortion=np.zeros(5))
+    upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
+    return calibrated(
+        lens, Homography.of(upright), residual_mm=0.3, date=DATE, camera=camera.identity
+    )

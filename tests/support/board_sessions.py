@@ -1,0 +1,52 @@
+"""Views of the calibration board as a lens projects them, without rendering an image."""
+
+import numpy as np
+
+from calibration.board_settings import BoardSettings
+from calibration.board_view import BoardView
+from calibration.lens import Lens
+from calibration.wizard.wanted_view import WantedView, wanted_views
+from drivers.types import frozen
+
+MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
+LENS = Lens(1280, 720, MATRIX, frozen([-0.18, 0.1, 0.0, 0.0, 0.0]))
+
+
+def projected(
+    wanted: WantedView,
+    rng: np.random.Generator,
+    settings: BoardSettings,
+    lens: Lens = LENS,
+    noise: float = 0.05,
+) -> BoardView:
+    """`wanted` seen through `lens`, its corners with `noise` [px]; those outside are missing."""
+    board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
+    centred = board - (settings.width / 2, settings.rows * settings.square / 2, 0)
+    turned = centred @ _turned(wanted).T
+    depth = float(lens.matrix[0, 0]) * settings.width / (wanted.size * lens.width)
+    middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
+    seen = turned + np.append(middle / lens.matrix[0, 0] * depth, depth)
+    ideal = seen[:, :2] / seen[:, 2:] * lens.matrix[0, 0] + lens.matrix[:2, 2]
+    image = lens.distort(ideal) + noise * rng.standard_normal((len(board), 2))
+    inside = ((image > 4) & (image < (lens.width - 4, lens.height - 4))).all(axis=1)
+    return BoardView(np.flatnonzero(inside).astype(float), board[inside], image[inside])
+
+
+def session(
+    settings: BoardSettings, *, lean: float | None = None, noise: float = 0.05, seed: int = 0
+) -> dict[int, BoardView]:
+    """All wanted views by number, with the largest tilt `lean` [rad] or the settings' own."""
+    rng = np.random.default_rng(seed)
+    leaning = settings.lean if lean is None else lean
+    views = wanted_views(leaning, settings.sizes)
+    return {k: projected(view, rng, settings, noise=noise) for k, view in enumerate(views)}
+
+
+def _turned(wanted: WantedView) -> np.ndarray:
+    ct, st, cy, sy, cr, sr = (
+        f(a) for a in (wanted.tilt, wanted.turn, wanted.roll) for f in (np.cos, np.sin)
+    )
+    about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
+    about_z = np.array([[cr, -sr, 0], [sr, cr, 0], [0, 0, 1]])
+    return about_y @ about_x @ about_z
