@@ -78,7 +78,7 @@ def fold(
 ) -> None:
     """Fold a strip in half and say how well it went."""
     from cell.devices.devices import DeviceSelection
-    from cell.operations.batch import checked, requests
+    from cell.operations.batch import checked, doubts_about, requests
     from cell.operations.fold import Request
 
     choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
@@ -94,6 +94,8 @@ def fold(
         viz=viz.value,
     )
     wanted = checked(requests(base, plant or [], repeat))
+    for doubt in doubts_about(wanted):
+        _remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
         return
