@@ -4,7 +4,8 @@ import time
 
 
 class WallClock:
-    """Monotonic seconds since construction, or since the `origin` of another one on this machine.
+    """Monotonic seconds since construction, or since the `origin` of another
+    one on this machine.
     """
 
     def __init__(self, origin: float | None = None) -> None:

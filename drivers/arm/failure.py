@@ -47,7 +47,8 @@ REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A `cause`, the robot's own `errors` by the names of its flags, and a text for the operator.
+    """A `cause`, the robot's own `errors` by the names of its flags, and a text
+    for the operator.
     """
 
     cause: Cause

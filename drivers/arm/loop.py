@@ -99,7 +99,8 @@ class Loop:
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
-        """Take a new command, unless the arm has braked for good; brake when the heartbeat stops.
+        """Take a new command, unless the arm has braked for good; brake when
+        the heartbeat stops.
         """
         if self._taken < 0 or self._reason is not None:
             return
