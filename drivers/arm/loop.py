@@ -1,4 +1,4 @@
-"""The 1 kHz loop: ruckig at each tick from the newest order, the robot's answer to each command."""
+"""The 1 kHz loop: at each tick a ruckig setpoint from the newest command, sent to the robot."""
 
 from collections import deque
 from collections.abc import Callable
@@ -20,7 +20,7 @@ CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
 class Driven(Protocol):
-    """A robot in which a motion of the hand can be run; `drivers.arm.robot.Robot` is one."""
+    """Interface of a robot that runs a motion of the hand, such as `drivers.arm.robot.Robot`."""
 
     def start_poses(self) -> Any:
         """Start the motion."""
@@ -31,15 +31,15 @@ class Driven(Protocol):
         ...
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
-        """The answer to it."""
+        """Send the command for this tick."""
         ...
 
 
 class Loop:
-    """One motion that follows orders in the strip's plane until it is told to end.
+    """One motion that follows commands in the strip's plane until it is told to end.
 
-    A `step` answers the state at hand with a command and waits for the next state, whatever
-    drives it: the robot's clock or, in lock-step, the cell's.
+    `step` answers the current state with a command and waits for the next state, on the robot's
+    clock or, in lock-step, on the cell's.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Loop:
         self._path: deque[tuple[float, float, float]] = deque(maxlen=SPAN + 1)
 
     def begin(self) -> None:
-        """Take the arm over where it is, at rest; Failed when it is out of the strip's plane."""
+        """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
         pose = state.O_T_EE_c
@@ -86,7 +86,7 @@ class Loop:
         self._feel(state)
 
     def end(self) -> None:
-        """Brake to rest and end the motion; no order is taken any more."""
+        """Brake to rest and end the motion; later commands are ignored."""
         self._taken = -1
         self._profile.stop()
         while self._profile.moving:
@@ -95,11 +95,13 @@ class Loop:
 
     @property
     def halted(self) -> Failure | None:
-        """Why the arm has braked by itself for good, once it rests."""
+        """Why the arm braked for good by itself, once it is at rest."""
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
-        """Take a new order, unless the arm has braked for good; brake when the cell is silent."""
+        """Take a new command, unless the arm has braked for good; brake when
+        the heartbeat stops.
+        """
         if self._taken < 0 or self._reason is not None:
             return
         self._unheard = 0 if order.beat != self._beat else self._unheard + 1
@@ -125,14 +127,14 @@ class Loop:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
     def _feel(self, state: Any) -> None:
-        """Brake for a force on the gripper over the guard's limit."""
+        """Brake when the force on the gripper exceeds the guard's limit."""
         force = hypot(*state.O_F_ext_hat_K[:3])
         limit = self._settings.guard
         if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
 
     def _halt(self, cause: Cause, words: str) -> None:
-        """Brake for good, for the first reason that there was."""
+        """Brake for good and keep the first reason."""
         if self._reason is None:
             self._reason = Failure(cause, words)
             self._profile.stop()
@@ -177,7 +179,9 @@ class Loop:
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane with the hand turned in it as it is at `pose`; Failed where it is not."""
+    """The strip's plane for the hand's orientation at `pose`; raises Failed when the hand is not in
+    it.
+    """
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda plane: plane.aside(pose)[1])

@@ -1,4 +1,4 @@
-"""How the cell drives a Franka arm and its hand."""
+"""Settings of a Franka arm and its hand."""
 
 from typing import Annotated, Literal
 
@@ -12,7 +12,8 @@ Force = Annotated[float, Field(gt=0, le=100)]
 
 
 class CollisionSettings(Settings):
-    """Thresholds of the robot's own reflexes: contact is reported at `lower`, stops at `upper`.
+    """Thresholds of the robot's own reflexes: contact is reported at `lower`, motion stops at
+    `upper`.
 
     Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about each.
     """
@@ -26,7 +27,7 @@ class CollisionSettings(Settings):
 
 
 class HandLimits(Settings):
-    """Of the Franka Hand: widths [m], speed [m/s], force [N] of the grasp."""
+    """Settings of the Franka Hand: widths [m], speed [m/s], grasp force [N]."""
 
     opening: float = Field(0.04, ge=0.01, le=0.08)
     speed: float = Field(0.08, gt=0, le=0.1)
@@ -43,14 +44,14 @@ REACHABLE = MotionLimits(
 
 
 class FciSettings(Settings):
-    """Where the robot is and how it is driven; times [s].
+    """Address and control settings of the robot; times [s].
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
-    with one, only a twin that was started so can be driven in lock-step.
-    `realtime` enforce demands a real-time kernel, as the robot's makers do; ignore goes without.
-    The arm brakes at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where
-    they are lower than the cell's: the robot's joints accelerate at 10 rad/s^2 at most, which
-    bounds the gripper, the more so where the arm is stretched.
+    with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
+    requires a real-time kernel, as the manufacturer does; ignore does not. The arm brakes at
+    `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
+    than the cell's: the joints accelerate at 10 rad/s^2 at most, which bounds the gripper most
+    where the arm is stretched.
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
@@ -66,7 +67,7 @@ class FciSettings(Settings):
 
     @property
     def in_lock_step(self) -> bool:
-        """Whether the cell's clock drives the robot's time, as only a twin's can be."""
+        """Whether the cell's clock drives the robot's time; possible with a twin only."""
         return self.address is None if self.lock_step is None else self.lock_step
 
     def installed(self, installation: Installation) -> Installation:

@@ -1,4 +1,4 @@
-"""From a strip file to the description that engines consume, and files that are checked by it."""
+"""The physical description of a strip from its file, and validation of files that need it."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -19,7 +19,7 @@ from drivers.types import frozen
 def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
     """The description of `strip` in a cell, with the effects of both applied in registry order.
 
-    `index` counts the runs that this specimen has been through before.
+    `index` is the number of runs that this specimen has already been through.
     """
     effects = {**strip.effects, **(cell_effects or {})}
     return _described(
@@ -29,7 +29,7 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """What is to be described; equal where all numbers are."""
+    """Cache key of a description: equal where all inputs are equal."""
 
     key: str
     strip: StripFile = field(compare=False)
