@@ -11,37 +11,18 @@ from calibration.perception.preflight import Preflight, inspect
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.looks import looks
 from drivers.twin.renderer.looks.look import Box, Look
-from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose
 from policies.fixed_paths import triangular
 from tests.benchmarks.measure_perception import STRIPS, distances
+from tests.support.look_camera import LookCamera
 from tests.support.twin_calibration import twin_calibration
-from tests.support.twin_fold import FoldCamera, TwinFold, simulate_fold
+from tests.support.twin_fold import TwinFold, simulate_fold
 
 CAMERA = CameraSettings()
 SETTINGS = PerceptionSettings()
-WAITING = Pose(0.65, 0.25, 0.0)  # where the hand waits while a strip is judged
 FRAMES = (120, 200, 290)
-
-
-class LookCamera(FoldCamera):
-    """The camera before a strip in a look of the cell."""
-
-    def __init__(self, strip: StripFile, look: Look, settings: CameraSettings = CAMERA) -> None:
-        self.settings = settings
-        self.renderer = Renderer(settings, StripLook.of(strip, look.pattern), 0, surround=look)
-
-    def waiting(self, strip: StripFile) -> Frame:
-        """The strip flat on the desk, the hand beside it."""
-        arc = np.linspace(0, strip.length, 61)
-        points = np.column_stack([arc, 0 * arc])
-        scene = Scene(0.0, points, arc, WAITING, 0.04, holds_strip=False)
-        return Frame(0.0, 0.02, "test", 0, self.renderer.render([scene], 0))
 
 
 @lru_cache
@@ -68,7 +49,7 @@ def _reader(look: Look, fold: TwinFold) -> tuple[Perception, LookCamera]:
     assert judged.appearance is not None
     calibration = twin_calibration(CAMERA)
     perception = Perception(calibration, SETTINGS, fold.strip, judged.appearance)
-    return perception, LookCamera(fold.strip, look)
+    return perception, LookCamera(fold.strip, look, CAMERA)
 
 
 def _refusals(judged: Preflight) -> dict[str, str]:
