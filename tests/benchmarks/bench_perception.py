@@ -47,9 +47,10 @@ def main(look: str) -> None:
             start = time.thread_time()
             touch.tell(perception.look(frame, pose), pose)
             taken.append(1e3 * (time.thread_time() - start))
+    middle, most = np.median(taken), np.percentile(taken, 95)
     print(
-        f"perception, {look}: median {np.median(taken):.2f} ms, "
-        f"95 % {np.percentile(taken, 95):.2f} ms, worst {max(taken):.2f} ms over {len(taken)} frames"
+        f"perception, {look}: median {middle:.2f} ms, 95 % {most:.2f} ms, "
+        f"worst {max(taken):.2f} ms over {len(taken)} frames"
     )
 
 
