@@ -107,11 +107,13 @@ def find_machine() -> Machine | str:
     emulator, busybox = shutil.which("qemu-system-x86_64"), shutil.which("busybox")
     kernel = find_kernel()
     if emulator is None or busybox is None:
-        return f"no emulator: apt-get install --no-install-recommends {PACKAGES}"
+        return (
+            f"no emulator: run .ci/devices, or apt-get install --no-install-recommends {PACKAGES}"
+        )
     if kernel is None:
         return (
-            "no kernel with vivid: download the package that linux-image-amd64 depends on and "
-            f"unpack it with `dpkg-deb -x FILE.deb {unpacked()}`"
+            "no kernel with vivid: run .ci/devices, or download the package that "
+            f"linux-image-amd64 depends on and unpack it with `dpkg-deb -x FILE.deb {unpacked()}`"
         )
     return Machine(emulator, busybox, kernel)
 

@@ -1,4 +1,4 @@
-"""A twin's clock that keeps step with the wall, for a twin beside a real device."""
+"""A whole twin in step with the wall, for a twin beside a real device."""
 
 import math
 import threading
@@ -9,9 +9,11 @@ from drivers.twin.clock import TwinClock
 NEAR = 0.002  # s that the world may be behind the wall
 
 
-class PacedClock:
+class RealTimeClock:
     """Satisfies `drivers.protocols.Clock`: time is the wall's, and the twin's world follows it.
 
+    Its readers may be threads; the twin's own devices go on reading `twin`, so that their stamps
+    say how far the world has come.
     The wall begins to count at the first use, so that what is made before it costs no time. A
     caller that comes late finds the world at the present, as with a real arm. A world that is
     slower than the wall falls behind `now`, and the arm's states with it, which their monitor
