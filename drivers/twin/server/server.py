@@ -3,6 +3,7 @@
 import select
 import socket
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from threading import Thread
 from typing import Self
 
@@ -77,7 +78,7 @@ class RobotServer:
     def close(self) -> None:
         """Hang up on everybody and free the address; harmless when repeated."""
         self._stopping = True
-        if self._bell.fileno() >= 0:
+        with suppress(OSError):  # it has hung up by itself
             self._bell.send(b"!")
         if self._thread is not None:
             self._thread.join()
