@@ -16,17 +16,11 @@ if TYPE_CHECKING:
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
+OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 
 def exam(
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            help="Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED].",
-            show_default=False,
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
     tier: Annotated[
         Literal["state", "images", "small"],
         typer.Option(help="From the state, through images, or six cases from the state."),
