@@ -61,8 +61,7 @@ def exam(
     if only_make and only_judge:
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
     steps: Steps = "make" if only_make else "judge" if only_judge else "all"
-    wide = min(jobs, os.cpu_count() or 1)
-    out = out or Path("runs") / f"exam-{tier}-{seed}"
+    out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
             wanted = load_or_draw(out, tier, cases, seed)
