@@ -35,20 +35,27 @@ def test_help_names_every_choice(capsys) -> None:
     assert "<state|images|small>" in " ".join(run(capsys, "gap", "exam", "--help").split())
 
 
-def commands() -> list[str]:
-    """Every `cell ...` that a page tells to type, in code or between backticks."""
+def typed() -> list[str]:
+    """Every `cell ...` that a page tells to type, in a block of its own."""
     found = []
     for page in PAGES:
-        text = page.read_text(encoding="utf-8")
-        blocks = re.findall(r"```(?:sh|console)\n(.*?)```", text, flags=re.S)
+        blocks = re.findall(r"```(?:sh|console)\n(.*?)```", page.read_text("utf-8"), flags=re.S)
         lines = [line.removeprefix("$ ").strip() for block in blocks for line in block.splitlines()]
         found += [line for line in lines if line.startswith("cell ")]
-        found += re.findall(r"`(cell [a-z][^`]*)`", re.sub(r"```.*?```", "", text, flags=re.S))
     return sorted(set(found))
 
 
-@pytest.mark.parametrize("line", commands())
-def test_commands_in_readme_and_runbooks_can_be_typed(line: str) -> None:
+def named() -> list[str]:
+    """Every `cell ...` that a page names within a sentence."""
+    found = []
+    for page in PAGES:
+        text = re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.S)
+        found += re.findall(r"`(cell [a-z][^`]*)`", text)
+    return sorted(set(found))
+
+
+def resolved(line: str) -> tuple[Any, Any, list[str]]:
+    """The command that a line names, its parent's context, and the words after it."""
     words = [PLACES.get(word, word) for word in shlex.split(line, comments=True)[1:]]
     command: Any = typer.main.get_command(app)
     context = command.make_context("cell", [], resilient_parsing=True)
@@ -58,6 +65,17 @@ def test_commands_in_readme_and_runbooks_can_be_typed(line: str) -> None:
         assert command is not None, f"{name} is no command"
         if words:
             context = command.make_context(name, [], parent=context, resilient_parsing=True)
-    if not words or words == ["--dry-run"] or "..." in words:
-        return  # it is only named
+    return command, context, words
+
+
+@pytest.mark.parametrize("line", typed())
+def test_commands_in_readme_and_runbooks_can_be_typed(line: str) -> None:
+    command, context, words = resolved(line)
     assert command.make_context(command.name, words, parent=context).args == []
+
+
+@pytest.mark.parametrize("line", named())
+def test_commands_that_readme_and_runbooks_name_exist(line: str) -> None:
+    command, _, words = resolved(line)
+    known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
+    assert {word for word in words if word.startswith("--")} <= known

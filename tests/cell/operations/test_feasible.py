@@ -12,7 +12,7 @@ from tests.support.twin_calibration import twin_calibration
 
 @pytest.fixture(scope="module")
 def seen_by() -> Calibration:
-    return twin_calibration()
+    return twin_calibration(find_configs(None).cell().twin.camera)
 
 
 def refusal(seen_by: Calibration, policy: str = "triangular", **changes) -> str:

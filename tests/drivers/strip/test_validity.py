@@ -32,6 +32,7 @@ def test_a_strip_on_which_the_chain_diverges_is_refused_when_it_is_read(tmp_path
         ({"bending_length": 0.007}, "chain"),
         ({"length": 0.1, "bending_length": 0.05}, "rod"),
         ({"retardation_time": 10.0}, "chain"),
+        ({"thickness": 0.008}, "rod"),
     ],
 )
 def test_a_strip_beyond_what_was_measured_is_doubted(tmp_path, changes, engine) -> None:
