@@ -75,7 +75,7 @@ def open_subject(
 ) -> Subject:
     """The subject that `file` describes, with its measured runs; effects `without` are withheld.
 
-    Raises ConfigurationError for a broken file or run, or an unknown kind.
+    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
