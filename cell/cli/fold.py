@@ -103,6 +103,11 @@ def fold(
     if dry_run:
         _predict(base, as_json=as_json)
         return
+    sys.exit(_folded(wanted, jobs, as_json=as_json))
+
+
+def _folded(wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Fold and tell; the largest exit code."""
     code = 0
     try:
         for result in _results(wanted, jobs, quiet=as_json):
@@ -111,7 +116,7 @@ def fold(
     except CellError as error:
         sys.stderr.write(f"cell: {error}\n")
         code = max(code, error.exit_code)
-    sys.exit(code)
+    return code
 
 
 def _named(strip: str, length: float | None) -> str:
