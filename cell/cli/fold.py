@@ -49,10 +49,16 @@ class Viz(StrEnum):
 
 
 def fold(
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    strip: Annotated[
+        str,
+        typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length."),
+    ],
     policy: Annotated[
         str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")
-    ] = "feedback",
+    ] = "adaptive",
+    length: Annotated[
+        float | None, typer.Option(help="Length [m] of a strip that has no file.")
+    ] = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Annotated[
         list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
@@ -83,7 +89,7 @@ def fold(
 
     choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
-        strip=strip,
+        strip=_named(strip, length),
         policy=policy,
         checkpoint=checkpoint,
         choice=choice,
@@ -99,6 +105,11 @@ def fold(
     if dry_run:
         _predict(base, as_json=as_json)
         return
+    sys.exit(_folded(wanted, jobs, as_json=as_json))
+
+
+def _folded(wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Fold and tell; the largest exit code."""
     code = 0
     try:
         for result in _results(wanted, jobs, quiet=as_json):
@@ -107,7 +118,19 @@ def fold(
     except CellError as error:
         sys.stderr.write(f"cell: {error}\n")
         code = max(code, error.exit_code)
-    sys.exit(code)
+    return code
+
+
+def _named(strip: str, length: float | None) -> str:
+    """The strip as requests name it: one without a file by its length."""
+    from cell.config.unknown import MARK, NAME
+    from drivers.errors import ConfigurationError
+
+    if (strip == NAME) != (length is not None):
+        raise ConfigurationError(
+            "--length: goes with `--strip unknown`, which needs it; other strips have a file"
+        )
+    return strip if length is None else f"{MARK}{length:g}"
 
 
 def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":

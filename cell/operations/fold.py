@@ -14,12 +14,14 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
+from cell.config.unknown import NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
+from cell.operations.learned import offer
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -97,6 +99,8 @@ def fold(
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
+    if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
+        offer(writer.folder, strip, outcome.foretold)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
 
 

@@ -96,7 +96,7 @@ def test_unknown_policy_lists_the_known_ones(monkeypatch, capsys, tmp_path) -> N
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\x80\x04N.", b'{"schema": 1}'])
 def test_corrupt_checkpoint_is_refused(monkeypatch, capsys, tmp_path, content) -> None:
-    weights = tmp_path / "weights.json"
+    weights = tmp_path / "weights.npz"
     weights.write_bytes(content)
     line = refused(
         monkeypatch,
