@@ -2,6 +2,7 @@
 
 import typer
 
+from cell.cli.arm import home, jog, open_hand, park, register
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
 from cell.cli.fold import fold
@@ -27,6 +28,11 @@ app.command()(report)
 app.command()(viz)
 app.command()(replay)
 app.command()(calibrate)
+app.command()(home)
+app.command()(park)
+app.command()(jog)
+app.command(name="open")(open_hand)
+app.command()(register)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")

@@ -72,6 +72,9 @@ def fold(
     no_truth: Annotated[
         bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
     ] = False,
+    full_speed: Annotated[
+        bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
@@ -90,14 +93,16 @@ def fold(
         frames=frames.value if frames else None,
         truth=not no_truth,
         viz=viz.value,
+        full_speed=full_speed,
     )
     wanted = checked(requests(base, plant or [], repeat))
     if dry_run:
         _predict(base, as_json=as_json)
         return
+    real = _real(base)
     code = 0
     try:
-        for result in _results(wanted, jobs, quiet=as_json):
+        for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
             _tell(result, as_json=as_json)
             code = max(code, result.exit_code)
     except CellError as error:
@@ -106,7 +111,27 @@ def fold(
     sys.exit(code)
 
 
-def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
+def _real(base: "Request") -> bool:
+    """Whether a real robot will move; then the operator has typed the cell's name."""
+    from cell.config.places import find_configs
+    from cell.operations.real_robot import confirm, is_real
+
+    settings = find_configs(base.configs).cell()
+    if not is_real(settings, base.choice):
+        return False
+    confirm(settings, _ask)
+    return True
+
+
+def _ask(question: str) -> str:
+    sys.stderr.write(question)
+    sys.stderr.flush()
+    return sys.stdin.readline()
+
+
+def _results(
+    wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
+) -> "Iterator[FoldResult]":
     from cell.config.places import find_configs
     from cell.operations.batch import side_by_side
     from cell.operations.calibrate import calibration_of
@@ -120,7 +145,9 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
             calibration = calibration_of(settings, _remark, interrupted)
             yield from side_by_side(wanted, jobs, interrupted, calibration)
         return
-    for request in wanted:
+    for number, request in enumerate(wanted):
+        if real and number > 0:
+            _ask("Lay the strip again, flat and straight, then press Enter: ")
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             result = fold_once(request, shown, interrupted, calibration)

@@ -17,6 +17,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
+from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -53,6 +54,7 @@ class Request:
     truth: bool
     viz: Mode | Literal["off"]
     speed: float | None = None  # m/s on the path, instead of the cell's own
+    full_speed: bool = False  # of a real robot, which is slowed otherwise
 
 
 def fold(
@@ -71,6 +73,8 @@ def fold(
     """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)

@@ -9,7 +9,7 @@ import numpy as np
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import Preflight, inspect
 from calibration.touched_points import TouchedPoints
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -149,6 +149,12 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     return Event.RELEASED
 
 
+def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
+    """Do the one motion that was asked for."""
+    yield from context.motion(snapshot)
+    return Event.MOVED
+
+
 PhaseFactory = Callable[[Record, Snapshot], Phase]
 _FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.PREFLIGHT: preflight,
@@ -169,6 +175,8 @@ def phases_of(context: Context) -> dict[State, PhaseFactory]:
     """The phases of a run with this context; each starts from the snapshot that led to it."""
     if isinstance(context, CalibrationContext):
         return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    if isinstance(context, ManualContext):
+        return {State.PREFLIGHT: partial(move_by_hand, context)}
     return {state: partial(phase, context) for state, phase in _FOLD.items()}
 
 
