@@ -129,10 +129,9 @@ def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) 
 
 
 def test_drivers_of_later_versions_are_refused(monkeypatch, capsys, tmp_path) -> None:
-    line = refused(
-        monkeypatch, capsys, "fold", "--strip", "denim", "--arm", "fci", "--runs", tmp_path / "r"
-    )
-    assert "fci" in line
+    words = ("fold", "--strip", "denim", "--camera", "v4l2", "--runs", tmp_path / "r")
+    line = refused(monkeypatch, capsys, *words)
+    assert "v4l2" in line
     assert not (tmp_path / "r").exists()
 
 
