@@ -1,4 +1,4 @@
-"""Faults of a robot, struck in the middle of a fold through its own library, and what came of it."""
+"""Faults of a robot in the middle of a fold through its own library, and what came of them."""
 
 import os
 import signal
