@@ -22,6 +22,7 @@ from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
 from cell.operations.learned import offer
+from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -58,6 +59,7 @@ class Request:
     truth: bool
     viz: Mode | Literal["off"]
     speed: float | None = None  # m/s on the path, instead of the cell's own
+    full_speed: bool = False  # of a real robot, which is slowed otherwise
 
 
 def fold(
@@ -76,6 +78,8 @@ def fold(
     """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
