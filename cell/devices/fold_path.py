@@ -1,4 +1,4 @@
-"""The gripper's path through a whole fold, from its home to the retreat."""
+"""Path of the gripper through a whole fold, from its home to the retreat."""
 
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ HANGING = np.pi / 2
 def whole_path(
     length: float, home: float, fold: FoldSettings, limits: MotionLimits, carry: Array
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) of x, z [m], pitch [rad], and the speed [m/s] on the way to each.
+    """Poses (n, 3) of x, z [m], pitch [rad], and the speeds (n,) [m/s] of the moves to them.
 
     From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
     edge to where the layers touch. The lay and the retreat follow.
