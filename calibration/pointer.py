@@ -1,4 +1,4 @@
-"""The pin of the calibration in an image: a bright disc on a dark plate."""
+"""Detection of the calibration pin in an image: a bright disc on a dark plate."""
 
 import cv2
 import numpy as np
@@ -15,7 +15,9 @@ Levels = NDArray[np.float32]
 
 
 def find_pointer(image: Image) -> Array | None:
-    """Centre (2,) u, v [px] of the bright disc, or None unless exactly one is seen."""
+    """Centre (2,) u, v [px] of the bright disc in an image (h, w, 3), or None unless exactly one is
+    seen.
+    """
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     for level in BRIGHT:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)

@@ -1,4 +1,4 @@
-"""Strips that perception was made for."""
+"""Range of strips that perception was designed for."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ THICKNESS = (0.0, 0.004)  # m
 
 
 def outside_scope(strip: StripFile) -> Iterator[str]:
-    """Why perception cannot be trusted with `strip`, a reason a line; nothing where it can."""
+    """Reasons why perception is not valid for `strip`, a line each; none where it is."""
     bounds = (("width", strip.width, WIDTH), ("thickness", strip.thickness, THICKNESS))
     for key, value, (low, high) in bounds:
         if not low <= value <= high:

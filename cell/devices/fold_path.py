@@ -1,4 +1,4 @@
-"""The gripper's path through a whole fold, from its home to the retreat."""
+"""Path of the gripper through a whole fold, from its home to the retreat."""
 
 from itertools import pairwise
 
@@ -20,7 +20,7 @@ def whole_path(
     carry: Array,
     end: float | None = None,
 ) -> tuple[Array, Array]:
-    """Poses (n, 3) of x, z [m], pitch [rad], and the speed [m/s] on the way to each.
+    """Poses (n, 3) of x, z [m], pitch [rad], and the speeds (n,) [m/s] of the moves to them.
 
     From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
     edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where

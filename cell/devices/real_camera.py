@@ -1,4 +1,4 @@
-"""The real camera beside another arm: everything then runs in the time of the wall."""
+"""The real camera with another arm, both on the wall clock."""
 
 from dataclasses import replace
 
@@ -23,9 +23,9 @@ def camera_settings(settings: CellFile) -> V4l2Settings:
 
 
 def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
-    """`devices` with the cell file's camera, on a clock that keeps step with the wall.
+    """`devices` with the cell file's camera, on a clock that keeps step with the wall clock.
 
-    What it sees is not the twin's world, whose truth therefore scores nothing.
+    The camera does not see the twin's world, so the truth is not used for scoring.
     """
     chosen = camera_settings(settings)
     clock, wall = _in_real_time(devices.clock)

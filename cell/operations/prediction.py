@@ -1,4 +1,6 @@
-"""A fold foretold: the policy in the model, its path held against the limits; nothing moves."""
+"""Prediction of a fold: the policy in the model, its path checked against the
+limits; nothing moves.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -25,8 +27,8 @@ UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the model expects. Lengths [m]; `low` and `high` over the strip's spread, None where
-    no layers touch.
+    """Expected result. Lengths [m]; `low` and `high` over the strip's uncertainty, None where no
+    layers touch.
     """
 
     strip: str
@@ -51,7 +53,7 @@ class Prediction:
         }
 
     def text(self) -> str:
-        """For the operator."""
+        """Text for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
         return (
             f"{self.strip} by {self.policy}: {_displacement(self.displacement)} expected, "
@@ -64,7 +66,9 @@ class Prediction:
 
 
 def predict(request: Request) -> Prediction:
-    """Fold in the rod as `request` asks; ConfigurationError when the path leaves the limits."""
+    """Simulate the fold of `request` in the rod; ConfigurationError when the
+    path leaves the limits.
+    """
     configs = find_configs(request.configs)
     settings, strip = configs.cell(), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
@@ -107,7 +111,7 @@ def _displacement(value: float | None) -> str:
 
 
 def _variants(strip: StripFile) -> list[StripFile]:
-    """The corners of what is not known of the strip."""
+    """Corners of the uncertainty of the strip's parameters."""
     spans = [
         strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
         for key, u in UNKNOWN.items()

@@ -1,4 +1,4 @@
-"""What a run is given and what it finds out: one context for a fold, one for a calibration."""
+"""Inputs and results of a run: one context for a fold, one for a calibration."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -23,11 +23,11 @@ from policies.policy import Policy
 
 @dataclass(slots=True)
 class FoldContext:
-    """A fold: what the controller knows of cell and strip, and what it finds out on the way.
+    """A fold: the controller's knowledge of cell and strip, and the results so far.
 
-    `reader` reads images from the moment preflight has judged the picture of the strip.
-    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] how far the edges lie apart
-    once laid, `foretold` what the policy expected last. The plant is nowhere in here.
+    `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
+    layer_touch once it is seen, `edge_offset` [m] the offset of the laid edges, `foretold` the
+    policy's latest prediction. The plant is not part of it.
     """
 
     settings: CellSettings
@@ -42,11 +42,11 @@ class FoldContext:
 
 @dataclass(slots=True)
 class CalibrationContext:
-    """A calibration of the map to the plane: the lens it starts from, what it ends with.
+    """A calibration of the map to the plane: its lens, its wizard's settings and its results.
 
-    The `operator` is asked before the arm moves, `watch` is told all that happens. `plan` are
-    other poses than those of the settings. Only a run that `remembers` leaves `landmarks`.
-    Nothing is read of a strip on the way, so that `reader` stays None.
+    The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
+    poses of the settings. Only a run that `remembers` leaves `landmarks`. No strip is read, so
+    `reader` stays None.
     """
 
     settings: CellSettings

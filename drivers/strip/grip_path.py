@@ -38,10 +38,9 @@ def growth(poses: Array) -> Array:
 
 
 def share_away(poses: Array, start: Array) -> Array:
-    """Fraction (...,) of the rig's offsets that acts at reported `poses` (..., 3) of a lift from
-    `start` (3,).
+    """Fraction (...,) of the rig's offsets that acts at reported `poses` (..., 3).
 
-    A lift that comes back keeps the largest share that it has had.
+    It grows with the distance from `start` (3,), the pose of the grasp.
     """
     away = np.hypot(poses[..., 0] - start[0], poses[..., 1] - start[1])
     return np.asarray(np.minimum(away / LIFT_TRAVEL, 1.0))
