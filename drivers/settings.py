@@ -76,7 +76,10 @@ def parse(content: object, model: type[S], origin: str) -> S:
 
 
 def load(path: Path, model: type[S], *, bare: bool = False) -> S:
-    """The file at `path` read and checked as `model`; unless `bare`, it must state its `schema`."""
+    """The file at `path` read and checked as `model`; unless `bare`, it must state its `schema`.
+
+    Raises ConfigurationError, every problem on a line of its own.
+    """
     content = read_yaml(path)
     if not bare and "schema" not in content and "schema_" in model.model_fields:
         raise ConfigurationError(

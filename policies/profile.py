@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from drivers.strip.model import CONTACT_HEIGHT
 from drivers.types import Array
 
 POINTS = 12  # of a profile that a policy reads, desk contact and gripper included
@@ -24,15 +25,16 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
     return np.asarray(found)
 
 
-def seen_profile(points: Array, gripper: tuple[float, float]) -> Array:
-    """One profile (1, POINTS, 2) [m] from `points` (m, 2) seen in an image and the gripper's, x, z.
+def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
+    """One profile (1, POINTS, 2) [m] from `points` (m, 2) seen in an image.
 
-    The fingers hide the last millimetres, which the gripper's own point adds. NaN where nothing
-    was seen.
+    It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
+    images begin up to 2 mm past the one, and the fingers hide the last ones before the other. NaN
+    where nothing was seen.
     """
-    if len(points) < 2:
+    if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
-    return evened(np.vstack([points, gripper]))[None]
+    return evened(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]))[None]
 
 
 def evened(points: Array) -> Array:

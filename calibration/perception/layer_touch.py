@@ -9,6 +9,8 @@ from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
+UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
+
 
 @dataclass(frozen=True, slots=True)
 class Fall:
@@ -33,6 +35,7 @@ class LayerTouch:
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
         self._settings = settings
         self._distance = max(strip.thickness, 0.001)
+        self._length = strip.length
         self._most = strip.length + settings.length_error
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
@@ -74,13 +77,18 @@ class LayerTouch:
         confidence = float(np.exp(-abs(stopped - time) / self._settings.touch_agreement))
         x = np.array([f.x for f in self._falls])
         l1 = np.array([f.to_grasped for f in self._falls])
-        return SeenTouch(
+        seen = SeenTouch(
             time=time,
             x=_at(time, t, x),
             to_grasped=_at(time, t, l1),
             to_fixed=_at(time, t, x),
             confidence=confidence,
         )
+        return seen if self._is_a_fold(seen) else None
+
+    def _is_a_fold(self, touch: SeenTouch) -> bool:
+        """Whether the layers could lie so: a strip folded near its end is a strip seen wrong."""
+        return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
 def _fall(sight: StripMeasurement, gripper: Pose) -> Fall | None:

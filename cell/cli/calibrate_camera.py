@@ -80,7 +80,7 @@ def _run(
     from cell.operations.lens_wizard import calibrate_lens
     from cell.operations.wizard_panel import WizardPanel
 
-    choice = DeviceSelection(camera=camera and camera.value)
+    choice = DeviceSelection(arm="twin", camera=camera and camera.value)  # no arm is needed
     devices = open_cell(settings, NO_STRIP, choice, calibrating=True)
     panel = WizardPanel(Console(stderr=True))
     operator = operator_of(devices, panel.ask, interactive=interactive)

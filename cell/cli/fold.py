@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Runs
+from cell.cli.options import Configs, Json, Runs, policy_names
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -50,7 +50,9 @@ class Viz(StrEnum):
 
 def fold(
     strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
-    policy: Annotated[str, typer.Option(help="How the gripper is moved.")] = "feedback",
+    policy: Annotated[
+        str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")
+    ] = "feedback",
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Annotated[
         list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
@@ -108,7 +110,7 @@ def fold(
 
 def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
     from cell.config.places import find_configs
-    from cell.operations.batch import side_by_side
+    from cell.operations.batch import each_of
     from cell.operations.calibrate import calibration_of
     from cell.operations.fold import fold as fold_once
     from cell.operations.interrupt import Interrupt
@@ -118,24 +120,45 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
     if jobs > 1 and len(wanted) > 1:
         with Interrupt() as interrupted:
             calibration = calibration_of(settings, _remark, interrupted)
-            yield from side_by_side(wanted, jobs, interrupted, calibration)
+            for request, made in zip(
+                wanted, each_of(wanted, jobs, interrupted, calibration), strict=False
+            ):
+                yield _as_result(request, made)
         return
     for request in wanted:
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
-            result = fold_once(request, shown, interrupted, calibration)
-        yield result
+            try:
+                made = fold_once(request, shown, interrupted, calibration)
+            except CellError as error:
+                made = error
+        yield _as_result(request, made)
         if interrupted():
             return
+
+
+def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResult":
+    """One fold's own trouble ends that fold alone; Ctrl-C, given twice, ends the batch."""
+    from cell.operations.interrupt import Interrupted
+    from cell.operations.result import FoldResult
+
+    if isinstance(made, Interrupted):
+        raise made
+    if isinstance(made, CellError):
+        name = Path(request.strip).stem
+        return FoldResult.refused(name, request.policy, request.choice.seed, made)
+    return made
 
 
 def _tell(result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
         if result.exit_code != 0:
-            _remark(f"{result.run}: {result.outcome}: {result.reason}")
-    else:
+            _remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
+    elif result.run:
         sys.stdout.write(f"{result.sentence()}\n  record: {result.run}\n")
+    else:
+        _remark(result.reason)
     sys.stdout.flush()
 
 

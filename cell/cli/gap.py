@@ -37,29 +37,45 @@ def fit(
     hold_out: Annotated[
         list[str] | None, typer.Option(help="A run that only judges; repeatable.")
     ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="An effect withheld from the library; repeatable.")
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Simulations side by side.")] = 2,
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
+    from cell.gap.verdict.accept import LAW_PATCH
 
     threads = min(jobs, os.cpu_count() or 1)
     with _progress(quiet=as_json) as shown:
-        verdict = judge(runs, strip, out, hold_out or (), shown, threads, write_overlay)
+        verdict = judge(
+            runs, strip, out, hold_out or (), shown, threads, write_overlay, without or ()
+        )
     if as_json:
         sys.stdout.write(verdict.to_json())
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
-    sys.stdout.write("\n".join([*_summary(verdict), *files]) + "\n")
+    law = (out / LAW_PATCH).is_file()
+    following = f"next: {_next(verdict, out, strip, law=law)}"
+    sys.stdout.write("\n".join([*_summary(verdict), *files, following]) + "\n")
 
 
 @gap.command()
-def accept(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
+def accept(
+    fitted: Fitted,
+    strip: Subject,
+    law: Annotated[
+        bool, typer.Option("--law", help="Accept the law that describes what nothing explains.")
+    ] = False,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
     """Put what was named into the strip file, or into cell.yaml where it belongs to the cell."""
     from cell.gap.verdict.accept import accept as put
 
-    accepted = put(fitted, strip, _cell_file(configs))
+    accepted = put(fitted, strip, _cell_file(configs), law=law)
     _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
 
 
@@ -111,6 +127,19 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield "  the held-out runs showed no gap: it sits in the runs that were fitted"
     for note in verdict.notes:
         yield f"  note: {note}"
+
+
+def _next(verdict: "Verdict", out: Path, strip: Path, *, law: bool) -> str:
+    """The command to type next."""
+    if verdict.verdict == "named":
+        return f"cell gap accept {out} --strip {strip}"
+    if verdict.verdict == "ambiguous":
+        return f"cell gap advise {out}"
+    if law:
+        return f"cell gap accept {out} --strip {strip} --law   (a description, no name)"
+    if verdict.verdict == "unexplained":
+        return f"open {out / 'report.html'}: where it sits, and what stands beside it"
+    return f"cell fold --strip {strip}"
 
 
 def _cell_file(configs: Path | None) -> Path:

@@ -19,7 +19,14 @@ INTERRUPTED = 130  # exit code
 
 
 def exam(
-    out: Annotated[Path, typer.Option("--out", help="Folder of keys, runs, verdicts, ledger.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            help="Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED].",
+            show_default=False,
+        ),
+    ] = None,
     tier: Annotated[
         Literal["state", "images", "small"],
         typer.Option(help="From the state, through images, or six cases from the state."),
@@ -61,6 +68,7 @@ def exam(
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
     steps: Steps = "make" if only_make else "judge" if only_judge else "all"
     wide = min(jobs, os.cpu_count() or 1)
+    out = out or Path("runs") / f"exam-{tier}-{seed}"
     try:
         with _progress(quiet=as_json) as shown:
             wanted = load_or_draw(out, tier, cases, seed)

@@ -47,8 +47,7 @@ def guard_streams() -> Outlet | None:
             os.open(os.devnull, os.O_RDWR)  # the lowest one free, which is this
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
-            if stream is not None:  # there is none where the descriptor was closed at the start
-                stream.flush()
+            print(end="", file=stream, flush=True)
     out, err = Outlet(1, "w", closefd=False), Outlet(2, "w", closefd=False)
     sys.stdout, sys.stderr = _text(out, sys.stdout), _text(err, sys.stderr)
     return out

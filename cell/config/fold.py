@@ -13,9 +13,8 @@ class FoldSettings(Settings):
     speed: float = Field(
         0.10, ge=0.005, le=0.16
     )  # on the path; faster, the lift out-turns the hand
-    lay_speed: float = Field(0.05, ge=0.005, le=0.1)
+    lay_speed: float = Field(0.10, ge=0.005, le=0.16)
     takeover_height: float = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
     approach: float = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
     clear_height: float = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
-    touch_settle: float = Field(0.4, ge=0.1, le=2.0)
     stop_timeout: float = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault

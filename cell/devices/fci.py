@@ -7,7 +7,7 @@ from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.devices.devices import Closable, Devices, DeviceSelection
 from cell.devices.fold_path import triangle, whole_path
-from cell.devices.twin import TwinPlant, on_desk
+from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
 from drivers.arm.hand import FciHand
@@ -46,15 +46,20 @@ def fci_devices(
     strip: StripFile,
     choice: DeviceSelection,
     staging: PlantOptions = ORDINARY,
+    *,
+    calibrating: bool = False,
 ) -> Devices:
     """The arm at the address in cell.yaml, or a twin of it that is started here, in lock-step.
 
     Against an address the robot's time runs by itself, and strip and camera keep up with it.
+    While `calibrating` the desk is bare, and the twin's camera has hands that hold things.
     """
     plant, lying, rig = on_desk(settings, strip, choice)
-    wall = None if settings.fci.address is None else WallClock()
+    rig = {} if calibrating else rig
+    wall = None if settings.fci.in_lock_step else WallClock()
     clock = TwinClock() if wall is None else PacedClock(wall)
-    desk = open_desk(clock, settings.twin, lying, rig, choice.seed, choice.index, staging)
+    twin = bare(settings) if calibrating else settings.twin
+    desk = open_desk(clock, twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)
     surroundings, others = Surroundings(), list[Closable]()
     address = settings.fci.address
@@ -74,7 +79,7 @@ def fci_devices(
         hand=hand,
         camera=desk.camera,
         camera_identity=settings.twin.camera.identity,
-        aids=None,
+        aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, plant),
         others=tuple(others),
     )

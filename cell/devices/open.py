@@ -39,8 +39,8 @@ def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
     """Refuse to fold with a real camera that has no calibration; the twin makes its own."""
     if real_camera(settings, choice) and settings.calibration is None:
         raise ConfigurationError(
-            "cell.yaml: calibration: is missing, camera v4l2 needs one; run `cell calibrate` and "
-            "name its file"
+            "cell.yaml: calibration: is missing, camera v4l2 needs one; run `cell calibrate "
+            "camera` and `cell calibrate homography`, then name the file that they make"
         )
 
 
@@ -58,14 +58,14 @@ def open_cell(
     """
     check_drivers(settings, choice)
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other
-    if calibrating or (choice.arm or settings.drivers.arm) == "twin":
+    if (choice.arm or settings.drivers.arm) == "twin":
         from cell.devices.twin import twin_devices
 
         devices = twin_devices(settings, strip, choice, calibrating=calibrating)
     else:
         from cell.devices.fci import fci_devices
 
-        devices = fci_devices(settings, strip, choice)
+        devices = fci_devices(settings, strip, choice, calibrating=calibrating)
     if real_camera(settings, choice):
         devices = with_real_camera(devices, settings)
     return devices if calibrating else corrected_devices(devices, settings, strip)

@@ -38,4 +38,5 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
         camera_identity=chosen.identity,
         aids=None,
         plant=None,
+        camera_locks=dict(chosen.controls),
     )

@@ -12,13 +12,14 @@ from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, Twin, open_twin
+from drivers.twin.settings import TwinSettings
 from drivers.types import Frame
 
 
 class TwinCalibrationAids:
     """Holds boards before the twin's camera and puts the pointer into its hand."""
 
-    def __init__(self, twin: Twin, settings: CellFile, seed: int) -> None:
+    def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
         self.settings = settings
         self.seed = seed
@@ -78,9 +79,8 @@ def twin_devices(
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
-        world = settings.twin.world.model_copy(update={"strip": False})
-        bare = settings.twin.model_copy(update={"world": world})
-        twin = open_twin(bare, lying, {}, choice.seed, installation=settings.installation)
+        desk, place = bare(settings), settings.installation
+        twin = open_twin(desk, lying, {}, choice.seed, installation=place)
     else:
         twin = open_twin(
             settings.twin, lying, rig, choice.seed, choice.index, settings.installation, staging
@@ -94,6 +94,12 @@ def twin_devices(
         aids=TwinCalibrationAids(twin, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(twin, plant),
     )
+
+
+def bare(settings: CellFile) -> TwinSettings:
+    """The twin without a strip on its desk, as it is calibrated."""
+    world = settings.twin.world.model_copy(update={"strip": False})
+    return settings.twin.model_copy(update={"world": world})
 
 
 def on_desk(

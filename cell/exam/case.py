@@ -9,6 +9,7 @@ from drivers.settings import Settings
 Tier = Literal["state", "images"]
 Kind = Literal["nothing", "single", "pair", "outside"]
 Strength = Literal["weak", "medium", "strong"]
+Scattered = Literal["none", "half", "full"]
 
 STRENGTHS: dict[Strength, float] = {"weak": 1.0, "medium": 2.5, "strong": 6.0}
 """Excess gap that is left after the base is refitted."""
@@ -25,7 +26,7 @@ class Case(Settings):
     (exactly their laws) and the `causes` that only the makers know, by name and parameters.
     `answer` are the names that are right: those of the effects, and of effects that a cause
     resembles though its law is another one (`alike` false); empty where nothing or nothing of
-    the library is hidden.
+    the library is hidden. `scatter` says how much runs differ for no reason.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -40,6 +41,7 @@ class Case(Settings):
     causes: dict[str, Values] = Field(default_factory=dict)
     answer: tuple[str, ...] = ()
     strength: Strength | None = None
+    scatter: Scattered = "none"
 
     @property
     def alike(self) -> bool:

@@ -145,13 +145,13 @@ def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool
         }
         replace_file(out / STAMP, json.dumps(facts).encode())
     verdict = read_verdict(out / VERDICT)
-    tried = json.loads((out / NOTES).read_text(encoding="utf-8"))["tried"]
+    notes = json.loads((out / NOTES).read_text(encoding="utf-8"))
     return Entry(
         case=case, of=by.entry(case), state="scored",
         outcome=score(verdict, case, load_strip(strip)),
         oracle=oracle(case, strip, runs, verdict.held_out) if case.answer else None,
-        baselines=baselines(verdict, tried, case),
-        wall=sandboxed.wall, memory=sandboxed.memory,
+        baselines=baselines(verdict, notes["tried"], case),
+        wall=sandboxed.wall, memory=sandboxed.memory, spreads=notes.get("scatter", {}),
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from cell.gap.fitting.cache import SimulationCache
@@ -13,7 +14,7 @@ from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.accept import CELL_PATCH, PATCH, RECORD, dumped, sha256
+from cell.gap.verdict.accept import CELL_PATCH, LAW_PATCH, PATCH, RECORD, dumped, sha256
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict, write_text
@@ -24,7 +25,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "9"  # of the engine: another one starts anew
+VERSION = "10"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -39,18 +40,20 @@ def fit(
     progress: Progress = quiet,
     jobs: int = 1,
     overlay: Overlay | None = None,
+    without: Sequence[str] = (),
 ) -> Verdict:
     """The verdict on measured `runs` of the strip or pendulum in `file`, written into `out`.
 
-    Interrupted, it goes on where it stopped when called again with the same inputs. Raises
-    ConfigurationError, and leaves no verdict, for bad input.
+    Effects `without` are withheld from the library. Interrupted, it goes on where it stopped when
+    called again with the same inputs. Raises ConfigurationError, and leaves no verdict, for bad
+    input.
     """
     began = time.monotonic()
     _clear(out)
     found_runs = find_runs(runs)
     hold.check([run.name for run in found_runs], hold_out)
-    subject = open_subject(file, found_runs, jobs)
-    key = _key(file, found_runs, hold_out)
+    subject = open_subject(file, found_runs, jobs, without)
+    key = _key(file, found_runs, [*hold_out, *without])
     _make(out)
     tape = SimulationCache(subject.simulate, out / ".rounds" / key)
     held = hold.held_out(subject, tape, hold_out)
@@ -67,34 +70,45 @@ def fit(
     return verdict
 
 
-def open_subject(file: Path, runs: Sequence[RunFolder], jobs: int) -> Subject:
-    """The subject that `file` describes, with its measured runs.
+def open_subject(
+    file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
+) -> Subject:
+    """The subject that `file` describes, with its measured runs; effects `without` are withheld.
 
-    Raises ConfigurationError for a file of another kind.
+    Raises ConfigurationError for a broken file or run, or an unknown kind.
     """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
         from cell.gap.subject.pendulum.subject import open_pendulum
 
+        if without:
+            raise ConfigurationError("--without: withholds effects of a strip, not of a pendulum")
         return open_pendulum(file, runs, jobs)
     if kind == "strip":
         from cell.gap.subject.strip.subject import open_strip
 
-        return open_strip(file, runs, jobs)
+        return open_strip(file, runs, jobs, without)
     raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
-    """Everything but the verdict itself, which comes last."""
+    """Write everything but the verdict itself, which comes last."""
     record = {"file": str(file), "file_sha256": sha256(file),
-              "effects": [e.name for e in verdict.effects]}  # fmt: skip
+              "effects": [e.name for e in verdict.effects],
+              "scatter": [asdict(s) for s in found.judged.scatter],
+              "law": found.offered and asdict(found.offered)}  # fmt: skip
     write_text(out / RECORD, json.dumps(record, indent=1))
     write_report(found, verdict, out / "report.html")
+    source = f"cell gap fit, {out.name}"
+    if found.offered is not None:
+        terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
+        law_patch, _ = found.subject.patch(found.offered.base, terms, source)
+        write_text(out / LAW_PATCH, dumped(law_patch))
     if verdict.verdict != "named":
         return
     base = {name: v.value for name, v in verdict.base.items()}
     effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
-    patch, cell_patch = found.subject.patch(base, effects, f"cell gap fit, {out.name}")
+    patch, cell_patch = found.subject.patch(base, effects, source)
     write_text(out / PATCH, dumped(patch))
     if cell_patch is not None:
         write_text(out / CELL_PATCH, dumped(cell_patch))
@@ -117,7 +131,7 @@ def _clear(out: Path) -> None:
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
-    for name in ("verdict.json", PATCH, CELL_PATCH, "accepted.json"):
+    for name in ("verdict.json", PATCH, CELL_PATCH, LAW_PATCH, "accepted.json"):
         (out / name).unlink(missing_ok=True)
 
 

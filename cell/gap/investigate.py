@@ -1,6 +1,7 @@
 """The whole investigation, stage by stage, for any subject."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
@@ -31,8 +32,10 @@ from cell.gap.selection.screening import (
 )
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
+from cell.gap.verdict.decide import kind
 from cell.gap.verdict.findings import Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, judge, show
+from cell.gap.verdict.offered_law import offered_law
 
 SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
 Progress = Callable[[str, float], None]
@@ -57,13 +60,22 @@ def investigate(
         fitted = _judged_base(subject, again, less, simulate, rng)
         screened = _screened(subject, fitted, screened.probed)
     progress("refit the best", 0.25)
-    fits = _refit(subject, fitted, screened, simulate, progress)
+    fits = _refit_singles(subject, fitted, screened, simulate)
+    beside = _scatter_beside(fits, fitted, whole, simulate)
+    if beside is not None:
+        progress("begin anew with what differs from run to run", 0.35)
+        again = with_scatter(fitted.base.estimate, beside, whole)
+        fitted = _judged_base(subject, again, beside, simulate, rng)
+        screened = _screened(subject, fitted, screened.probed)
+        fits = _refit_singles(subject, fitted, screened, simulate)
+    fits = _refit_further(subject, fits, screened, simulate, progress)
     better = search.better_base(simulate, fits)
     if better is not None:
-        progress("begin anew from a better base", 0.3)
+        progress("begin anew from a better base", 0.5)
         fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
         screened = _screen(subject, fitted, simulate)
-        fits = _refit(subject, fitted, screened, simulate, progress)
+        fits = _refit_singles(subject, fitted, screened, simulate)
+        fits = _refit_further(subject, fits, screened, simulate, progress)
     progress("judge", 0.8)
     choice = chosen(subject, simulate, fits)
     judged = judge(subject, choice, simulate, whole, rng)
@@ -72,9 +84,13 @@ def investigate(
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     advised = advice(subject, screened, choice, judged, simulate)
-    return Findings(
+    found = Findings(
         subject, tuple(held_out), fitted, screened, choice, judged, shown, tuple(advised)
     )
+    if kind(found) != "unexplained":
+        return found
+    law = offered_law(subject, simulate, fitted.base, choice.by, shown.before, rng)
+    return replace(found, offered=law)
 
 
 def _fit_base(
@@ -162,32 +178,56 @@ def _screened_p(
     return dict(zip(names, adjusted, strict=True))
 
 
-def _refit(
-    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate, progress: Progress
+def _scatter_beside(
+    fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
+) -> tuple[Spread, ...] | None:
+    """Spreads beside the best single effect, where they differ clearly from those at the base."""
+    best = choose(fits).accepted
+    if not best.model.effects:
+        return None
+    found = estimated(simulate, best.estimate, whole)
+    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
+    changed = set(before) ^ set(now) or any(
+        not SMALLER < now[name] / value < 1.0 / SMALLER for name, value in before.items()
+    )
+    return found if changed else None
+
+
+def _refit_singles(
+    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate
 ) -> Fits:
-    """Every model worth comparing, refitted: nothing more where there is nothing to find."""
+    """The base and the most promising single effects, where any effect could be earned."""
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
     fits = Fits((base,))
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return fits
+    singles = screened.singles[: search.SINGLES]
+    fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
+    if not exhausted(fits):
+        fits = fits.merged(search.shape_parameters(simulate, fits))
+    return fits
+
+
+def _refit_further(
+    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
+) -> Fits:
+    """Larger models beside the single effects, where these leave something to find."""
+    base, candidates = fits.base.estimate, subject.scope.candidates
 
     def tried(fits: Fits, scores: Sequence[Score]) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return fits.merged(search.fit_scores(simulate, base.estimate, scores, known))
+        return fits.merged(search.fit_scores(simulate, base, scores, known))
 
     def more(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
         return tried(fits, search.extended(simulate, fits, size, known))
 
-    fits = tried(fits, screened.singles[: search.SINGLES])
-    if not exhausted(fits):
-        fits = fits.merged(search.shape_parameters(simulate, fits))
-    if exhausted(fits) or not _leaves_more(fits, anywhere=True):
+    if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
-    pairs = search.shortlist(simulate, base.estimate, screened.pairs, candidates, search.PAIRS)
+    pairs = search.shortlist(simulate, base, screened.pairs, candidates, search.PAIRS)
     fits = more(tried(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not exhausted(fits) and _leaves_more(fits, anywhere=False):

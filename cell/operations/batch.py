@@ -171,8 +171,24 @@ def side_by_side(
 ) -> Iterator[FoldResult]:
     """The results in the order of the requests, `jobs` folds at a time.
 
+    Like `each_of`, but a fold that raised CellError raises it in its turn and ends the others.
+    """
+    for result in each_of(wanted, jobs, interrupted, calibration):
+        if isinstance(result, CellError):
+            raise result
+        yield result
+
+
+def each_of(
+    wanted: Sequence[Request],
+    jobs: int,
+    interrupted: Callable[[], bool] = lambda: False,
+    calibration: Calibration | None = None,
+) -> Iterator[FoldResult | CellError]:
+    """What came of each request in their order, `jobs` folds at a time: a result or its error.
+
     Once `interrupted`, the folds under way stop under control and no other begins; after a
-    KeyboardInterrupt they stop at once. A fold that raised CellError raises it in its turn.
+    KeyboardInterrupt they stop at once.
     """
     team = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
     try:
@@ -180,8 +196,6 @@ def side_by_side(
             result = team.result(number, interrupted)
             if result is None:
                 return
-            if isinstance(result, CellError):
-                raise result
             yield result
     finally:
         team.close()

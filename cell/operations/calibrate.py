@@ -70,7 +70,8 @@ def calibrate_anew(
 
 def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
     """A calibration of the twin, which is not kept."""
-    devices = open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
+    twin = DeviceSelection(arm="twin", camera="twin")
+    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     return calibrate(settings, devices, interrupted)
 
 

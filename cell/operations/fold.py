@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -19,6 +19,7 @@ from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
+from cell.operations.feasible import check_feasible
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -79,6 +80,7 @@ def fold(
     calibration = calibration or calibration_of(settings)
     check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
     calibration = corrected_calibration(calibration, settings, strip)
+    check_feasible(settings, strip, policy, calibration)
     begun = time.perf_counter()
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     keep = request.frames or settings.record.frames
@@ -140,6 +142,8 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
     if outcome.edge_offset is not None:
         content["edge_offset"] = outcome.edge_offset
+    if outcome.foretold is not None:
+        content["foretold"] = asdict(outcome.foretold)
     return content
 
 
@@ -235,4 +239,5 @@ def _result(
         wall=time.perf_counter() - begun,
         calibration=calibration.id,
         exit_code=outcome.exit_code,
+        foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
     )

@@ -165,7 +165,9 @@ def _observed(
         contact_x=sights.contact_x[row : row + 1],
         tip_x=sights.tip_x[row : row + 1],
         tip_z=sights.tip_z[row : row + 1],
-        profile=seen_profile(curves.get(stamp, UNSEEN), (gripper.x, gripper.z)),
+        profile=seen_profile(
+            curves.get(stamp, UNSEEN), float(sights.contact_x[row]), (gripper.x, gripper.z)
+        ),
         profile_confidence=sights.profile_confidence[row : row + 1],
     )
 

@@ -1,7 +1,10 @@
 """What a fold leaves: one line for a program, one for a person."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
+
+from cell.orchestrator.outcome import StopReason
+from drivers.errors import CellError
 
 LINE = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
 LINE += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
@@ -11,9 +14,9 @@ ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset`
-    where the grasped edge was let go, seen from the fixed one, with the sign of d; those called
-    true come from the twin alone. None where there is none.
+    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset` how far
+    the edges lie apart once laid, with the sign of d; those called true come from the twin alone.
+    None where there is none. `foretold` is what the policy expected, in words.
     """
 
     run: str
@@ -31,10 +34,34 @@ class FoldResult:
     wall: float
     calibration: str
     exit_code: int
+    foretold: str | None = None
+
+    @classmethod
+    def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
+        """A fold that did not begin: `error` says why, and nothing was recorded."""
+        stopped = StopReason.by(error)
+        return cls(
+            run="",
+            strip=strip,
+            policy=policy,
+            seed=seed,
+            outcome=stopped.name,
+            reason=stopped.reason,
+            displacement=None,
+            displacement_true=None,
+            layer_touch=None,
+            edge_offset=None,
+            edge_offset_true=None,
+            duration=0.0,
+            wall=0.0,
+            calibration="",
+            exit_code=stopped.exit_code,
+        )
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --json` prints: the keys that programs agreed on, no more."""
         values = {name: getattr(self, name) for name in LINE}
+        values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in ROUNDED.items():
             if values[key] is not None:
                 values[key] = round(values[key], digits)
@@ -48,7 +75,9 @@ class FoldResult:
         if self.displacement_true is not None:
             text += f" (true {1e3 * self.displacement_true:+.1f} mm)"
         if self.edge_offset is not None:
-            text += f", edge let go {1e3 * self.edge_offset:+.1f} mm from the fixed one"
+            text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         if self.edge_offset_true is not None:
-            text += f", where it lies {1e3 * self.edge_offset_true:+.1f} mm from it"
+            text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
+        if self.foretold is not None:
+            text += f"\n  {self.foretold}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

@@ -19,6 +19,7 @@ from cell.orchestrator.steps import (
     open_hand,
     pause,
     still_picture,
+    turn,
 )
 from drivers.errors import CellError
 from drivers.types import Pose
@@ -43,6 +44,7 @@ def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
     yield from _answer(cell, POINTER_IN)
     yield from close_hand()
     points = TouchedPoints(cell.lens, cell.settings.touches, cell.plan)
+    yield from turn(points.plan[0].pitch)
     yield from _touch_all(cell, points, record)
     cell.touches = points.verdict()
     if cell.touches.homography is not None:

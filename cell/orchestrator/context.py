@@ -14,6 +14,7 @@ from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.vision import StripReader
 from drivers.strip.file import StripFile
 from drivers.types import Pose
+from policies.foretelling import Foretold
 from policies.policy import Policy
 
 
@@ -22,8 +23,8 @@ class FoldContext:
     """A fold: what the controller knows of cell and strip, and what it finds out on the way.
 
     `reader` reads images from the moment preflight has judged the picture of the strip.
-    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] where the grasped edge was
-    let go. The plant is nowhere in here.
+    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] how far the edges lie apart
+    once laid, `foretold` what the policy expected last. The plant is nowhere in here.
     """
 
     settings: CellSettings
@@ -33,6 +34,7 @@ class FoldContext:
     reader: StripReader | None = None
     seen_touch: SeenTouch | None = None
     edge_offset: float | None = None
+    foretold: Foretold | None = None
 
 
 @dataclass(slots=True)

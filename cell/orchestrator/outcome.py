@@ -5,6 +5,7 @@ from typing import Self
 
 from calibration.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
+from policies.foretelling import Foretold
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +35,8 @@ INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboa
 class Outcome:
     """`name` is layer_touch, path_done, calibrated or a fault's name; times from the lift [s].
 
-    `touch` is what the images showed, `edge_offset` where the grasped edge was let go [m],
-    `duration` the whole run on the cell's clock [s].
+    `touch` is what the images showed, `edge_offset` how far the edges lie apart once laid [m],
+    `duration` the whole run on the cell's clock [s], `foretold` what the policy expected.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Outcome:
     touch: SeenTouch | None
     edge_offset: float | None
     duration: float
+    foretold: Foretold | None = None
 
     @classmethod
     def of(cls, stopped: StopReason, duration: float) -> Self:

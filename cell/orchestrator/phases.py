@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.landmarks import camera_shift
 from calibration.perception.checks import PreflightCheck, camera_check
+from calibration.perception.laid import edge_offset
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
@@ -24,12 +25,13 @@ from cell.orchestrator.steps import (
     open_hand,
     pause,
     still_picture,
-    wait_for,
+    turn,
 )
 from cell.orchestrator.vision import StripReader
 from drivers.errors import Fault, PreflightRefused
-from drivers.types import Pose, Velocity
+from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
+from policies.foretelling import Foretelling
 from policies.path import Path, lift_pitch
 from policies.policy import Decision, Observation
 from policies.profile import seen_profile
@@ -96,43 +98,76 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
+            if cell.foretold is not None:
+                record.event(snapshot.time, "foretold", **asdict(cell.foretold))
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
+        _note_foretold(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
 
 
-def touched(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Brake, let the picture settle, and take the measure of the touch."""
-    snapshot = yield from pause(cell.settings.fold.touch_settle)
-    snapshot = yield from wait_for(lambda now: not now.arm.moving)
-    cell.seen_touch = snapshot.view.touch or cell.seen_touch
-    record.event(snapshot.time, "at_rest_after_touch", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
+def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
+    """Keep what the policy expects now; say when it stops or begins to see."""
+    if not isinstance(cell.policy, Foretelling):
+        return
+    before, cell.foretold = cell.foretold, cell.policy.foretold()
+    if cell.foretold is not None and cell.foretold.blind != (before is not None and before.blind):
+        kind = "policy_blind" if cell.foretold.blind else "policy_sees"
+        record.event(snapshot.time, kind, path="shifted" if cell.foretold.blind else "its own")
+
+
+def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+    """Go on without a stop: what hangs from a gripper at rest pulls the loop along by 5 mm."""
+    yield from ()
+    record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
-def lay(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
+def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk, without pulling at the touch."""
-    snapshot = yield from pause(0.0)
-    path = lay_path(_seen(cell), snapshot.arm.pose, cell.strip.thickness)
-    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed)
+    path = lay_path(_seen(cell), begin.arm.pose, cell.strip.thickness)
+    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
 
 def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Open the fingers, see where the edges ended, and retreat from the strip."""
+    """Open the fingers, retreat from the strip, and see where its edges ended."""
     snapshot = yield from open_hand()
-    cell.edge_offset = -snapshot.arm.pose.x
+    pose = snapshot.arm.pose
+    cell.edge_offset = -pose.x
     record.event(snapshot.time, "released", edge_offset=cell.edge_offset)
     retreat = cell.settings.fold.approach
-    pose = snapshot.arm.pose
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
+    seen = _laid_offset(cell, (yield from still_picture()).frame, pose)
+    if seen is not None:
+        cell.edge_offset = seen
+        record.event(snapshot.time, "edges_seen", edge_offset=seen)
     return Event.RELEASED
+
+
+def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
+    """Offset of the edges [m] as the picture of the laid strip shows it, None where it does not.
+
+    The grasped edge was let go near `edge`.
+    """
+    if cell.reader is None:
+        return None
+    tip_x = cell.reader.perception.look(frame, edge).tip[0]
+    if not np.isfinite(tip_x):
+        return None
+    strip, foretold = cell.strip, cell.foretold
+    bending_length = strip.bending_length
+    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
+    if foretold is not None:
+        bending_length = foretold.bending_length.value
+        friction = foretold.yield_curvature.value
+    return edge_offset(strip.length, float(tip_x), bending_length, friction)
 
 
 PhaseFactory = Callable[[Record, Snapshot], Phase]
@@ -174,7 +209,7 @@ def observe(snapshot: Snapshot) -> Observation:
         contact_x=np.array([seen.contact_x]),
         tip_x=np.array([seen.tip[0]]),
         tip_z=np.array([seen.tip[1]]),
-        profile=seen_profile(seen.profile, seen.gripper),
+        profile=seen_profile(seen.profile, seen.contact_x, seen.gripper),
         profile_confidence=np.array([seen.profile_confidence]),
     )
 
@@ -189,10 +224,10 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
     return Path.through(np.array([start, (touch.x - touch.to_grasped, rest)]))
 
 
-def _follow_lay(path: Path, speed: float) -> Motion:
+def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
     """Follow the lay path, turning the pitch evenly from hanging to lying backward."""
     follower = Follower(path, 1)
-    snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+    snapshot = yield Drive(begin.velocity)
     while True:
         pose = snapshot.arm.pose
         decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
@@ -225,8 +260,11 @@ def _camera_checks(
     if landmarks is None:
         return ()
     yield from open_hand()
+    start = yield from turn(landmarks.pitch)
     yield from move(landmarks.pose)
     frame = (yield from still_picture()).frame
+    yield from move(Pose(start.x, start.z, landmarks.pitch))
+    yield from move(start)
     shift = camera_shift(frame, landmarks, calibration.lens, calibration.homography)
     return (camera_check(shift, cell.settings.landmarks),)
 

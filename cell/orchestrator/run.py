@@ -218,12 +218,13 @@ class Run:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         else:
             name, reason, code = _reached(self._context)
-        touch, edge_offset = None, None
+        touch, edge_offset, foretold = None, None, None
         if isinstance(self._context, FoldContext):
             touch, edge_offset = self._context.seen_touch, self._context.edge_offset
+            foretold = self._context.foretold
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(name, reason, code, touch, edge_offset, duration)
+        return Outcome(name, reason, code, touch, edge_offset, duration, foretold)
 
 
 def _reached(context: Context) -> tuple[str, str, int]:

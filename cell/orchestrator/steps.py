@@ -81,6 +81,16 @@ def _fingers_rest() -> Motion:
     return (yield from wait_for(lambda now: not now.hand.moving))
 
 
+def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
+    """Turn the hand to `pitch` [rad] where it is; returns where that was, as it stood before.
+
+    An arm that turns its hand while it reaches far can run into the limits of its joints.
+    """
+    start = (yield Hold()).arm.commanded
+    yield from move(Pose(start.x, start.z, pitch))
+    return start
+
+
 def arrived(snapshot: Snapshot, pose: Pose) -> bool:
     """Whether the arm rests at `pose`."""
     return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= REACHED

@@ -140,7 +140,10 @@ def read_frames(folder: Path) -> Iterator[Frame]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """The image of a note, checked against its hash; None where it was not kept."""
+    """The image of a note; None where it was not kept.
+
+    Raises ConfigurationError for an image that cannot be read or is not the one that was recorded.
+    """
     if note.file is None:
         return None
     image = decode(note.file)

@@ -10,11 +10,12 @@ from cell.record.documents import plain, replace_file
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes
 
-JOURNAL = 32 * MEGABYTE  # a fold of two minutes writes half of one
+Line = dict[str, Any]
+EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
+OWN = 512 * MEGABYTE  # of a journal that this program goes on with
 LINES = 200_000
 DEPTH = 16
 DIGITS = 18  # of a whole number that fits 64 bits
-Line = dict[str, Any]
 
 
 def json_line(content: Mapping[str, Any]) -> bytes:
@@ -23,16 +24,16 @@ def json_line(content: Mapping[str, Any]) -> bytes:
     return text.encode(errors="backslashreplace") + b"\n"
 
 
-def read_json_lines(path: Path) -> list[Line]:
-    """The whole lines of a JSON lines file; empty without the file.
+def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
+    """The whole lines of a JSON lines file of at most `most` bytes; empty without the file.
 
     What a killed process left half written is passed over. Raises ConfigurationError for what is
-    no regular file, or larger than any record.
+    no regular file, or larger.
     """
     if not path.exists():
         return []
     lines: list[Line] = []
-    for line in read_bytes(path, JOURNAL).split(b"\n", LINES)[:LINES]:
+    for line in read_bytes(path, most).split(b"\n", LINES)[:LINES]:
         try:
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):
@@ -67,7 +68,7 @@ class Journal:
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self.lines = [] if again else read_json_lines(path)
+            self.lines = [] if again else read_json_lines(path, OWN)
             replace_file(path, b"".join(json_line(line) for line in self.lines))
         except OSError as error:
             raise self._unwritable(error) from None

@@ -164,7 +164,11 @@ def _moment(value: object) -> float:
 
 
 def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
-    """The tables of a run that died; a cell's own may have died before its streams were begun."""
+    """The tables of a run that died, and where they are from.
+
+    A cell's own may have died before its streams were begun. Raises ConfigurationError for a run
+    of anybody else without tables.
+    """
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
     if not begun and header.config is None:
         raise ConfigurationError(

@@ -110,11 +110,12 @@ class FciArm:
         if self._bridge is None or not self._connected:
             raise Fault("arm_not_connected", "the arm is not connected; connect it first")
         self._advance(self._bridge)
+        self._bridge.beat()
         return self._bridge
 
     def _advance(self, bridge: Bridge) -> None:
+        """In lock-step, have the robot come up to the clock's time."""
         if not bridge.lock_step:
-            bridge.beat()
             return
         due = int((self._clock.now() - self._begun) / TICK + ROUNDING)
         if due > bridge.ticks:

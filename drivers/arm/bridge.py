@@ -46,6 +46,11 @@ class Bridge:
         """Whether the cell drives the robot's time."""
         return self._task.lock_step
 
+    @property
+    def process(self) -> int | None:
+        """Number of the process that owns the robot."""
+        return self._process.pid
+
     def order(self, kind: Kind, a: float = 0.0, b: float = 0.0, c: float = 0.0) -> None:
         """Replace the order that the loop follows."""
         self.check()
@@ -61,7 +66,6 @@ class Bridge:
     def advance(self, until: int) -> None:
         """In lock-step, have the robot make all ticks up to number `until`."""
         self.check()
-        self.beat()
         with suppress(OSError):  # it has ended, and the answer will say so
             self._pipe.send_bytes(encoded({"until": until}))
         self._answer(self._task.settings.answer)

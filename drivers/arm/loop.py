@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from math import degrees, hypot
+from math import degrees, hypot, isfinite
 from typing import Any, Protocol
 
 from drivers.arm.failure import Cause, Failed, Failure
@@ -128,16 +128,21 @@ class Loop:
         """Brake for a force on the gripper over the guard's limit."""
         force = hypot(*state.O_F_ext_hat_K[:3])
         limit = self._settings.guard
-        if force > limit and self._reason is None:
+        if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
 
     def _halt(self, cause: Cause, words: str) -> None:
-        self._reason = Failure(cause, words)
-        self._profile.stop()
+        """Brake for good, for the first reason that there was."""
+        if self._reason is None:
+            self._reason = Failure(cause, words)
+            self._profile.stop()
 
     def _publish(self, state: Any) -> None:
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)
+        if not isfinite(sum(here)):
+            self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
+            here = self._path[-1] if self._path else here
         self._path.append(here)
         rate = self._rate()
         calm = hypot(rate[0], rate[1]) < CALM[0] and abs(rate[2]) < CALM[1]

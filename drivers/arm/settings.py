@@ -45,7 +45,8 @@ REACHABLE = MotionLimits(
 class FciSettings(Settings):
     """Where the robot is and how it is driven; times [s].
 
-    Without an `address` the cell starts a twin that speaks the robot's protocol, in lock-step.
+    Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
+    with one, only a twin that was started so can be driven in lock-step.
     `realtime` enforce demands a real-time kernel, as the robot's makers do; ignore goes without.
     The arm brakes at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where
     they are lower than the cell's: the robot's joints accelerate at 10 rad/s^2 at most, which
@@ -53,6 +54,7 @@ class FciSettings(Settings):
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
+    lock_step: bool | None = None
     realtime: Literal["enforce", "ignore"] = "enforce"
     guard: Force = 15.0
     limits: MotionLimits = REACHABLE
@@ -61,6 +63,11 @@ class FciSettings(Settings):
     start: float = Field(10.0, ge=2.0, le=60.0)  # to connect, all in all
     collision: CollisionSettings = CollisionSettings()
     hand: HandLimits = HandLimits()
+
+    @property
+    def in_lock_step(self) -> bool:
+        """Whether the cell's clock drives the robot's time, as only a twin's can be."""
+        return self.address is None if self.lock_step is None else self.lock_step
 
     def installed(self, installation: Installation) -> Installation:
         """The installation with the limits that hold for this robot."""

@@ -56,7 +56,10 @@ class Device:
         return argument
 
     def supports(self, request: Request, argument: Argument) -> bool:
-        """Carry out `request`; False where the device says that there is no such thing."""
+        """Carry out `request`; False where the device says that there is no such thing.
+
+        Raises what `named` names for any other error.
+        """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:

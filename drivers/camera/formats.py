@@ -60,7 +60,7 @@ class Picture:
     rate: float
 
     def whole(self, content: Image) -> bool:
-        """Whether a buffer's bytes are as long as a picture, or begin and end as a JPEG does.
+        """Whether a buffer's bytes (n,) are as long as a picture, or begin and end as a JPEG does.
 
         A JPEG that ends early decodes to a grey patch without an error.
         """
@@ -73,7 +73,7 @@ class Picture:
         )
 
     def decode(self, content: Image) -> Image | None:
-        """(height, width, 3) BGR of a whole buffer's bytes; None where they are no such picture."""
+        """(height, width, 3) BGR of a buffer's bytes (n,); None where they are no whole picture."""
         if not self.whole(content):
             return None
         if self.format == "MJPG":

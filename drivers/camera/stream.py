@@ -65,7 +65,10 @@ class Stream:
         return stream
 
     def take(self) -> Capture | None:
-        """The next filled buffer, copied, the buffer given back; None when there is none yet."""
+        """The next filled buffer, copied, the buffer given back; None when there is none yet.
+
+        Raises CameraLost or CameraFaulty.
+        """
         device = self._device
         buffer = Buffer(type=CAPTURE, memory=MMAP)
         try:

@@ -1,5 +1,7 @@
 """How the arm follows a pose from tick to tick: tool and elbow together fix all seven joints."""
 
+from math import atan2, cos, hypot, sin
+
 import numpy as np
 
 from drivers.types import Array
@@ -34,28 +36,27 @@ def joint_rates(jac: Array, wanted: Array) -> Array:
 
 def rotation_vector(turn: Array) -> Array:
     """Axis times angle (3,) [rad] of a rotation matrix (3, 3), accurate for small angles too."""
-    twice_sine = np.array(
-        [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    )
-    sine = float(np.sqrt(twice_sine @ twice_sine)) / 2
-    cosine = (float(turn[0, 0] + turn[1, 1] + turn[2, 2]) - 1) / 2
-    if sine < 1e-9 and cosine > 0:
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = turn.tolist()
+    twice_sine = np.array([zy - yz, xz - zx, yx - xy])
+    sine = hypot(zy - yz, xz - zx, yx - xy) / 2
+    cosine = (xx + yy + zz - 1) / 2
+    if sine < 1e-6 and cosine > 0:
         return np.asarray(twice_sine / 2, dtype=np.float64)
     if sine < 1e-6:
         from scipy.spatial.transform import Rotation
 
         return np.asarray(Rotation.from_matrix(turn).as_rotvec(), dtype=np.float64)
-    scale = float(np.arctan2(sine, cosine)) / (2 * sine)
+    scale = atan2(sine, cosine) / (2 * sine)
     return np.asarray(scale * twice_sine, dtype=np.float64)
 
 
 def rotation(vector: Array) -> Array:
     """Rotation matrix (3, 3) of axis times angle (3,) [rad] (Rodrigues)."""
-    x, y, z = vector
+    x, y, z = vector.tolist()
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    angle = float(np.sqrt(vector @ vector))
+    angle = hypot(x, y, z)
     if angle < 1e-9:
         return np.asarray(np.eye(3) + cross, dtype=np.float64)
     square = cross @ cross
-    turned = np.eye(3) + np.sin(angle) / angle * cross + (1 - np.cos(angle)) / angle**2 * square
+    turned = np.eye(3) + sin(angle) / angle * cross + (1 - cos(angle)) / angle**2 * square
     return np.asarray(turned, dtype=np.float64)

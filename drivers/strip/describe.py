@@ -1,5 +1,7 @@
 """From a strip file to the description that engines consume, and files that are checked by it."""
 
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.file import StripFile
+from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
 from drivers.types import frozen
 
@@ -17,6 +20,26 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
     `index` counts the runs that this specimen has been through before.
     """
+    effects = {**strip.effects, **(cell_effects or {})}
+    return _described(
+        _Question(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is to be described; equal where all numbers are."""
+
+    key: str
+    strip: StripFile = field(compare=False)
+    effects: Effects = field(compare=False)
+    index: int = field(compare=False)
+
+
+@lru_cache(maxsize=16)
+def _described(asked: _Question) -> StripModel:
+    """Descriptions are read-only, so that who asks for the same one shares it."""
+    strip = asked.strip
     rigidity = np.full(CELLS, strip.rigidity)
     mechanics = Mechanics(
         length=strip.length,
@@ -27,14 +50,16 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
         rest_curvature=frozen(np.zeros(CELLS)),
         linear_density=frozen(np.full(CELLS, strip.linear_density)),
     )
-    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=index)
-    return apply_effects(bare, {**strip.effects, **(cell_effects or {})})
+    bare = StripModel(mechanics=mechanics, stated_length=strip.length, index=asked.index)
+    whole = apply_effects(bare, asked.effects)
+    return with_law(whole, strip.law) if strip.law else whole
 
 
 def load_strip(path: Path) -> StripFile:
     """The strip file at `path`; raises ConfigurationError where it or its effects are wrong."""
     strip = load(path, StripFile)
     check_effects(strip.effects, origin=str(path), of="strip")
+    check_law(strip.law, origin=str(path))
     check_described(strip, origin=str(path))
     return strip
 
@@ -49,6 +74,7 @@ def load_plant(path: Path) -> StripFile:
     own = {n: v for n, v in plant.effects.items() if n not in rig}
     check_effects(own, origin=str(path), of="strip")
     check_effects(rig, origin=str(path), of="cell")
+    check_law(plant.law, origin=str(path))
     check_described(plant, origin=str(path))
     return plant
 

@@ -23,7 +23,10 @@ class Provenance(Settings):
 
 
 class StripFile(Settings):
-    """A fabric strip in SI units; see the strip file contract."""
+    """A fabric strip in SI units; see the strip file contract.
+
+    `law` holds amounts of laws that describe what no effect explains; written only where it has.
+    """
 
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["strip"] = "strip"
@@ -36,6 +39,7 @@ class StripFile(Settings):
     thickness: float = Field(0.001, gt=0, le=0.02)  # m
     colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+    law: dict[str, float] = Field(default_factory=dict, exclude_if=lambda law: not law)
     spread: dict[str, tuple[float, float]] = Field(default_factory=dict)
     provenance: tuple[Provenance, ...] = ()
 

@@ -11,7 +11,9 @@ from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.critic import Critic, Judgement
 from policies.adaptive.features import USUAL, Features
+from policies.adaptive.roll import wanted
 from policies.adaptive.steering import Steering
+from policies.foretelling import Foretold
 from policies.path import Path, triangular
 from policies.policy import Decision, Observation
 
@@ -71,6 +73,18 @@ class Adaptive:
         """Rises (n,) [m] of the lines that the grippers come down on."""
         return self._fold.rise
 
+    def foretold(self) -> Foretold | None:
+        """What is expected of the first fold; None before the first decision."""
+        if self.judgement is None:
+            return None
+        displacement, sigma = self.judgement.displacement, self.judgement.sigma
+        return Foretold(
+            displacement=float(displacement[0]),
+            sigma=float(sigma[0]),
+            **self.judgement.belief.first(),
+            blind=bool(self.blind[0]),
+        )
+
     def decide(self, observation: Observation) -> Decision:
         """Towards the line of each strip, moved by what its images foretell."""
         fresh = self._features.tell(observation)
@@ -92,13 +106,14 @@ class Adaptive:
         return self.judgement
 
     def _moved(self, judgement: Judgement, time: Array) -> Array:
-        """The rises (n,) at which d = 0, approached smoothly."""
-        wanted = self.rise - judgement.displacement / judgement.slope
-        wanted = np.where(self.blind, UNKNOWING * self._length, wanted)
-        wanted = np.clip(wanted, 0.0, self._steering.highest)
+        """The rises (n,) at which d is as wanted, approached smoothly."""
+        missing = wanted(judgement.belief) - judgement.displacement
+        rise = self.rise + missing / judgement.slope
+        rise = np.where(self.blind, UNKNOWING * self._length, rise)
+        rise = np.clip(rise, 0.0, self._steering.highest)
         since = np.clip(np.nan_to_num(time - self._fold.time, nan=math.inf), 0.0, None)
         followed = 1.0 - np.exp(-since / SMOOTH)
-        return np.asarray(self.rise + followed * (wanted - self.rise))
+        return np.asarray(self.rise + followed * (rise - self.rise))
 
 
 def _begun(length: float, count: int, memory: int) -> Fold:

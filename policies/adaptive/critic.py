@@ -5,6 +5,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from drivers.types import Array
+from policies.foretelling import Estimate
 
 STEEPEST, FLATTEST = 2.0, 0.1  # of dd/dr that are believed
 DISPLACEMENT, SLOPE, SPREAD = range(3)
@@ -27,6 +28,16 @@ class Belief(NamedTuple):
     log_bending_length: Array
     log_retardation_time: Array
     friction: Array
+
+    def first(self) -> dict[str, Estimate]:
+        """Of the first fold: bending length [m], retardation time [s], yield curvature [1/m]."""
+        logs = (self.log_bending_length, self.log_retardation_time, self.friction)
+        ends = [
+            np.exp(mean + np.array([0.0, -sigma, sigma])) for mean, sigma in (b[0] for b in logs)
+        ]
+        ends[2] = ROUGH * np.maximum(ends[2] - 1.0, 0.0)
+        names = ("bending_length", "retardation_time", "yield_curvature")
+        return {name: Estimate(*map(float, each)) for name, each in zip(names, ends, strict=True)}
 
 
 class Judgement(NamedTuple):

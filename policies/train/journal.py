@@ -20,8 +20,9 @@ KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search
 class Journal:
     """Append-only lines of JSON at `path`; the first states the settings.
 
-    Raises ConfigurationError for a journal of other settings, for another file, and for a folder
-    that cannot be written.
+    More generations than it was begun with extend a training, and the first line says so. Raises
+    ConfigurationError for a journal of other settings, for another file, and for a folder that
+    cannot be written.
     """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:
@@ -29,16 +30,17 @@ class Journal:
         self.path = path
         text = self._read()
         self._lines = self._parsed(text)
-        header = {"schema": 1, "settings": settings.model_dump(mode="json")}
+        header: Line = json.loads(
+            json.dumps({"schema": 1, "settings": settings.model_dump(mode="json")})
+        )
         if not self._lines:
             self._replace("")
             self.append(header)
-        elif self._lines[0] != json.loads(json.dumps(header)):
-            raise ConfigurationError(
-                f"{path}: was begun with other settings; use those, or another output folder"
-            )
-        elif not text.endswith("\n"):
-            self._replace(text[: text.rindex("\n") + 1])
+            return
+        self._check(header["settings"])
+        if self._lines[0] != header or not text.endswith("\n"):  # extended, or cut off by a kill
+            self._lines[0] = header
+            self._replace("".join(json.dumps(line) + "\n" for line in self._lines))
 
     @property
     def generations(self) -> list[Line]:
@@ -55,6 +57,25 @@ class Journal:
         except OSError as error:
             raise self._unwritable(error) from None
         self._lines.append(line)
+
+    def _check(self, asked: dict[str, Any]) -> None:
+        """Refuse other settings, but for the number of generations, if not fewer than are done."""
+        begun = self._lines[0].get("settings")
+        if not isinstance(begun, dict):
+            raise self._strange()
+        done = len(self.generations)
+        differ = [
+            f"{key} is {begun.get(key, 'not stated')} there, {asked.get(key, 'not stated')} here"
+            for key in dict.fromkeys([*asked, *begun])
+            if begun.get(key) != asked.get(key) and key != "generations"
+        ]
+        if asked["generations"] < done:
+            differ.append(f"{done} generations are done there, {asked['generations']} asked here")
+        if differ:
+            raise ConfigurationError(
+                f"{self.path}: was begun with other settings ({'; '.join(differ)}); use those, or "
+                "another output folder"
+            )
 
     def _read(self) -> str:
         try:

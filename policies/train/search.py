@@ -86,14 +86,14 @@ class Search:
         return last or (number + 1) % self.settings.validate_every == 0
 
     def _tell_again(self, line: Line) -> None:
-        asked = self._ask()
+        number, asked = self._optimiser.generation, self._ask()
         if _digest(asked) != line["asked"]:
             raise ConfigurationError(
                 f"{self._journal.path}: was written by other numerical libraries or another kind "
                 "of processor; go on there, or begin again in another output folder"
             )
         self._tell(asked, np.array(line["costs"]))
-        if line["validated"] is not None:
+        if line["validated"] is not None and self._is_judged(number):  # not where it once ended
             self._keep(line["validated"])
 
     def _ask(self) -> Array:

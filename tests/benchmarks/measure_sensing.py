@@ -16,11 +16,12 @@ from calibration.perception.measurement import StripMeasurement
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
-from drivers.strip.file import StripFile, load_strip
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
 from drivers.strip.shape import fold_tip
 from drivers.types import Array, Pose
 from policies.path import triangular
-from policies.profile import evened, profiles
+from policies.profile import profiles, seen_profile
 from policies.sensing import TRAINING
 from tests.support.twin_calibration import twin_calibration
 from tests.support.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
@@ -83,9 +84,9 @@ def _row(sight: StripMeasurement, fold: TwinFold, stamp: float) -> tuple[Array, 
     contact, tip = fold.contact_x(stamp), np.array(fold_tip(true))
     later = np.array(fold_tip(fold.shape(stamp + 0.01)))
     seen = np.array([sight.contact_x, *sight.tip])
-    curve = np.vstack([sight.profile, [grip.x, grip.z]])
+    curve = seen_profile(sight.profile, sight.contact_x, (grip.x, grip.z))[0]
     straight = profiles(true[None], fold.arc[None], np.array([contact]), _point(grip))
-    return seen - [contact, *tip], evened(curve) - straight[0], float(later[0] - tip[0]) / 0.01
+    return seen - [contact, *tip], curve - straight[0], float(later[0] - tip[0]) / 0.01
 
 
 def _point(pose: Pose) -> Array:

@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 import drivers.clock
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import open_cell
 from cell.devices.rig_correction import CorrectedArm
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.settings import V4l2Settings
@@ -37,6 +40,7 @@ class Bench:
     camera: Camera | None
     edge: Pose
     accuracy: float
+    close: Callable[[], None] = lambda: None
 
 
 class StillTime:
@@ -75,7 +79,25 @@ def _corrected_bench() -> Bench:
     return replace(twin, arm=CorrectedArm(twin.arm, twin.hand, rig))
 
 
-BENCHES: dict[str, Callable[[], Bench]] = {"twin": _twin_bench, "corrected": _corrected_bench}
+def _fci_bench() -> Bench:
+    """The robot's own library in a process of its own, against the robot's protocol."""
+    pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+    settings = find_configs(None).cell()
+    camera = CameraSettings(width=640, height=360)
+    settings = settings.model_copy(
+        update={"twin": settings.twin.model_copy(update={"camera": camera})}
+    )
+    devices = open_cell(settings, load_strip(DENIM), DeviceSelection(arm="fci"), calibrating=False)
+    edge = Pose(0.6, 0.0, 0.0)
+    bench = Bench(devices.clock, devices.arm, devices.hand, devices.camera, edge, accuracy=1e-5)
+    return replace(bench, close=devices.close)
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {
+    "twin": _twin_bench,
+    "corrected": _corrected_bench,
+    "fci": _fci_bench,
+}
 CLOCKS: dict[str, Callable[[], Clock]] = {
     "twin": TwinClock,
     "wall": WallClock,
@@ -90,6 +112,7 @@ def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     made.arm.close()
     if made.camera is not None:
         made.camera.close()
+    made.close()
 
 
 @dataclass(frozen=True)

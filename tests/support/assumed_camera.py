@@ -21,7 +21,7 @@ def configure(folder: Path, camera: V4l2Settings) -> None:
     plain["camera"] = camera.model_dump(exclude_defaults=True)
     plain["calibration"] = "assumed.yaml"
     plain["monitors"] = {"arm_age": 0.5, "image_age": 1.0}  # s; an emulated processor is slow
-    plain["twin"]["world"]["links"] = 40
+    plain["twin"]["world"] |= {"strip": False}  # no camera sees it
     (folder / "cell.yaml").write_text(yaml.safe_dump(plain))
     (folder / "strips").symlink_to(CONFIGS / "strips")
     save_calibration(_assumed(camera), folder / "assumed.yaml")

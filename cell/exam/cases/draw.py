@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from cell.config.places import find_configs
-from cell.exam.case import STRENGTHS, Case, Kind, Strength, Tier, Values
+from cell.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
 from cell.exam.runs.from_model import BY, MOTIONS
@@ -28,6 +28,7 @@ TIMES = (0.1, 2.0)  # s, of one that has a time
 RATIOS = (5.0, 12.0)  # of pre-sliding over bending stiffness
 STIFFER, SLOWER = 1.15, 2.0  # factors by which a plant's base may differ from its file
 LEVELS: tuple[Strength, ...] = ("weak", "medium", "strong")
+SCATTER: tuple[Scattered, ...] = ("none", "half", "full")
 SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
@@ -43,7 +44,9 @@ def cases(tier: Tier, count: int, seed: int) -> list[Case]:
     number = dict.fromkeys(kinds, 0)
     found = []
     for i, kind in enumerate(kinds):
-        found.append(_case(tier, kind, i, number[kind], seed))
+        case = _case(tier, kind, i, number[kind], seed)
+        level = SCATTER[number[kind] // len(LEVELS) % len(SCATTER)]
+        found.append(case.model_copy(update={"scatter": level}))
         number[kind] += 1
     return found
 

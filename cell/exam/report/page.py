@@ -7,6 +7,7 @@ from statistics import median
 
 from cell.exam.case import Tier
 from cell.exam.report.figures import figure
+from cell.exam.report.tables import scatter_table, table
 from cell.exam.scoring.results import Entry
 from cell.exam.scoring.score import Outcome
 from cell.exam.scoring.statistics import (
@@ -17,7 +18,13 @@ from cell.exam.scoring.statistics import (
     rate,
     reliability,
 )
-from cell.exam.scoring.targets import Target, checked, outcomes, shown, targets
+from cell.exam.scoring.targets import (
+    Target,
+    checked,
+    outcomes,
+    shown,
+    targets,
+)
 from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
 
@@ -80,6 +87,8 @@ def _tier(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
     yield _targets(targets(entries, tier))
     found = outcomes(entries)
     if found:
+        yield "### By how much runs differ from one another"
+        yield scatter_table(entries)
         yield f"![Confusion, confidence, strength]({picture})"
         yield from _details(entries, found)
     yield "### Every miss"
@@ -103,15 +112,10 @@ def _engines(entries: Iterable[Entry]) -> str:
     return ", ".join(sorted({e.of.split("-")[0] for e in entries}))
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def _targets(lines: Iterable[Target]) -> str:
     words = {True: "met", False: "**missed**", None: ""}
     rows = [(line.words, line.found, line.wanted, words[line.met]) for line in lines]
-    return _table(["what", "found", "wanted", ""], rows)
+    return table(["what", "found", "wanted", ""], rows)
 
 
 def stated(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
@@ -145,14 +149,14 @@ def _said(entry: Entry) -> str:
     return found.named[0] if len(found.named) == 1 else "several"
 
 
-def _confusion(table: Confusion) -> str:
+def _confusion(counts: Confusion) -> str:
     rows = []
-    for row in table.rows:
-        said = {c: table.count(row, c) for c in table.columns if table.count(row, c)}
+    for row in counts.rows:
+        said = {c: counts.count(row, c) for c in counts.columns if counts.count(row, c)}
         often = sorted(said.items(), key=lambda item: -item[1])
         words = ", ".join(f"{column} {count}" for column, count in often)
         rows.append((row, str(sum(said.values())), words))
-    return _table(["hidden", "cases", "said"], rows)
+    return table(["hidden", "cases", "said"], rows)
 
 
 def _confidence(found: Iterable[Outcome]) -> str:
@@ -162,7 +166,7 @@ def _confidence(found: Iterable[Outcome]) -> str:
     rows = [(f"{b.confidence:.2f}", shown(b.right)) for b in reliability(claims)]
     return "\n\n".join(
         [
-            _table(["mean confidence", "right, by class"], rows),
+            table(["mean confidence", "right, by class"], rows),
             f"Brier score {brier(claims):.3f}; expected calibration error "
             f"{calibration_error(claims):.3f}; {len(claims)} verdicts that name.",
         ]
@@ -183,7 +187,7 @@ def _coverage(entries: Sequence[Entry]) -> str:
         errors = [c.error for c in mine if c.error is not None]
         middle = f"{100 * median(errors):.1f} %" if errors else ""
         rows.append((name, shown(rate(c.covered for c in mine)), middle))
-    return _table(["parameter", "held", "median error"], rows)
+    return table(["parameter", "held", "median error"], rows)
 
 
 def _against_truth(entries: Iterable[Entry]) -> str:
@@ -206,7 +210,7 @@ def _against_truth(entries: Iterable[Entry]) -> str:
         "leaves; where nothing was named, nothing is shrunk."
     )
     head = ["strength", "cases", "gap left", "shrunk", "shrunk, knowing the truth"]
-    return note + "\n\n" + _table(head, rows)
+    return note + "\n\n" + table(head, rows)
 
 
 def _baselines(entries: Iterable[Entry]) -> str:
@@ -228,7 +232,7 @@ def _baselines(entries: Iterable[Entry]) -> str:
             shown(rate(b.right for _, b in hidden)),
         ),
     ]
-    return _table(["", "workflow", "refit the base only", "least in-sample error"], rows)
+    return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
 
 
 def _misses(entries: Iterable[Entry]) -> Iterator[str]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import Case
+from cell.exam.runs.scatter import RunScatter
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
@@ -40,7 +41,10 @@ def make_runs(case: Case, folder: Path) -> None:
     """The case's run folders in `folder`, each of the four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
-    models = [describe(plant, case.effects, index) for index in range(len(MOTIONS))]
+    bare = [describe(plant, case.effects, index) for index in range(len(MOTIONS))]
+    models = [
+        RunScatter.drawn(case.scatter, case.seed, i).held(model) for i, model in enumerate(bare)
+    ]
     ways = [way_of(STANDARD[name].of(plant.length)) for name in MOTIONS]
     folds = _chained(models, ways) if case.engine == "chain" else _rod(models, ways)
     for index, (name, fold) in enumerate(zip(MOTIONS, folds, strict=True)):

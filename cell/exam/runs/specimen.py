@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cell.exam.case import Scattered
 from cell.exam.causes.cause import Cause
+from cell.exam.runs.scatter import RunScatter
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.twin.camera import Visible
@@ -18,11 +20,16 @@ from drivers.types import Array
 class Specimen:
     """An engine for one strip that `causes` act on; chance comes from `seed` and the run's index.
 
-    Without causes it is a chain of `links` links, bit for bit.
+    Runs differ by `scatter` besides. Without causes and scatter it is a chain of `links` links,
+    bit for bit.
     """
 
-    def __init__(self, links: int, causes: Sequence[Cause], seed: int) -> None:
+    def __init__(
+        self, links: int, causes: Sequence[Cause], seed: int, scatter: Scattered = "none"
+    ) -> None:
         self._links, self._causes, self._seed = links, tuple(causes), seed
+        self._level: Scattered = scatter
+        self._scatter = RunScatter.drawn(scatter, seed, 0)
         self._time = 0.0
         self._chain = Chain(links)
 
@@ -32,6 +39,8 @@ class Specimen:
         rngs = [
             np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
         ]
+        self._scatter = RunScatter.drawn(self._level, self._seed, model.index)
+        model = self._scatter.described(model)
         for cause, rng in zip(self._causes, rngs, strict=True):
             model = cause.described(model, rng)
         laws = [Law(cause, rng) for cause, rng in zip(self._causes, rngs, strict=True)]
@@ -43,6 +52,8 @@ class Specimen:
         """Advance by `dt` [s] to gripper `poses` (1, 3), which causes may know better."""
         self._time += dt
         moved = np.asarray(poses, dtype=np.float64)
+        if self._level != "none":
+            moved = np.stack([self._scatter.moved(pose, self._time) for pose in moved])
         for cause in self._causes:
             moved = np.stack([cause.moved(pose, self._time) for pose in moved])
         return self._chain.step(moved, dt)

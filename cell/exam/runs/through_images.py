@@ -18,7 +18,7 @@ from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import check_drivers
 from cell.devices.rig_correction import corrected_devices
 from cell.devices.twin import twin_devices
-from cell.exam.case import Case
+from cell.exam.case import Case, Scattered
 from cell.exam.causes import cause_of
 from cell.exam.causes.cause import Cause
 from cell.exam.runs.specimen import Aged, Specimen
@@ -72,7 +72,7 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     calibration = calibration_of(settings)
     for name, request in missing:
         with _workplace(case, configs, request) as placed:
-            result = _folded(placed, causes, case.seed, calibration, State.LAY)
+            result = _folded(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED:
                 raise Fault(REFUSED, f"{placed.policy} of {case.strip}: {result.reason}")
             _sealed(Path(result.run), folder / name, strip)
@@ -87,7 +87,7 @@ def refusal(case: Case) -> str | None:
     _, request = _wanted(case)[0]
     calibration = calibration_of(configs.cell())
     with _workplace(case, configs, request) as placed:
-        result = _folded(placed, causes, case.seed, calibration, State.GRASP)
+        result = _folded(placed, causes, case, calibration, State.GRASP)
     return result.reason if result.outcome == REFUSED else None
 
 
@@ -139,10 +139,14 @@ def plant_of(case: Case, strip: StripFile) -> StripFile:
 
 
 class Open:
-    """Opens the twin with `causes` in it; their chance comes from `seed`."""
+    """Opens the twin with `causes` in it, and runs that differ by `scatter`.
 
-    def __init__(self, causes: list[Cause], seed: int) -> None:
+    All chance comes from `seed`.
+    """
+
+    def __init__(self, causes: list[Cause], seed: int, scatter: Scattered = "none") -> None:
         self._causes, self._seed = causes, seed
+        self._scatter: Scattered = scatter
 
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
@@ -151,7 +155,7 @@ class Open:
         check_drivers(settings, choice)
         cv2.setNumThreads(1)
         staging = PlantOptions(
-            engine=lambda links: Specimen(links, self._causes, self._seed),
+            engine=lambda links: Specimen(links, self._causes, self._seed, self._scatter),
             view=lambda world: Aged(world, self._causes),
         )
         devices = twin_devices(
@@ -192,13 +196,11 @@ class Until:
 
 
 def _folded(
-    request: Request, causes: list[Cause], seed: int, calibration: Calibration, end: State
+    request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
 ) -> FoldResult:
     """A fold that is broken off where it enters `end`."""
-    until = Until(end)
-    return fold(
-        request, lambda *_: (until,), until, calibration, opened=Open(causes, seed), page=False
-    )
+    until, opened = Until(end), Open(causes, case.seed, case.scatter)
+    return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
 
 
 def _sealed(made: Path, final: Path, strip: StripFile) -> None:

@@ -49,6 +49,7 @@ def _judge(kernel: bool) -> None:
 
     def note(found: "Findings", _path: Path) -> None:
         notes["tried"] = tried(found)
+        notes["scatter"] = {s.name: s.value for s in found.judged.scatter}
 
     fit([Path("runs")], Path("strip.yaml"), out, jobs=1, overlay=note)
     notes["memory"] = peak_memory()

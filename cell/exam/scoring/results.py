@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from cell.exam.case import Case
 from cell.exam.scoring.score import Outcome
@@ -35,7 +35,7 @@ class Entry(Settings):
     `made` where its runs were made and nothing else was asked for.
 
     `wall` [s] and `memory` [MB, peak] are those of the sealed process; `oracle` is None where
-    nothing of the library is hidden.
+    nothing of the library is hidden; `spreads` are what runs were said to differ by.
     """
 
     case: Case
@@ -46,6 +46,7 @@ class Entry(Settings):
     baselines: Baselines | None = None
     wall: float = 0.0
     memory: float = 0.0
+    spreads: dict[str, float] = Field(default_factory=dict)
     reason: str = ""
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from statistics import median
 
 from cell.exam.case import Kind, Tier
+from cell.exam.runs.scatter import LEVELS
 from cell.exam.scoring.results import Entry
-from cell.exam.scoring.score import Checked, Outcome
+from cell.exam.scoring.score import RIGHT, Checked, Outcome
 from cell.exam.scoring.statistics import Rate, rate
 
 Judge = Callable[[Rate], bool]
@@ -64,18 +65,11 @@ def _line(words: str, found: Rate, wanted: str = "", judge: Judge | None = None)
 
 def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     nothing = outcomes(entries, "nothing")
+    least, most = (0.93, 0.03) if through else (0.95, 0.02)
+    quiet = rate(o.result == "correct_no_gap" for o in nothing)
+    yield _at_least("`no_gap` where nothing is hidden", quiet, least)
     named = rate(o.result == "false_alarm" for o in nothing)
-    words = "an effect named where nothing is hidden"
-    if through:
-        yield _line(words, named, "at most one case", lambda r: r.hits <= 1)
-    else:
-        yield _line(words, named, "at most 5 %, upper end at most 8 %", _rare)
-    claimed = rate(o.claimed for o in nothing)
-    yield _line("a gap claimed where nothing is hidden, named or not", claimed)
-
-
-def _rare(found: Rate) -> bool:
-    return found.value <= 0.05 and found.interval[1] <= 0.08
+    yield _at_most("an effect named where nothing is hidden", named, most)
 
 
 def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
@@ -84,21 +78,57 @@ def _names(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     clear = [e for e in single if e.case.strength != "weak"]
     weak = [e for e in single if e.case.strength == "weak"]
     pairs = [e for e in entries if e.case.kind == "pair"]
+    strictly, by_class, both = (0.85, 0.92, 0.70) if through else (0.90, 0.95, 0.80)
     rows = [
-        ("the right name strictly, medium strength and above", clear, ("right_strict",), 0.85),
-        ("the right name by its class, medium and above", clear, ("right_strict", "right_class"),
-         0.95),
-        ("of a pair at least one, and no false one", pairs,
-         ("right_strict", "right_class", "partly"), 0.95),
-        ("of a pair both", pairs, ("right_strict", "right_class"), 0.70),
-    ]  # fmt: skip
+        ("the right name strictly, medium strength and above", clear, ("right_strict",), strictly),
+        ("the right name by its class, medium and above", clear, RIGHT, by_class),
+        ("of a pair at least one, and no false one", pairs, (*RIGHT, "partly"), 0.95),
+        ("of a pair both", pairs, RIGHT, both),
+    ]
     for words, cases, good, least in rows:
-        found = rate(_result(e) in good for e in cases)
-        yield _at_least(words, found, least if through else None)
+        yield _at_least(words, rate(_result(e) in good for e in cases), least)
+    foreign = rate(_result(e) in RIGHT for e in clear if e.case.causes)
+    if foreign.count:
+        yield _at_least("laws that only resemble the library's, by class", foreign, 0.90)
     false = rate(_result(e) == "wrong_name" for e in weak)
-    wanted = "at most 10 %" if through else ""
-    yield _line("a wrong name at weak strength", false, wanted,
-                (lambda r: r.value <= 0.10) if through else None)  # fmt: skip
+    yield _at_most("a wrong name at weak strength", false, 0.05)
+
+
+def _at_most(words: str, found: Rate, most: float) -> Target:
+    return _line(words, found, f"at most {100 * most:.0f} %", lambda r: r.value <= most)
+
+
+def by_scatter(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
+    """Lines of a table split by how much runs differ: what was counted, one rate a level."""
+    rows = [
+        ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
+        ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
+        ("medium and above: by class", "single", ("medium", "strong"), RIGHT),
+        ("medium and above: strictly", "single", ("medium", "strong"), ("right_strict",)),
+        ("weak: a wrong name", "single", ("weak",), ("wrong_name",)),
+        ("pairs: both", "pair", (), RIGHT),
+        ("outside the library: left open", "outside", (), ("correct_abstention",)),
+    ]
+    lines = []
+    for words, kind, strengths, good in rows:
+        cells = []
+        for level in LEVELS:
+            mine = [e for e in entries if e.case.scatter == level and e.case.kind == kind]
+            mine = [e for e in mine if not strengths or e.case.strength in strengths]
+            cells.append(shown(rate(_result(e) in good for e in mine)))
+        lines.append((words, cells))
+    held = [shown(rate(c.covered for c in checked(e for e in entries if e.case.scatter == level)))
+            for level in LEVELS]  # fmt: skip
+    return [*lines, ("intervals that hold the truth", held)]
+
+
+def spread_errors(entries: Iterable[Entry]) -> dict[str, list[float]]:
+    """Estimated spreads over true ones, by quantity, of cases with full scatter; 0 if not seen."""
+    full = LEVELS["full"]
+    truth = {"grip_x": full.grip, "grip_z": full.grip, "damping": full.damping,
+             "stiffness": full.stiffness}  # fmt: skip
+    mine = [e for e in entries if e.case.scatter == "full" and e.outcome is not None]
+    return {name: [e.spreads.get(name, 0.0) / true for e in mine] for name, true in truth.items()}
 
 
 def _at_least(words: str, found: Rate, least: float | None) -> Target:
@@ -115,7 +145,7 @@ def _abstentions(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
     outside = [e for e in entries if e.case.kind == "outside"]
     if outside or through:
         found = rate(_result(e) == "correct_abstention" for e in outside)
-        yield _at_least("abstained on causes outside the library", found, 0.80 if through else None)
+        yield _at_least("abstained on causes outside the library", found, 0.95 if through else None)
 
 
 def checked(entries: Iterable[Entry]) -> list[Checked]:
@@ -127,7 +157,7 @@ def _coverage(entries: Sequence[Entry], through: bool) -> Target:
     found = rate(c.covered for c in checked(entries))
     words = "95 % intervals that hold the truth, where the laws agree"
     if through:
-        return _line(words, found)
+        return _line(words, found, "88 to 98 %", lambda r: 0.88 <= r.value <= 0.98)
     return _line(words, found, "91 to 98 %", lambda r: 0.91 <= r.value <= 0.98)
 
 
@@ -170,6 +200,6 @@ def _cost(entries: Sequence[Entry]) -> Iterable[Target]:
     if not walls:
         return
     middle, longest = median(walls), max(walls)
-    yield Target("run time on one core, median", f"{middle:.0f} s", "45 s", middle <= 45.0)
-    yield Target("run time on one core, longest", f"{longest:.0f} s", "120 s", longest <= 120.0)
-    yield Target("peak memory, largest", f"{max(memory):.0f} MB")
+    yield Target("run time on one core, median", f"{middle:.0f} s", "15 s", middle <= 15.0)
+    yield Target("run time on one core, longest", f"{longest:.0f} s", "60 s", longest <= 60.0)
+    yield Target("peak memory, largest", f"{max(memory):.0f} MB", "1024 MB", max(memory) < 1024.0)

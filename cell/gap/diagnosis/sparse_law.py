@@ -24,8 +24,11 @@ OFTEN = 0.7
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """`words` of the law, whether it is `stable`, and the share of the misfit it accounts for."""
+    """A sparse law: `names` of its terms, `words`, whether it is `stable` over halves of the runs,
+    and the share of the misfit that it accounts for.
+    """
 
+    names: tuple[str, ...]
     words: str
     stable: bool
     share: float
@@ -33,6 +36,7 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class _Term:
+    name: str
     words: str
     unit: str
     value: float
@@ -59,7 +63,8 @@ def describe(
         f"{terms[i].value * a:+.3g} {terms[i].unit} x {terms[i].words}"
         for i, a in zip(chosen, amounts, strict=True)
     ]
-    return Law(" ".join(parts), stable, min(1.0, gain / total) if total > 0 else 0.0)
+    names = tuple(terms[i].name for i in chosen)
+    return Law(names, " ".join(parts), stable, min(1.0, gain / total) if total > 0 else 0.0)
 
 
 def _terms(probed: Sequence[Probed]) -> list[_Term]:
@@ -71,7 +76,7 @@ def _terms(probed: Sequence[Probed]) -> list[_Term]:
             parameter = p.candidate.parameters[k]
             words = f"{p.candidate.sentence} ({parameter.name})"
             if np.abs(response).max() > 0.0:
-                found.append(_Term(words, parameter.unit, vector[k], response))
+                found.append(_Term(p.candidate.name, words, parameter.unit, vector[k], response))
     return found
 
 

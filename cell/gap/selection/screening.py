@@ -158,13 +158,51 @@ def ranked(known: Table) -> list[Score]:
 
 
 def ranked_pairs(known: Table, among: int) -> list[Score]:
-    """Pairs of candidates, the most promising first.
+    """The `among` most promising pairs of candidates, best first.
 
     Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
-    are screened over all candidates, not over the best single ones.
+    are screened over all candidates, not over the best single ones. Pairs are looked at closely
+    in the order of what they could gain without bounds, until no other can be among the best.
     """
-    scores = [_score(known, pair) for pair in combinations(known.probed, 2)]
-    return sorted(scores, key=lambda s: (-s.gain, s.names))[:among]
+    most = _most_of_pairs(known)
+    order = sorted(combinations(known.probed, 2), key=lambda pair: -most[_names(pair)])
+    found: list[Score] = []
+    for pair in order:
+        if len(found) >= among and most[_names(pair)] < found[among - 1].gain:
+            break
+        found = sorted([*found, _score(known, pair)], key=lambda s: (-s.gain, s.names))
+    return found[:among]
+
+
+def _names(pair: Sequence[Probed]) -> tuple[str, ...]:
+    return tuple(p.candidate.name for p in pair)
+
+
+def _most_of_pairs(known: Table) -> dict[tuple[str, ...], float]:
+    """What each pair of candidates could gain [nats] were there no bounds, over their groups."""
+    gradient, curvature = known.form.gradient, known.form.curvature
+    owners = [(name, at) for (name, _), at in known.columns.items()]
+    most: dict[tuple[str, ...], float] = {}
+    for name, at in owners:
+        inverse = _inverse(curvature[np.ix_(at, at)])
+        own = 0.5 * float(gradient[at] @ inverse @ gradient[at])
+        across = curvature[:, at] @ inverse
+        left = gradient - across @ gradient[at]
+        for other, columns in owners:
+            if other <= name:
+                continue
+            rest = curvature[np.ix_(columns, columns)] - across[columns] @ curvature[at][:, columns]
+            more = 0.5 * float(left[columns] @ _inverse(rest) @ left[columns])
+            most[name, other] = max(most.get((name, other), 0.0), own + more)
+    order = [p.candidate.name for p in known.probed]
+    return {(a, b): most[min(a, b), max(a, b)] for a, b in combinations(order, 2)}
+
+
+def _inverse(matrix: Array) -> Array:
+    """Inverse of a small symmetric matrix; of one number, its reciprocal."""
+    if matrix.shape == (1, 1):
+        return np.asarray(1.0 / np.maximum(matrix, 1e-300))
+    return np.asarray(np.linalg.pinv(matrix, rcond=1e-10, hermitian=True))
 
 
 def _score(known: Table, members: Sequence[Probed]) -> Score:

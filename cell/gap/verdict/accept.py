@@ -9,9 +9,9 @@ from pathlib import Path
 
 import yaml
 
-from cell.gap.subject.pendulum.load import load_pendulum
+from cell.config.settings import CellSettings
 from cell.gap.verdict.schema import write_text
-from cell.gap.verdict.stored import Acceptance, CellEffects, CellPatch, FitRecord, read_stored
+from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, read_text
 from drivers.settings import load, parse, read_yaml
@@ -19,7 +19,7 @@ from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
 
 RECORD, ACCEPTED = "fit.json", "accepted.json"
-PATCH, CELL_PATCH = "patch.yaml", "cell-patch.yaml"
+PATCH, CELL_PATCH, LAW_PATCH = "patch.yaml", "cell-patch.yaml", "law-patch.yaml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,22 +40,23 @@ def dumped(content: Mapping[str, object]) -> str:
     return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
 
 
-def accept(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
+def accept(out: Path, file: Path, cell_file: Path | None = None, *, law: bool = False) -> Accepted:
     """Put the patches of the fit in `out` into `file` and, where one belongs there, the cell.
 
-    Refuses when `file` is not the one that was fitted, has changed since, or nothing was named,
-    and patches that are no longer whole: what is written can be read again.
+    With `law`, the law that describes what no effect explains. Refuses when `file` is not the one
+    that was fitted, has changed since, or there is nothing to accept, and patches that are no
+    longer whole: what is written can be read again.
     """
     record = _record(out)
-    patch, cell_patch = out / PATCH, out / CELL_PATCH
+    patch, cell_patch = out / (LAW_PATCH if law else PATCH), out / CELL_PATCH
     if not patch.exists():
-        raise ConfigurationError(f"{out}: nothing was named, so there is nothing to accept")
+        raise ConfigurationError(f"{out}: {_nothing(out, law=law)}")
     if sha256(file) != record.file_sha256:
         raise ConfigurationError(
             f"{file}: has changed since it was fitted (or is another file); fit again"
         )
     changes = {file: _checked_patch(patch)}
-    if cell_patch.exists():
+    if cell_patch.exists() and not law:
         if cell_file is None:
             raise ConfigurationError(
                 f"{cell_patch}: holds effects of the cell; name the cell file to put them in"
@@ -68,7 +69,15 @@ def accept(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
     write_text(out / ACCEPTED, json.dumps(kept, indent=1))
     for path, text in changes.items():
         write_text(path, text)
-    return Accepted(tuple(changes), record.effects)
+    return Accepted(tuple(changes), record.laws if law else record.effects)
+
+
+def _nothing(out: Path, *, law: bool) -> str:
+    """Why there is nothing to accept, and what there is instead."""
+    if law:
+        return "no law was offered, so there is none to accept"
+    offered = "; a law is offered: add --law" if (out / LAW_PATCH).is_file() else ""
+    return f"nothing was named, so there is nothing to accept{offered}"
 
 
 def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
@@ -96,13 +105,13 @@ def undo(out: Path, file: Path, cell_file: Path | None = None) -> Accepted:
     for name, path in paths.items():
         write_text(path, stored.before[name])
     kept.unlink()
-    return Accepted(tuple(paths.values()), record.effects)
+    return Accepted(tuple(paths.values()), record.effects or record.laws)
 
 
 def _checked_patch(patch: Path) -> str:
     """Text of the patch, which is a whole file of a strip or a pendulum."""
     if read_yaml(patch).get("kind") == "pendulum":
-        load_pendulum(patch)
+        load(patch, Patch, bare=True)
     else:
         load_strip(patch)
     return read_text(patch)
@@ -110,12 +119,19 @@ def _checked_patch(patch: Path) -> str:
 
 def _with_cell(path: Path, patch: Path) -> str:
     """Text of the cell file with the effects of `patch` merged in."""
-    added = load(patch, CellPatch, bare=True).effects
+    added = load(patch, Patch, bare=True).effects
     check_effects(added, origin=str(patch), of="cell")
     content = read_yaml(path)
-    parse(content, CellEffects, str(path))
+    _check_cell(content, path)
     merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
+    _check_cell(merged, path)
     return dumped(merged)
+
+
+def _check_cell(content: Mapping[str, object], path: Path) -> None:
+    """Refuse what is no cell file; what it says of the twin is nobody's business here."""
+    known = {key: value for key, value in content.items() if key != "twin"}
+    parse(known, CellSettings, str(path))
 
 
 def _check_writable(paths: Sequence[Path]) -> None:

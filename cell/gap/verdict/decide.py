@@ -1,4 +1,4 @@
-"""What findings bear: a name, a class, no gap, or that the cause is left open."""
+"""Choose one of the four verdicts from the findings."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,19 +14,53 @@ from cell.gap.verdict.schema import Kind, Unexplained
 
 MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
 CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
+WITHIN, IMITATED = 0.3, 0.1  # excess, and its share, that a pair of effects may leave of the gap
 SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
 LARGE = 700.0  # nats whose exponential is still a number
 
 
 def kind(found: Findings) -> Kind:
-    """Which of the four verdicts the findings bear."""
+    """One of the four verdicts, from the findings."""
     judged = found.judged
     if not found.accepted.model.effects:
-        return "unexplained" if found.fitted.gap else "no_gap"
+        return "unexplained" if gap_is_there(found) else "no_gap"
     changes = judged.drifts or judged.unsteady or drifting(found)
     if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
+    if imitates(found):
+        return "unexplained"
     return "named" if found.sure else "ambiguous"
+
+
+def gap_is_there(found: Findings) -> bool:
+    """Whether the base leaves a gap: in a place, beyond repeats and scatter, or on held-out runs.
+
+    A misfit as a whole that no place shows, and no run that was held out, is no gap.
+    """
+    if not found.fitted.gap:
+        return False
+    return any(place.p < LEVEL for place in found.fitted.places) or unseen_gap(found) > HALF
+
+
+def imitates(found: Findings) -> bool:
+    """Whether several effects together only imitate a cause: a clear part of the gap is left.
+
+    One effect of a nearly true law may leave some of what it explains; of two, each would have to
+    take up what the other gets wrong, as they do for a cause that the library does not hold.
+    """
+    if len(found.accepted.model.effects) < 2:
+        return False
+    before, after = found.shown.before, found.shown.after
+    scale = robust.scale(np.concatenate(after.residuals))
+    was, now = (_bounded_gap(estimate, scale) for estimate in (before, after))
+    return now > WITHIN and now > IMITATED * was
+
+
+def unseen_gap(found: Findings) -> float:
+    """Excess gap of the base on held-out runs, wild samples bounded."""
+    return _bounded_gap(
+        found.shown.before, robust.scale(np.concatenate(found.shown.before.residuals))
+    )
 
 
 def _mostly(found: Findings) -> bool:
@@ -124,3 +158,6 @@ def _reasons(found: Findings) -> Iterator[str]:
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
     if found.accepted.model.effects and unseen_remains(found):
         yield "the gap there is not even halved"
+    if imitates(found):
+        closed = 100 * found.shown.shrink.value
+        yield f"together they describe {closed:.0f} % of the gap, as no cause of theirs would"

@@ -18,6 +18,7 @@ from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
 from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.screening import Probed, Score
 from cell.gap.subject.subject import Candidate, Subject
+from cell.gap.verdict.offered_law import OfferedLaw
 
 UNSTEADY = 3.0  # times the stated noise by which repeats may differ
 
@@ -127,6 +128,7 @@ class Findings:
     judged: Judged
     shown: Shown
     advice: tuple[Advice, ...]
+    offered: OfferedLaw | None = None
 
     @property
     def base(self) -> Validated:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict
 
 from drivers.files import MEGABYTE
 from drivers.settings import Settings, parse, read_json
@@ -17,11 +17,37 @@ class Stored(Settings):
     model_config = ConfigDict(extra="ignore")
 
 
+class StoredSpread(Stored):
+    """A quantity that differs from run to run, with its standard deviation and 95 % interval."""
+
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+class StoredLaw(Stored):
+    """The law that was offered: amounts by term."""
+
+    terms: dict[str, float]
+
+
 class FitRecord(Stored):
-    """fit.json: hash of the file that was fitted, and the effects that were named."""
+    """fit.json: hash of the file that was fitted, and the effects that were named.
+
+    `scatter` are quantities that differ from run to run; `law` describes what nothing explains.
+    """
 
     file_sha256: str
     effects: tuple[str, ...]
+    scatter: tuple[StoredSpread, ...] = ()
+    law: StoredLaw | None = None
+
+    @property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the terms of the law that was offered."""
+        return tuple(self.law.terms) if self.law is not None else ()
 
 
 class Acceptance(Stored):
@@ -31,16 +57,10 @@ class Acceptance(Stored):
     after: dict[str, str]
 
 
-class CellPatch(Stored):
-    """cell-patch.yaml: effects that belong into the cell file."""
+class Patch(Stored):
+    """What every patch holds, of whatever subject: effects and their parameters."""
 
     effects: dict[str, dict[str, float]]
-
-
-class CellEffects(Stored):
-    """Of a cell file what an acceptance changes; the command reads all of it before."""
-
-    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 S = TypeVar("S", bound=BaseModel)

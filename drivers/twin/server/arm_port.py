@@ -23,6 +23,7 @@ from drivers.twin.server.wire import (
 )
 
 INCOMPATIBLE = 1
+BURST = 256  # datagrams read in one go, so that a flood of them keeps nobody else waiting
 
 
 class ArmPort:
@@ -56,8 +57,8 @@ class ArmPort:
 
     def command(self) -> RobotCommand | None:
         """The next command of the client; None when no more have come. Garbage is passed over."""
-        while (client := self.client) is not None:
-            datagram = client.receive_datagram()
+        for _ in range(BURST):
+            datagram = None if self.client is None else self.client.receive_datagram()
             if datagram is None:
                 return None
             try:

@@ -1,6 +1,7 @@
 """What the robot itself enforces on commands, whatever its client checked."""
 
 from dataclasses import dataclass, field
+from math import hypot
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class Box:
     def check(self, pose: Array) -> None:
         """Violation for a tool pose (4, 4) outside."""
         place = pose[:3, 3]
-        if (place < self.low).any() or (place > self.high).any():
+        if np.minimum(place - self.low, self.high - place).min() < 0:
             raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
 
 
@@ -72,56 +73,56 @@ def still(axes: int) -> Course:
     return Course(np.zeros(axes), np.zeros(axes))
 
 
+# What follows runs in every tick: for so few numbers plain floats are faster than arrays.
+
+
 def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
     """Violation where joints run, accelerate or jerk beyond their limits."""
-    if (np.abs(new.velocity) > SLACK * limits.VELOCITY).any():
+    if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(rates.velocity)
-    if (np.abs(new.acceleration) > SLACK * limits.ACCELERATION).any():
+    if _beyond(new.acceleration, _JOINT_ACCELERATION):
         raise Violation(rates.acceleration)
-    if (np.abs(new.acceleration - old.acceleration) > SLACK * TICK * limits.JERK).any():
+    if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
         raise Violation(rates.jerk)
 
 
 def check_tool_course(old: Course, new: Course) -> None:
     """Violation where the tool moves, accelerates or jerks beyond its limits."""
-    jerk = (new.acceleration - old.acceleration) / TICK
-    for part, (speed, acceleration, most) in (
-        (slice(0, 3), limits.TRANSLATION),
-        (slice(3, 6), limits.ROTATION),
+    change = (new.acceleration - old.acceleration) / TICK
+    for values, index, reflex in (
+        (new.velocity, 0, CARTESIAN.velocity),
+        (new.acceleration, 1, CARTESIAN.acceleration),
+        (change, 2, CARTESIAN.jerk),
     ):
-        if _length(new.velocity[part]) > SLACK * speed:
-            raise Violation(CARTESIAN.velocity)
-        if _length(new.acceleration[part]) > SLACK * acceleration:
-            raise Violation(CARTESIAN.acceleration)
-        if _length(jerk[part]) > SLACK * most:
-            raise Violation(CARTESIAN.jerk)
+        x, y, z, *turn = values.tolist()
+        if (
+            hypot(x, y, z) > SLACK * limits.TRANSLATION[index]
+            or hypot(*turn) > SLACK * limits.ROTATION[index]
+        ):
+            raise Violation(reflex)
 
 
 def check_elbow_course(old: Course, new: Course) -> None:
     """Violation where the elbow (1,) swings beyond its limits."""
-    speed, acceleration, jerk = limits.ELBOW
-    change = np.abs(new.acceleration - old.acceleration) / TICK
-    if (
-        abs(new.velocity[0]) > SLACK * speed
-        or abs(new.acceleration[0]) > SLACK * acceleration
-        or change[0] > SLACK * jerk
-    ):
+    velocity, acceleration = float(new.velocity[0]), float(new.acceleration[0])
+    jerk = (acceleration - float(old.acceleration[0])) / TICK
+    rates = zip((velocity, acceleration, jerk), limits.ELBOW, strict=True)
+    if any(abs(rate) > SLACK * most for rate, most in rates):
         raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
 
 
 def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
     """Violation for joints (7,) beyond their ends, or faster than they could still brake."""
-    if (q < limits.POSITION_LOW).any() or (q > limits.POSITION_HIGH).any():
+    if limits.margins(q).min() < 0:
         raise Violation(position)
     slowest, fastest = limits.velocity_bounds(q)
-    tolerance = SLACK * TICK * limits.ACCELERATION
-    if (velocity < slowest - tolerance).any() or (velocity > fastest + tolerance).any():
+    if np.minimum(velocity - slowest, fastest - velocity).min() < -_BRAKING:
         raise Violation(rate)
 
 
 def check_end(joints: Course, rates: Rates) -> None:
     """Violation for a motion that is declared finished while it runs."""
-    if (np.abs(joints.velocity) > SLACK * TICK * limits.ACCELERATION).any():
+    if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(rates.acceleration)
 
 
@@ -133,5 +134,16 @@ def twist_of(old: Array, new: Array) -> Array:
     return twist / TICK
 
 
-def _length(vector: Array) -> float:
-    return float(np.sqrt(vector @ vector))
+def _beyond(values: Array, most: tuple[float, ...]) -> bool:
+    return any(abs(value) > limit for value, limit in zip(values.tolist(), most, strict=True))
+
+
+def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
+    return tuple((SLACK * time * limit).tolist())
+
+
+_JOINT_VELOCITY = _slack(limits.VELOCITY)
+_JOINT_ACCELERATION = _slack(limits.ACCELERATION)
+_JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick
+_JOINT_STANDSTILL = _slack(limits.ACCELERATION, TICK)
+_BRAKING = max(_JOINT_STANDSTILL)  # rad/s, what one tick of braking takes off

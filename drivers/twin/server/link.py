@@ -2,6 +2,7 @@
 
 import socket
 import struct
+from dataclasses import dataclass
 from typing import Protocol
 
 RESET = struct.pack("ii", 1, 0)
@@ -84,17 +85,17 @@ class Link:
             self._datagrams.close()
 
 
+@dataclass(frozen=True, slots=True)
+class Welcome:
+    """A client's wish to connect: whether it is granted, its UDP port, the reply to it."""
+
+    accepted: bool
+    port: int
+    reply: bytes
+
+
 class Greeting(Protocol):
     """What a port makes of the first bytes of a client."""
 
-    def __call__(self, received: bytearray) -> "Welcome | None":
+    def __call__(self, received: bytearray) -> Welcome | None:
         """Take the request to connect; None while it is incomplete, Malformed for any other."""
-
-
-class Welcome:
-    """A client's wish to connect, and the reply to it."""
-
-    __slots__ = ("accepted", "port", "reply")
-
-    def __init__(self, accepted: bool, port: int, reply: bytes) -> None:
-        self.accepted, self.port, self.reply = accepted, port, reply

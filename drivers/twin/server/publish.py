@@ -90,7 +90,7 @@ class Publisher:
         self._contact = contact
         fields["tau_ext_hat_filtered"][:] = contact.torque
         fields["O_F_ext_hat_K"][:] = contact.wrench
-        turn = robot.posture.reached[:3, :3]
+        turn = robot.posture.reached[:3, :3] @ robot.configuration.tool_to_stiffness[:3, :3]
         fields["K_F_ext_hat_K"][:3] = turn.T @ contact.wrench[:3]
         fields["K_F_ext_hat_K"][3:] = turn.T @ contact.wrench[3:]
         fields["joint_contact"][:], fields["joint_collision"][:] = contact.joint_flags

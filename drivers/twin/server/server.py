@@ -2,7 +2,6 @@
 
 import select
 import socket
-from collections import deque
 from collections.abc import Callable, Iterable
 from threading import Thread
 from typing import Self
@@ -16,6 +15,7 @@ from drivers.twin.server.hand import Between, Hand
 from drivers.twin.server.hand_port import HandPort
 from drivers.twin.server.limits import Box
 from drivers.twin.server.pace import Pace, Stopwatch
+from drivers.twin.server.punctuality import Punctuality
 from drivers.twin.server.robot import Surroundings, resting_robot
 from drivers.twin.server.settings import ServerSettings
 from drivers.twin.server.wire import RobotCommand
@@ -24,7 +24,6 @@ from drivers.types import Array
 HAND_PERIOD = 5  # ms, of the hand's states
 OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
-REMEMBERED = 100  # ticks, over which the share of commands in time is counted
 
 
 class RobotServer:
@@ -63,7 +62,8 @@ class RobotServer:
         self._poll.register(self._waker, select.EPOLLIN)
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
         self._newest: RobotCommand | None = None
-        self._in_time: deque[bool] = deque(maxlen=REMEMBERED)
+        self._answered = 0
+        self._punctuality = Punctuality()
         self._strict = False
         self._thread: Thread | None = None
         self._stopping = False
@@ -151,14 +151,15 @@ class RobotServer:
         remaining = self._pace.remaining()
         if remaining > 0:
             self._attend(remaining)
-        while (command := self._arm.command()) is not None:
-            self._newest = command
-            if self._lock_step and self.robot.moving:
-                # The client has begun: from here on its commands are the clock.
-                self._strict = True
-                if command.message_id == self.robot.time:
-                    self._follow(command)
-                return
+        command = self._arm.command()
+        if command is not None and self._lock_step and self.robot.moving:
+            # The client has begun: from here on its commands are the clock.
+            self._strict = True
+            if command.message_id == self.robot.time:
+                self._follow(command)
+            return
+        if command is not None and command.message_id > self._answered:
+            self._newest, self._answered = command, command.message_id
         if self._pace.remaining() <= 0:
             self._pace.passed()
             self._pass_period()
@@ -169,15 +170,15 @@ class RobotServer:
         if self._lock_step or not robot.moving:
             robot.rest()
         elif command is not None:
-            self._in_time.append(True)
+            self._punctuality.count(True)
             self._heed(command)
         else:
-            self._in_time.append(False)
+            self._punctuality.count(False)
             robot.miss()
         self._advance()
 
     def _follow(self, command: RobotCommand) -> None:
-        self._in_time.append(True)
+        self._punctuality.count(True)
         self._heed(command)
         self._advance()
 
@@ -196,9 +197,8 @@ class RobotServer:
         if robot.time % HAND_PERIOD == 0:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
-            self._in_time.clear()
-        rate = sum(self._in_time) / len(self._in_time) if self._in_time else 0.0
-        self._arm.publish(rate, self._disturbance.is_nan(robot.time))
+            self._punctuality.reset()
+        self._arm.publish(self._punctuality.rate, self._disturbance.is_nan(robot.time))
 
     def _strike(self) -> None:
         for fault in self._disturbance.strike(self.robot):

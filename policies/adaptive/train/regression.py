@@ -19,12 +19,14 @@ from policies.adaptive.critic import (
 from policies.adaptive.features import CHANNELS, COUNT, STATE
 from policies.adaptive.train.piece import Piece
 from policies.adaptive.train.settings import CriticSettings
+from policies.profile import POINTS
 
 BATCH = 64  # folds
 PICKED = 28  # moments of each fold that a step learns from
 FASTEST, SLOWEST = 2e-3, 2e-5  # learning rates, falling along a cosine
 NOISE = 3e-4  # of inputs, spreads below which are not blown up to one
 SOFT = 0.5  # exponent of the weight by which uncertain moments count less (beta-NLL)
+BIAS = 5e-4  # over the length, one sigma of what images are off all through a fold
 BELIEF = 0.1  # weight of the strip's likelihood
 
 
@@ -99,6 +101,7 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
     data = _tensors(piece, mean, whiten)
+    blur = torch.tensor(whiten, dtype=torch.float32)
     rounds = len(data[0]) // BATCH
     steps = epochs * rounds
     optimiser = torch.optim.Adam(network.parameters(), lr=FASTEST)
@@ -107,11 +110,24 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
         order = torch.randperm(len(data[0]))[: rounds * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            loss = _loss(network, [part[batch] for part in data])
+            loss = _loss(network, _biased([part[batch] for part in data], blur))
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
     return _critic(network, mean, whiten)
+
+
+def biases(count: int) -> Tensor:
+    """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
+
+    Of contact and tip, and of the profile an error that changes linearly along it: what images
+    leave, as `tests.benchmarks.measure_sensing` shows.
+    """
+    along = torch.linspace(0.0, 1.0, POINTS)[:, None]
+    begin, end = BIAS * torch.randn(2, count, 1, 2)
+    profile = (begin + (end - begin) * along).reshape(count, 2 * POINTS)
+    values = torch.cat([BIAS * torch.randn(count, 2), profile], dim=1)
+    return torch.nn.functional.pad(values, (STATE, CHANNELS))
 
 
 def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
@@ -122,6 +138,11 @@ def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     displacement = np.nan_to_num(piece.displacement) / UNIT
     arrays = (whitened, piece.moved / UNIT, piece.alive, foretold, displacement, piece.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
+
+
+def _biased(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
+    whitened, *others = batch
+    return [whitened + (biases(len(whitened)) @ whiten)[:, None], *others]
 
 
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:

@@ -35,14 +35,28 @@ class CriticTraining:
     def __init__(self, settings: CriticSettings, folder: FilePath) -> None:
         self.settings, self.folder = settings, folder
         self.checkpoint = folder / CHECKPOINT
-        self.trial: Trial | None = None
-        self.critic: Critic | None = None
+        self._trial: Trial | None = None
+        self._critic: Critic | None = None
         _claim(folder / SETTINGS, settings)
 
     @property
     def total(self) -> int:
         """Steps of the whole training: pieces and regressions."""
         return sum(self.settings.pieces) + self.settings.rounds + self.settings.trials
+
+    @property
+    def finished(self) -> Critic:
+        """The critic of a training that has run to its end."""
+        if self._critic is None or self._trial is None:
+            raise RuntimeError("the training has not run to its end")
+        return self._critic
+
+    @property
+    def tried(self) -> Trial:
+        """The trial of a training that has run to its end."""
+        if self._trial is None:
+            raise RuntimeError("the training has not run to its end")
+        return self._trial
 
     def run(self, executor: Executor) -> Iterator[Progress]:
         """What is left, folded by `executor`; ends with the weights saved."""
@@ -51,7 +65,7 @@ class CriticTraining:
             for piece in self._pieces(turn, self.settings.pieces[turn], executor):
                 done += 1
                 yield Progress(done, self.total, f"round {turn + 1}, piece {piece}")
-            self.critic = self._fitted(turn)
+            self._critic = self._fitted(turn)
             done += 1
             yield Progress(done, self.total, f"round {turn + 1}, regression")
         for piece in self._pieces(self.settings.rounds, self.settings.trials, executor):
@@ -64,7 +78,7 @@ class CriticTraining:
         missing = [n for n in range(count) if self._stored(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
         known = (self.settings, turn)
-        asked = {executor.submit(explore, *known, n, self.critic): n for n in missing}
+        asked = {executor.submit(explore, *known, n, self._critic): n for n in missing}
         for piece in as_completed(asked):
             self._store(piece.result(), turn, asked[piece])
             yield asked[piece]
@@ -76,18 +90,17 @@ class CriticTraining:
         known = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
         piece = gathered([self._loaded(t, n) for t, n in known])
         seed, epochs = self.settings.seed, self.settings.epochs[turn]
-        save_critic(path, fit(piece, self.settings, epochs, seed, self.critic), {"round": turn})
+        save_critic(path, fit(piece, self.settings, epochs, seed, self._critic), {"round": turn})
         return load_critic(path)
 
     def _finish(self) -> None:
         """Set the sigmas by the trials and save the weights."""
         rounds = self.settings.rounds
         pieces = [self._loaded(rounds, n) for n in range(self.settings.trials)]
-        if self.critic is None:
-            raise RuntimeError("a training ends with a critic")
-        self.critic, self.trial = calibrated(self.critic, gathered(pieces))
-        facts = {"settings": self.settings.model_dump(mode="json"), "trial": self.trial.facts()}
-        save_critic(self.checkpoint, self.critic, {"training": facts})
+        last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
+        self._critic, self._trial = calibrated(last, gathered(pieces))
+        facts = {"settings": self.settings.model_dump(mode="json"), "trial": self._trial.facts()}
+        save_critic(self.checkpoint, self._critic, {"training": facts})
 
     def _path(self, turn: int, number: int) -> FilePath:
         return self.folder / f"piece-{turn}-{number:02d}.npz"

@@ -5,6 +5,7 @@ from typing import Any
 
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
+from drivers.strip.law import TERMS
 
 DIGITS = 6  # significant digits of a fitted number
 
@@ -30,14 +31,21 @@ def patched(
             notes.append(_note(name, content[name], source))
             content[name] = rounded(value)
     of_cell: dict[str, object] = {}
+    law = dict(content.pop("law", {}))
     for name, values in effects.items():
+        if name in TERMS:
+            before = f"was {law[name]:.9g}" if name in law else "was absent"
+            law[name] = rounded(law.get(name, 0.0) + values["amount"])
+            notes.append({"key": f"law.{name}", "source": source,
+                          "note": f"{before}; a description, no cause"})  # fmt: skip
+            continue
         entry = {key: rounded(value) for key, value in values.items()}
         if registry()[name].of == "cell":
             of_cell[name] = entry
             continue
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
         known[name] = entry
-    content |= {"effects": known, "provenance": notes}
+    content |= {"effects": known, **({"law": law} if law else {}), "provenance": notes}
     return content, {"effects": of_cell} if of_cell else None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.probes import places
-from cell.gap.subject.strip.terms import TERMS
+from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
@@ -27,16 +27,19 @@ EXACT = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
 
 
-def scope(strip: StripFile, floors: Floors, lifted: float = 0.0) -> Scope:
+def scope(
+    strip: StripFile, floors: Floors, lifted: float = 0.0, without: Sequence[str] = ()
+) -> Scope:
     """Base parameters, candidates and quantities of `strip`; its own effects are base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
+    Effects `without` are withheld from the candidates.
     """
-    fresh = [e for e in registry().values() if e.name not in strip.effects]
+    fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
         base=(*_base(strip), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
-        terms=tuple(term.candidate() for term in TERMS),
+        terms=candidates(),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),

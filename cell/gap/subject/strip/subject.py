@@ -18,11 +18,12 @@ from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
-from cell.gap.subject.strip.terms import with_terms
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
+from drivers.strip.law import with_law
 from drivers.strip.model import Observation, StripModel
 
 QUANTILE = 0.02
@@ -44,12 +45,13 @@ class Strip:
         runs: Sequence[MeasuredRun],
         jobs: int = 1,
         floors: Floors | None = None,
+        without: Sequence[str] = (),
     ) -> None:
         self.file = strip
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        self._scope = scope(strip, self._floors, _lifted(self._measured))
+        self._scope = scope(strip, self._floors, _lifted(self._measured), without)
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._described = lru_cache(DESCRIBED)(self._describe)
@@ -134,7 +136,7 @@ class Strip:
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
-        """The strip file with refitted base and named effects, and the cell's named effects."""
+        """The strip file with refitted base, named effects or laws, and the cell's effects."""
         return patched(self.file, base, effects, source)
 
     def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
@@ -162,7 +164,7 @@ class Strip:
         known = [(registry()[name], values) for name, values in effects if name in registry()]
         added = {e.name: file_values(e, values) for e, values in known}
         model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
-        return with_terms(model, {name: values[0] for name, values in effects})
+        return with_law(model, {name: values[0] for name, values in effects})
 
 
 def _lifted(runs: Sequence[MeasuredRun]) -> float:
@@ -171,7 +173,16 @@ def _lifted(runs: Sequence[MeasuredRun]) -> float:
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)
 
 
-def open_strip(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Strip:
-    """The strip of a file with its measured runs, checked."""
+def open_strip(
+    path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
+) -> Strip:
+    """The strip of a file with its measured runs, checked; effects `without` are no candidates.
+
+    Raises ConfigurationError for a broken file or run, or an effect that the library lacks.
+    """
     strip = load_strip(path)
-    return Strip(strip, read_runs(folders, strip), jobs)
+    for name in without:
+        if name not in registry():
+            known = ", ".join(sorted(registry()))
+            raise ConfigurationError(f"--without {name}: is no effect; allowed: {known}")
+    return Strip(strip, read_runs(folders, strip), jobs, without=without)

@@ -12,10 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.twin.server.faults import VersionFault
+from drivers.twin.server.faults import (
+    DropFault,
+    FreezeFault,
+    ReflexFault,
+    UserStopFault,
+    VersionFault,
+)
 from drivers.twin.server.reflex import Reflex
 from drivers.twin.server.robot import Robot
 from drivers.twin.server.server import RobotServer
+from drivers.twin.server.settings import ServerSettings
+from tests.support.fci_wire import RawArm
 
 CLIENTS = Path(__file__).parent / "clients"
 PACKAGES = {"pylibfranka": "pylibfranka", "franky": "franky-control", "franka": "franka-rs"}
@@ -104,3 +112,45 @@ def test_clients_hand_opens_grasps_and_is_refused_nonsense(module: str) -> None:
     assert told["missed"] is False
     assert told["stopped"] is True
     assert "Exception" in str(told["wide"]) or "Error" in str(told["wide"])
+
+
+@pytest.mark.parametrize("module", PACKAGES)
+def test_second_client_is_turned_away_at_once(module: str) -> None:
+    with RobotServer() as server, RawArm(server.address) as first:
+        said = told_by("turned_away.py", module, server.address, module)["said"]
+        assert first.newest().mode == 1
+    assert said != "connected"
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(0.7, {"finished"}), (1.5, {"NetworkException"})])
+def test_short_freeze_is_survived_and_a_long_one_named(seconds: float, said: set[str]) -> None:
+    fault = FreezeFault(at=100, kind="freeze", duration=seconds)
+    with RobotServer(faults=[fault]) as server:
+        told = told_by("long_drive.py", "pylibfranka", server.address, "300")
+        assert told["said"] in said
+        with RawArm(server.address) as arm:
+            assert not any(arm.newest().dq)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (ReflexFault(at=50, kind="reflex", error="power_limit_violation"), "ControlException"),
+        (UserStopFault(at=50, kind="user_stop"), "ControlException"),
+        (DropFault(at=50, kind="tcp_drop"), "NetworkException"),
+    ],
+)
+def test_scripted_fault_reaches_the_makers_client_by_name(fault, said: str) -> None:
+    with RobotServer(faults=[fault]) as server:
+        told = told_by("long_drive.py", "pylibfranka", server.address, "300")
+        assert server.robot.posture.at_rest
+    assert told["said"] == said
+    assert float(str(told["seconds"])) < 4
+
+
+def test_wall_clock_follows_a_client_that_keeps_up() -> None:
+    with RobotServer(ServerSettings(lock_step=False)) as server:
+        told = told_by("long_drive.py", "pylibfranka", server.address, "300")
+        assert server.robot.posture.at_rest
+    assert told["said"] in {"finished", "ControlException"}  # a busy machine loses packets
+    assert int(str(told["ticks"])) > 0

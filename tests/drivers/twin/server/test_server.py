@@ -264,6 +264,17 @@ def test_frozen_server_goes_on_where_it_was() -> None:
         assert drive(arm, state, 50).message_id == state.message_id + 50
 
 
+def test_robot_on_the_wall_clock_stops_by_itself_when_its_client_falls_silent() -> None:
+    with RobotServer(ServerSettings(lock_step=False)) as server, RawArm(server.address) as arm:
+        state = arm.begin(CARTESIAN_VELOCITY)
+        for _ in range(30):
+            arm.send(robot_command(state.message_id))
+            state = arm.newest()
+        state = arm.until(lambda state: state.mode == REFLEX)
+        assert state.errors == [Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION]
+        assert arm.reply()[2][0] == REFLEX_ABORTED
+
+
 def test_nan_state_lasts_as_scripted() -> None:
     fault = NanFault(at=10, kind="nan", ticks=3)
     with RobotServer(faults=[fault]) as server, RawArm(server.address) as arm:

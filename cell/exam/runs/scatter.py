@@ -1,0 +1,77 @@
+"""What differs from run to run in a laboratory, drawn anew for every run of a case."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from cell.exam.case import Scattered
+from drivers.strip.model import StripModel
+from drivers.types import Array, frozen
+
+GRASP = 0.3  # s after the grasp, in which the edge moves to where it is truly held
+STREAM = 77  # of the case's generators, of this one
+
+
+@dataclass(frozen=True, slots=True)
+class Scatter:
+    """Standard deviations from run to run: grip in x and in z [m], damping, stiffness (shares).
+
+    Source: grasping flat cloth by two fingers repeats to 0.1 to 0.5 mm; internal damping of
+    fabric follows humidity and rest by a few per cent, its stiffness by a tenth of that.
+    """
+
+    grip: float
+    damping: float
+    stiffness: float
+
+
+LEVELS: dict[Scattered, Scatter] = {
+    "none": Scatter(0.0, 0.0, 0.0),
+    "half": Scatter(0.00015, 0.025, 0.0025),
+    "full": Scatter(0.0003, 0.05, 0.005),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class RunScatter:
+    """What one run has: grip (2,) [m] beside where the arm says, factors on damping, stiffness."""
+
+    grip: Array
+    damping: float
+    stiffness: float
+
+    @classmethod
+    def drawn(cls, level: Scattered, seed: int, index: int) -> Self:
+        """The scatter of run number `index` of a case with `seed`; none is none exactly."""
+        of, rng = LEVELS[level], np.random.default_rng([seed, index, STREAM])
+        grip = frozen(of.grip * rng.standard_normal(2))
+        damping, stiffness = rng.standard_normal(2)
+        return cls(grip, 1.0 + of.damping * damping, 1.0 + of.stiffness * stiffness)
+
+    def described(self, model: StripModel) -> StripModel:
+        """The strip as it is in this run."""
+        if self.damping == 1.0 and self.stiffness == 1.0:
+            return model
+        strip = model.mechanics
+        changed = replace(
+            strip,
+            rigidity=frozen(strip.rigidity * self.stiffness),
+            viscosity=frozen(strip.viscosity * self.damping),
+        )
+        return replace(model, mechanics=changed)
+
+    def held(self, model: StripModel) -> StripModel:
+        """The strip as it is, in a rig that holds it where it truly is in this run."""
+        if not self.grip.any():
+            return self.described(model)
+        rig = model.rig
+        rig = replace(
+            rig, grip_x=rig.grip_x + float(self.grip[0]), grip_z=rig.grip_z + float(self.grip[1])
+        )
+        return replace(self.described(model), rig=rig)
+
+    def moved(self, pose: Array, time: float) -> Array:
+        """Where the edge truly is at `time` [s] since the grasp, held at `pose` (3,)."""
+        share = min(time / GRASP, 1.0)
+        return np.asarray(pose + share * np.array([*self.grip, 0.0]))

@@ -1,0 +1,124 @@
+"""Laws that describe, without a name, what no effect of the library explains.
+
+Each is a moment, a force or an error of measurement by what it grows with. A strip file may hold
+their amounts under `law:`; every engine simulates them, as they change the description itself.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.strip.model import BendingLaw, Mechanics, StripModel
+from drivers.types import Array, frozen
+
+FARTHEST = 30.0  # times its size, the most that a law may be
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One law: `size` [unit] of its amount just shows in ten runs; `added` puts it into a model."""
+
+    name: str
+    sentence: str
+    unit: str
+    size: float
+    added: Callable[[StripModel, float], StripModel]
+
+
+def _law(model: StripModel, change: Callable[[BendingLaw], BendingLaw]) -> StripModel:
+    return replace(model, mechanics=replace(model.mechanics, law=change(model.mechanics.law)))
+
+
+def _curvature(model: StripModel, amount: float) -> StripModel:
+    return _law(model, lambda law: replace(law, cubic=law.cubic + amount))
+
+
+def _rate(model: StripModel, amount: float) -> StripModel:
+    return _law(model, lambda law: replace(law, quadratic_damping=law.quadratic_damping + amount))
+
+
+def _sign(model: StripModel, amount: float) -> StripModel:
+    return _law(model, lambda law: replace(law, yield_curvature=law.yield_curvature + amount))
+
+
+def _speed(model: StripModel, amount: float) -> StripModel:
+    drag = model.mechanics.drag
+    more = replace(drag, coefficient=drag.coefficient + amount)
+    return replace(model, mechanics=replace(model.mechanics, drag=more))
+
+
+def _force(model: StripModel, amount: float) -> StripModel:
+    gx, gz = model.boundary.gravity
+    return replace(model, boundary=replace(model.boundary, gravity=(gx + amount, gz)))
+
+
+def _place(model: StripModel, amount: float) -> StripModel:
+    return replace(model, mechanics=model.mechanics.stiffened(1.0 + amount * _along(model)))
+
+
+def _run(model: StripModel, amount: float) -> StripModel:
+    factor = np.full_like(model.mechanics.rigidity, max(0.05, 1.0 + amount * model.index))
+    return replace(model, mechanics=model.mechanics.stiffened(factor))
+
+
+def _set(model: StripModel, amount: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    rest = frozen(strip.rest_curvature + amount * _along(model))
+    return replace(model, mechanics=replace(strip, rest_curvature=rest))
+
+
+def _clock(model: StripModel, amount: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, camera_latency=seen.camera_latency + amount))
+
+
+def _view(model: StripModel, amount: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, shift_z=seen.shift_z + amount))
+
+
+def _along(model: StripModel) -> Array:
+    """Place along the strip from -1/2 to 1/2 (CELLS,)."""
+    return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
+
+
+_TERMS = (
+    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, _curvature),
+    Term("term_rate", "moment over stiffness as rate of curvature squared", "m s^2", 1e-4, _rate),
+    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, _sign),
+    Term("term_speed", "force as normal speed squared", "1", 0.5, _speed),
+    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, _force),
+    Term("term_place", "stiffness growing towards the grip", "1", 0.2, _place),
+    Term("term_run", "stiffness growing with the run", "1", 0.005, _run),
+    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, _set),
+    Term("term_clock", "images older than their stamps", "s", 0.003, _clock),
+    Term("term_view", "images shifted upwards", "m", 3e-4, _view),
+)
+TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
+"""The laws by name, in the order in which they apply."""
+
+
+def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
+    """`model` with these amounts of the laws; names that are no law are left to others."""
+    for name, term in TERMS.items():
+        if amounts.get(name):
+            model = term.added(model, amounts[name])
+    return model
+
+
+def check_law(amounts: Mapping[str, float], origin: str) -> None:
+    """Raise ConfigurationError for an unknown law or an amount that no strip has."""
+    for name, amount in amounts.items():
+        if name not in TERMS:
+            raise ConfigurationError(
+                f"{origin}: law.{name}: is unknown; allowed: {', '.join(TERMS)}"
+            )
+        most = FARTHEST * TERMS[name].size
+        if not -most <= amount <= most:
+            raise ConfigurationError(
+                f"{origin}: law.{name}: {amount:g} is out of range; "
+                f"allowed: {-most:g} to {most:g} {TERMS[name].unit}"
+            )

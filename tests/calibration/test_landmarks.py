@@ -1,0 +1,101 @@
+"""A camera that was nudged after its calibration is noticed, by millimetres."""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from calibration.homography import Homography
+from calibration.landmarks import (
+    CameraShift,
+    Landmark,
+    Landmarks,
+    LandmarkSettings,
+    camera_shift,
+    remember,
+)
+from calibration.lens import Lens
+from calibration.perception.preflight import camera_check
+from drivers.errors import ConfigurationError
+from drivers.strip.model import Observation
+from drivers.twin.camera import optics_now
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Frame, Pose, frozen
+from tests.support.twin_calibration import NO_STRIP
+
+CAMERA = CameraSettings()
+SETTINGS = LandmarkSettings()
+OPTICS = Optics.of(CAMERA)
+MATRIX = [[OPTICS.focal, 0, OPTICS.principal[0]], [0, OPTICS.focal, OPTICS.principal[1]], [0, 0, 1]]
+LENS = Lens(1280, 720, frozen(MATRIX), frozen([*OPTICS.distortion, 0, 0, 0]))
+
+
+@lru_cache
+def _homography() -> Homography:
+    grid = np.array([(x, z) for x in np.linspace(0, 0.6, 5) for z in np.linspace(0, 0.3, 4)])
+    matrix, _ = cv2.findHomography(LENS.undistort(OPTICS.plane(grid)), grid, 0)
+    return Homography.of(matrix)
+
+
+def _frame(shift: tuple[float, float] = (0.0, 0.0), seed: int = 0) -> Frame:
+    """The empty hand where it is remembered, the camera nudged by `shift` [m] in x, z."""
+    moved = optics_now(CAMERA, Observation(shift_x=shift[0], shift_z=shift[1]), 0.0)
+    renderer = Renderer(CAMERA, NO_STRIP, seed, moved)
+    arc = np.linspace(0, 0.6, 7)
+    points = np.column_stack([arc, 0 * arc])
+    scene = Scene(0.0, points, arc, SETTINGS.pose, 0.04, holds_strip=False, strip=False)
+    return Frame(0.0, 0.02, "test", seed, renderer.render([scene], seed))
+
+
+@lru_cache
+def _landmarks() -> Landmarks:
+    return remember(_frame(), SETTINGS.pose, LENS, _homography())
+
+
+def _shift(frame: Frame) -> CameraShift:
+    return camera_shift(frame, _landmarks(), LENS, _homography())
+
+
+def test_camera_that_stayed_is_where_it_was_within_a_tenth_of_a_millimetre() -> None:
+    shift = _shift(_frame(seed=7))
+    assert shift.distance < 0.1
+    assert camera_check(shift, SETTINGS).passed
+
+
+@pytest.mark.parametrize("nudge", [(0.005, 0.0), (-0.005, 0.0), (0.0, 0.005), (0.003, -0.004)])
+def test_camera_nudged_by_five_millimetres_is_noticed(nudge: tuple[float, float]) -> None:
+    shift = _shift(_frame(nudge, seed=7))
+    assert (shift.x, shift.z) == pytest.approx((1e3 * nudge[0], 1e3 * nudge[1]), abs=0.4)
+    check = camera_check(shift, SETTINGS)
+    assert not check.passed
+    assert "the gripper appears moved by x" in check.reason
+    assert "calibrate again" in check.remedy
+
+
+def test_lifted_camera_moves_the_line_of_the_desk_too() -> None:
+    assert len(_landmarks().marks) == 8
+    assert _shift(_frame((0.0, 0.005), seed=7)).desk == pytest.approx(4.3, abs=0.6)
+
+
+def test_hand_that_is_not_seen_again_is_refused() -> None:
+    dark = Frame(0.0, 0.0, "test", 0, np.full((720, 1280, 3), 30, np.uint8))
+    shift = _shift(dark)
+    assert np.isnan(shift.x)
+    check = camera_check(shift, SETTINGS)
+    assert not check.passed
+    assert "the gripper is not seen there" in check.reason
+
+
+def test_tip_outside_of_the_image_gives_no_landmark() -> None:
+    with pytest.raises(ConfigurationError, match="is not in the image; choose another pose"):
+        remember(_frame(), Pose(2.0, 0.1, 0.0), LENS, _homography())
+
+
+def test_broken_landmark_is_refused_in_one_line() -> None:
+    for content in ("not base64!", "aGVsbG8="):
+        with pytest.raises(ConfigurationError, match="png: is no picture; calibrate again"):
+            Landmark(kind="tip", left=0, top=0, png=content).patch()

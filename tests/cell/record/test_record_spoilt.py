@@ -1,0 +1,205 @@
+"""A run folder in which something is not as it should be: nobody hangs, the rest is shown."""
+
+import json
+import os
+import shutil
+import warnings
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from calibration.calibration import save_calibration
+from cell.config.places import find_configs
+from cell.operations.replay import replay
+from cell.record.columns import Profile
+from cell.record.frames import INDEX, digest
+from cell.record.listing import list_runs
+from cell.record.parquet_file import read_parquet
+from cell.record.run import read_run
+from cell.record.salvage import Salvage
+from cell.record.writer import RunWriter
+from cell.report.page import write_report
+from cell.viz.recording import viz_from_run
+from drivers.errors import ConfigurationError
+from tests.cell.conftest import HEADER, RESULT, MadeFold
+
+
+@pytest.fixture(scope="module")
+def whole(calibration, tmp_path_factory) -> Path:
+    """A short run with everything in it; not to be changed."""
+    config = find_configs(None).cell().model_dump(mode="json", by_alias=True)
+    root = tmp_path_factory.mktemp("whole")
+    writer = RunWriter.create(root, {**HEADER, "config": config}, "key", patient=True)
+    save_calibration(calibration, writer.folder / "calibration.yaml")
+    MadeFold(writer, calibration, pictures=False).run(0.6)
+    facts = {"sequence": 3, "x": 0.6, "z": 0.01, "time": 0.3, "direction": 1.5, "done": False}
+    writer.event(0.3, "decision", **facts)
+    writer.finish({**RESULT, "t_layer_touch": 0.5})
+    return writer.folder
+
+
+@pytest.fixture
+def folder(whole, tmp_path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / whole.name))
+
+
+def document(**changes):
+    def spoil(path: Path) -> None:
+        path.write_text(yaml.safe_dump(yaml.safe_load(path.read_text()) | changes))
+
+    return spoil
+
+
+def line(text: str):
+    return lambda path: path.write_bytes(text.encode() + b"\n" + path.read_bytes())
+
+
+def table(change):
+    def spoil(path: Path) -> None:
+        pq.write_table(change(pq.read_table(path)), path)
+
+    return spoil
+
+
+def column(name: str, change):
+    return table(
+        lambda t: t.set_column(
+            t.column_names.index(name), name, pa.array(change(t[name].to_numpy().copy()))
+        )
+    )
+
+
+def put(row: int, value: float):
+    def change(values):
+        values = values.astype(float)
+        values[row] = value
+        return values
+
+    return change
+
+
+def pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def directory(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+def schema(text: str):
+    return table(lambda t: t.replace_schema_metadata({"schema": text}))
+
+
+SPOILT = {
+    "result that is a folder": ("result.yaml", directory, "Is a directory"),
+    "result that is a pipe": ("result.yaml", pipe, "is a pipe"),
+    "duration in words": ("result.yaml", document(duration="x"), "duration: "),
+    "touch beyond all numbers": ("result.yaml", document(l1=1e300), "l1: "),
+    "events in a pipe": ("events.jsonl", pipe, "is a pipe"),
+    "index of no place": (INDEX, line('{"sequence": Infinity, "stamp": 1, "arrival": 2}'), INDEX),
+    "index of no time": (INDEX, line('{"sequence": 1, "stamp": NaN, "arrival": 2}'), INDEX),
+    "ticks that are a folder": ("ticks.parquet", directory, "read from ticks.arrows instead"),
+    "ticks of another schema": ("ticks.parquet", schema("²"), "schema: is ²"),
+    "profile of another schema": ("profile.parquet", schema("²"), "schema: is ²"),
+    "sights of another schema": ("sights.parquet", schema("²"), "schema: is ²"),
+    "sight without time": ("sights.parquet", column("stamp", put(2, np.nan)), "stamp: row 2"),
+    "sights without times": ("sights.parquet", table(lambda t: t.drop_columns("stamp")), "stamp"),
+    "profile in mm": ("profile.parquet", column("x", lambda x: 1e3 * x), "give it in m"),
+    "profile at 1e300 m": ("profile.parquet", column("z", put(7, 1e300)), "must stay within 100 m"),
+    "ticks without rows": ("ticks.parquet", table(lambda t: t.slice(0, 0)), ""),
+    "event beyond time": ("events.jsonl", line('{"t": 1e400, "kind": "origin"}'), ""),
+    "event of 400 digits": ("events.jsonl", line('{"t": ' + "9" * 400 + ', "kind": "origin"}'), ""),
+    "event nested without end": ("events.jsonl", line('{"a": ' + "[" * 100_000), ""),
+    "event nested deep": ("events.jsonl", line('{"a": ' + "[" * 900 + "]" * 900 + "}"), ""),
+    "truth that is a list": ("truth.yaml", lambda path: path.write_text("- 1"), "truth.yaml"),
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_report_shows_the_good_part_and_names_the_bad_one(folder, name) -> None:
+    file, spoil, says = SPOILT[name]
+    (folder / file).touch()
+    spoil(folder / file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        page = write_report(folder).read_text(encoding="utf-8")
+    assert ("What could not be read" in page) == bool(says)
+    assert says in page
+    assert "Made with" in page
+    assert [row.strip for row in list_runs(folder.parent)] == ["denim"]
+
+
+@pytest.mark.parametrize("name", ["events in a pipe", "profile in mm", "index of no place"])
+def test_recording_shows_the_good_part(folder, name) -> None:
+    file, spoil, _ = SPOILT[name]
+    spoil(folder / file)
+    assert viz_from_run(folder).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["ticks without rows", "sight without time", "index of no place"])
+def test_replay_refuses_what_it_cannot_decide_on(folder, name) -> None:
+    file, spoil, _ = SPOILT[name]
+    spoil(folder / file)
+    with pytest.raises(ConfigurationError):
+        replay(folder)
+
+
+def test_images_of_another_size_are_no_picture_of_the_strip(folder) -> None:
+    lines = [json.loads(text) for text in (folder / INDEX).read_text().splitlines()]
+    image = np.zeros((3, 3, 3), dtype=np.uint8)
+    before = {**lines[0], "sequence": 0, "stamp": -1.0}
+    for note in (before, lines[0]):
+        note["sha256"] = digest(image)
+        cv2.imwrite(str(folder / "frames" / f"{note['sequence']:06d}.png"), image)
+    text = "".join(json.dumps(note) + "\n" for note in (before, *lines))
+    (folder / INDEX).write_text(text)
+    assert not replay(folder).same  # the picture before the grasp shows no strip
+    assert "3 x 3" not in write_report(folder).read_text(encoding="utf-8")
+
+
+def test_how_a_run_ended_is_not_said_where_that_cannot_be_read(folder) -> None:
+    (folder / "result.yaml").write_text("outcome: [")
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "How the run ended cannot be read" in page
+    assert "process died" not in page
+
+
+def test_a_table_that_states_gigabytes_is_not_unpacked(tmp_path) -> None:
+    path = tmp_path / "ticks.parquet"
+    pq.write_table(pa.table({"t": np.zeros(1_100_000)}), path)
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(ConfigurationError, match="it states 1100000 rows"):
+        read_parquet(path)
+
+
+def test_a_picture_that_states_gigabytes_is_not_decoded(folder) -> None:
+    image = sorted((folder / "frames").glob("*.png"))[0]
+    content = bytearray(image.read_bytes())
+    content[16:24] = (60_000).to_bytes(4) * 2
+    image.write_bytes(content)
+    assert (
+        len(list(Salvage.of(folder).frames())) == len(list((folder / "frames").glob("*.png"))) - 1
+    )
+    with pytest.raises(ConfigurationError, match="is not an image that can be read"):
+        list(read_run(folder).frames())
+
+
+def test_a_few_wild_points_of_a_profile_are_kept() -> None:
+    x = np.linspace(0.0, 0.5, 40)
+    x[3] = 60.0
+    rows = {"t": np.zeros(40), "i": np.arange(40.0), "x": x, "z": np.zeros(40)}
+    assert Profile.of(pa.table(rows), "profile.parquet").x[3] == 60.0
+
+
+def test_the_recording_of_the_fold_itself_is_never_replaced(folder) -> None:
+    (folder / "run.rrd").write_bytes(b"recorded during the fold")
+    path = viz_from_run(folder)
+    assert path == folder / "rebuilt.rrd"
+    assert (folder / "run.rrd").read_bytes() == b"recorded during the fold"
