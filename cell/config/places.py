@@ -1,10 +1,11 @@
-"""Where configuration and results live: `--configs`, ./configs, or what the package carries."""
+"""Location of configuration and results: `--configs`, ./configs, or the package's own."""
 
 import os
 from dataclasses import dataclass
 from pathlib import Path
 
 from cell.config.cell import CellFile
+from cell.config.unknown import MARK, unknown_strip
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.describe import load_strip
@@ -22,7 +23,7 @@ class Configs:
     folder: Path
 
     def cell(self) -> CellFile:
-        """cell.yaml, its effects checked, the calibration that it names found from its folder."""
+        """Settings from cell.yaml, with its effects checked and its calibration's path resolved."""
         path = self.folder / "cell.yaml"
         cell = load(path, CellFile)
         check_effects(cell.effects, origin=str(path), of="cell")
@@ -47,7 +48,9 @@ class Configs:
         return path
 
     def strip(self, name: str) -> StripFile:
-        """The strip called `name`, checked."""
+        """The strip called `name`, checked; `unknown:LENGTH` is one without a file."""
+        if name.startswith(MARK):
+            return unknown_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))
 
     def strip_names(self) -> tuple[str, ...]:
@@ -73,5 +76,5 @@ def find_configs(given: Path | None) -> Configs:
 
 
 def cache_folder() -> Path:
-    """Where things that can be made again are kept."""
+    """Folder for files that can be recomputed."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"

@@ -93,7 +93,7 @@ def open_subject(
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write everything but the verdict itself, which comes last."""
-    record = {"file": str(file), "file_sha256": sha256(file),
+    record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects],
               "scatter": [asdict(s) for s in found.judged.scatter],
               "law": found.offered and asdict(found.offered)}  # fmt: skip

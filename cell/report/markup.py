@@ -1,4 +1,4 @@
-"""HTML of a page that needs nothing else."""
+"""HTML elements of a self-contained page."""
 
 from collections.abc import Sequence
 from html import escape
@@ -22,7 +22,7 @@ def page(title: str, body: Sequence[str]) -> str:
 
 
 def masthead(kicker: str, name: str) -> str:
-    """The line above everything: what this is, and of which run."""
+    """The line on top: kind of page, and its run."""
     return f"<header><span>{escape(kicker)}</span><code>{escape(name)}</code></header>"
 
 
@@ -41,7 +41,7 @@ def verdict_box(
 
 
 def section(title: str, *content: str, note: str = "") -> str:
-    """A section; nothing when it has no content."""
+    """A section; empty when it has no content."""
     inside = "".join(content)
     if not inside:
         return ""
@@ -50,7 +50,7 @@ def section(title: str, *content: str, note: str = "") -> str:
 
 
 def drawing(svg: str, says: str) -> str:
-    """A figure; `says` tells those who cannot see it what it shows."""
+    """A figure; `says` is its alternative text."""
     return f'<figure role="img" aria-label="{escape(says)}">{svg}</figure>'
 
 

@@ -1,7 +1,7 @@
-"""What a strip's shape says: desk_contact, tip of the fold, layer_touch.
+"""Geometry of a strip's shape: desk_contact, tip of the fold, layer_touch.
 
-One definition for truth, both engines, policies and perception. A shape is the midline as nodes
-(n, 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
+One definition for truth, both engines, policies and perception. A shape is the midline as nodes (n,
+2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
 """
 
 from dataclasses import dataclass
@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.types import Array
+
+LYING = 0.05  # m of strip that lies, which ends the search for the desk contact
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +40,32 @@ class Gap:
 def desk_contact(points: Array, height: float) -> float:
     """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
 
-    Searched from the fold's rightmost point back to the desk: ripples that friction leaves in the
-    strip that lies do not count. A rightmost point that lies itself is searched from towards the
-    grasped end, whose x it is where nothing stands higher.
+    Searched from the fold's rightmost point back to where the strip lies: for `LYING`, or to the
+    fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip behind
+    the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
     """
     tip = int(np.argmax(points[:, 0]))
-    lying = np.flatnonzero(points[: tip + 1, 1] <= height)
-    if len(lying) == 0:
-        return float(points[0, 0])
-    j = int(lying[-1])
-    if j == tip:
-        above = np.flatnonzero(points[tip:, 1] > height)
-        if len(above) == 0:
+    if points[tip, 1] <= height:
+        tip = _last_low(points[:, 1], tip, height)
+        if tip == len(points) - 1:
             return float(points[-1, 0])
-        j = tip + int(above[0]) - 1
-    (xa, za), (xb, zb) = points[j], points[j + 1]
-    return float(xa + (xb - xa) * (height - za) / (zb - za))
+    low = points[: tip + 1, 1] <= height
+    ends = np.flatnonzero(low[:-1] & ~low[1:]).tolist()
+    if low[tip]:
+        ends.append(tip)
+    for j in reversed(ends):
+        above = np.flatnonzero(~low[:j])
+        begin = int(above[-1]) + 1 if len(above) else 0
+        if begin == 0 or points[j, 0] - points[begin, 0] >= LYING:
+            (xa, za), (xb, zb) = points[j], points[j + 1]
+            return float(xa + (xb - xa) * (height - za) / (zb - za))
+    return float(points[0, 0])
+
+
+def _last_low(z: Array, start: int, height: float) -> int:
+    """Index of the last of the values `z` (n,) from `start` on that stand no higher."""
+    above = np.flatnonzero(z[start:] > height)
+    return start + int(above[0]) - 1 if len(above) else len(z) - 1
 
 
 def fold_tip(points: Array) -> tuple[float, float]:
@@ -76,9 +88,9 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
 
     `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
-    rightmost point to the grasped edge. Beside that point both layers meet by definition, so the
-    gap counts from where it first exceeds `opening` [m], and only once it has begun to close
-    again: at a node that is a local minimum.
+    rightmost point to the grasped edge. Near that point both layers meet by definition, so the gap
+    counts from where it first exceeds `opening` [m], and only once it has begun to close again: at
+    a node that is a local minimum.
     """
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]
