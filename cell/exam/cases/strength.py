@@ -11,6 +11,7 @@ from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
 from cell.gap.subject.strip.experiments import planned
+from cell.gap.subject.strip.scatter import SLACK
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.subject import Request
 from cell.record.header import Sigma
@@ -70,7 +71,7 @@ class Ruler:
             )
             for i, name in enumerate(motions)
         ]
-        self._subject = Strip(plant, runs)
+        self._subject = Strip(plant, runs, scatter=SLACK)
         self._estimate = nominal(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
 

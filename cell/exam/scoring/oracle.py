@@ -11,6 +11,8 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
+from cell.gap.fitting.scatter import scattered
+from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import with_effects
@@ -28,7 +30,8 @@ def oracle(
     """What the case's answer leaves on the held-out runs, against the refitted base.
 
     Laws of the library are refitted from the truth; effects that a cause resembles from where a
-    screen finds them. None where the answer is empty or the library cannot simulate it.
+    screen finds them. Runs differ from one another by what they show beside the truth. None where
+    the answer is empty or the library cannot simulate it.
     """
     subject = open_strip(strip, runs)
     known = {c.name for c in subject.scope.candidates}
@@ -43,6 +46,9 @@ def oracle(
         starts = [model.joined(start, _values(case, model.effects))]
     else:
         starts = _found(subject.simulate, base, model)
+    scatter = spreads(_refitted(subject.simulate, model, train, starts))
+    train, test = scattered(train, scatter), scattered(test, scatter)
+    base = _refitted(subject.simulate, base.model, train, [base.shared])
     whole = _refitted(subject.simulate, model, train, starts)
     before, after = (_excess(subject.simulate, fit, test) for fit in (base, whole))
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)

@@ -92,3 +92,6 @@ RUN_EFFECTS = (
     RunEffect("clock_start", "the start of the camera's clock", "s", 0.002, 0.003, _clock, RIG),
 )  # fmt: skip
 """Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""
+
+SLACK = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
+"""What is allowed for where no runs can tell more: planned runs, and sizes of hidden effects."""

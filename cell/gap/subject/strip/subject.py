@@ -14,7 +14,7 @@ from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.prepare import Fold, corrected, prepared
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import RUN_EFFECTS
+from cell.gap.subject.strip.scatter import RUN_EFFECTS, SLACK, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
@@ -46,6 +46,7 @@ class Strip:
         jobs: int = 1,
         floors: Floors | None = None,
         without: Sequence[str] = (),
+        scatter: Sequence[RunEffect] = RUN_EFFECTS,
     ) -> None:
         self.file = strip
         self.notes = tuple(note for run in runs for note in run.notes)
@@ -55,7 +56,7 @@ class Strip:
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._described = lru_cache(DESCRIBED)(self._describe)
-        self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs)
+        self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs, scatter)
 
     @property
     def name(self) -> str:
@@ -126,8 +127,7 @@ class Strip:
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
         runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        slack = [e for e in RUN_EFFECTS if e.name == "slack"]
-        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs, slack)
+        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs, SLACK)
         asked = {run.name: run for run in runs}
         return [
             Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
