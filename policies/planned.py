@@ -137,20 +137,20 @@ class Motions:
 
     def _work_out(self, steps: list[int]) -> None:
         length = self._strip.length
-        tape = _Tape()
+        recorder = _PoseRecorder()
         roll_out(
             Paths([raised(length, step * STEP * length) for step in steps]),
-            tape,
+            recorder,
             self._strip,
             [describe(self._strip)] * len(steps),
             settings=self._settings,
             rng=np.random.default_rng(0),
         )
-        self.dt = tape.dt
-        self._known |= {step: tape.poses[:, i] for i, step in enumerate(steps)}
+        self.dt = recorder.dt
+        self._known |= {step: recorder.poses[:, i] for i, step in enumerate(steps)}
 
 
-class _Tape:
+class _PoseRecorder:
     """An engine without strips that records the grippers' poses."""
 
     def __init__(self) -> None:
