@@ -1,1 +1,1 @@
-"""From pixels to the cell frame: lens, homography and the perception that uses them."""
+"""Camera calibration and perception: from pixels to the cell frame."""

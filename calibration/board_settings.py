@@ -1,4 +1,4 @@
-"""The printed ChArUco board, and what its views must show."""
+"""Settings of the printed ChArUco board, its required views and the acceptance criteria."""
 
 from math import radians
 from typing import Annotated
@@ -16,11 +16,11 @@ DICTIONARY = cv2.aruco.DICT_5X5_100
 
 
 class BoardSettings(Settings):
-    """The printed ChArUco board, which views are wanted, and what the verdict demands.
+    """The printed ChArUco board, the required views, and the acceptance criteria.
 
-    `square` and `marker` are lengths of sides [m]; `rows` must be odd (older patterns with even
-    rows show markers and no corners). `sizes` are the board's width over the image's, far and
-    near; `lean` the largest tilt [rad]; ranges are shares of the image.
+    `square` and `marker` are side lengths [m]; `rows` must be odd (older patterns with even rows
+    show markers and no corners). `sizes` are the board's width over the image's, far and near;
+    `lean` the largest tilt [rad]; ranges are fractions of the image.
     """
 
     columns: Squares = 9
@@ -48,7 +48,7 @@ class BoardSettings(Settings):
 
     @property
     def width(self) -> float:
-        """Length [m] over all columns of squares: what a ruler measures."""
+        """Total length [m] of all columns of squares, to be checked with a ruler."""
         return self.columns * self.square
 
     def outline(self) -> Array:
@@ -56,7 +56,7 @@ class BoardSettings(Settings):
         return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
 
     def board(self) -> cv2.aruco.CharucoBoard:
-        """The board as OpenCV knows it; even rows are a ConfigurationError."""
+        """The board as an OpenCV object; even rows are a ConfigurationError."""
         if self.rows % 2 == 0:
             raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
         if self.marker >= self.square:

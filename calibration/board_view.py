@@ -1,4 +1,4 @@
-"""One view of the calibration board: its corners, on the board and in the image."""
+"""One view of the calibration board: its corners on the board and in the image."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class BoardView:
     image: Array
 
     def distance(self, other: "BoardView") -> float:
-        """Median distance [px] of corners that both views show; inf where they share none."""
+        """Median distance [px] of corners common to both views; inf without any."""
         _, i, j = np.intersect1d(self.ids, other.ids, return_indices=True)
         if len(i) == 0:
             return float("inf")
@@ -43,7 +43,7 @@ class BoardView:
 
 @dataclass(frozen=True, slots=True)
 class BoardLook:
-    """What one image shows of the board: the `view`, None without a corner, the number of
+    """Detection of the board in one image: the `view`, None without a corner, the number of
     `markers` and their mean `side` [px].
     """
 
@@ -53,14 +53,14 @@ class BoardLook:
 
     @property
     def corners(self) -> int:
-        """How many corners are seen."""
+        """Number of detected corners."""
         return 0 if self.view is None else len(self.view.ids)
 
 
 def find_board(
     image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
 ) -> BoardLook:
-    """What `image` (h, w, 3) shows of `board`."""
+    """Detection of `board` in `image` (h, w, 3)."""
     corners, ids, outlines, marks = detector.detectBoard(image)
     markers = 0 if marks is None else len(marks)
     side = _side(outlines) if markers else 0.0

@@ -1,4 +1,6 @@
-"""The lens, from views of a board: asks for views, is told images, gives a verdict."""
+"""Lens calibration from views of a board, by ask and tell: asks for views, takes images, gives a
+verdict.
+"""
 
 from dataclasses import dataclass
 
@@ -19,9 +21,9 @@ NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view m
 
 @dataclass(frozen=True, slots=True)
 class ToldView:
-    """What came of one image: its `number`, the `view` that was taken, or why it was `refused`.
+    """Result of one image: its `number`, the accepted `view`, or the reason why it was `refused`.
 
-    `waits` says that the next image decides.
+    `waits` means that the next image decides.
     """
 
     number: int
@@ -32,10 +34,11 @@ class ToldView:
 
 
 class BoardViews:
-    """Ask and tell: the caller shows the board as `ask()` says and tells what the camera saw.
+    """Ask and tell: the caller shows the board as `ask()` says and passes the camera's image to
+    `tell()`.
 
-    Views that nobody asked for count as well. With `patience` a wanted view is given up after so
-    many refused images; a person who is `patient` says `skip` instead.
+    Views that were not asked for count as well. With `patience` a requested view is given up after
+    that many refused images; a person (`patient`) calls `skip` instead.
     """
 
     def __init__(self, settings: BoardSettings, *, patient: bool = False) -> None:
@@ -53,11 +56,13 @@ class BoardViews:
         self._lens: Lens | None = None
 
     def ask(self) -> WantedView | None:
-        """How to show the board next; None when the views suffice."""
+        """The next view to show; None when the views suffice."""
         return self._wanted[0] if self._wanted else None
 
     def tell(self, frame: Frame) -> ToldView:
-        """An image of the board; a view is taken once two in a row show it at the same place."""
+        """Process an image of the board; a view is accepted once two in a row show it at the same
+        place.
+        """
         number, self._told = self._told, self._told + 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)
@@ -78,34 +83,34 @@ class BoardViews:
         return ToldView(number, look, view, None)
 
     def skip(self) -> None:
-        """Give up the wanted view."""
+        """Give up the requested view."""
         self._wanted = self._wanted[1:]
         self._tries, self._last = 0, None
 
     def measured(self, length: float) -> None:
-        """The board's printed squares measure `length` [m] across all columns, by a ruler."""
+        """Set the ruler's `length` [m] of the board's squares across all columns."""
         self._length = length
 
     def drop(self, number: int) -> bool:
-        """Leave the view out that image `number` gave; whether there was one."""
+        """Remove the view from image `number`; returns whether there was one."""
         return self._views.pop(number, None) is not None
 
     def drop_last(self) -> bool:
-        """Leave the newest view out; whether there was one."""
+        """Remove the newest view; returns whether there was one."""
         return bool(self._views) and self.drop(max(self._views))
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All views that were taken."""
+        """All accepted views."""
         return tuple(self._views.values())
 
     def gates(self) -> tuple[Gate, ...]:
-        """What the views cover so far."""
+        """Coverage so far, gate by gate."""
         views, lens = [*self._views.values()], self._lens or guessed_lens((1280, 720))
         return coverage(views, self._settings.outline(), lens, needs(self._settings))
 
     def verdict(self) -> LensVerdict:
-        """What the views told so far amount to."""
+        """The verdict on the views so far."""
         return lens_verdict(self._views, self._size, self._length, self._settings)
 
     def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
@@ -154,7 +159,7 @@ class BoardViews:
             self.skip()
 
     def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
-        """The lens as far as it is known, to tell how the board leans."""
+        """The lens as far as it is known, to compute the board's tilt."""
         if len(self._views) < max(ENOUGH, MINIMUM_VIEWS):
             return guessed_lens(size)
         views = [*self._views.values()]
@@ -162,7 +167,7 @@ class BoardViews:
 
 
 def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
-    """Whether a view is near enough to the wanted one."""
+    """Whether a view is close enough to the requested one."""
     misses = (
         abs(shown.x - wanted.x),
         abs(shown.y - wanted.y),

@@ -1,4 +1,4 @@
-"""What a camera calibration is: lens, map to the plane, how good they are, in one file."""
+"""A camera calibration: lens, map to the plane, and their quality, in one file."""
 
 import hashlib
 import json
@@ -25,14 +25,14 @@ KEYWORDS = ("residual_mm", "date", "camera", "latency", *OPTIONAL)
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """One camera at one place, looking at the plane of the strip's near edge.
+    """One camera at one pose, looking at the plane of the strip's near edge.
 
-    `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s]
-    how much earlier than its stamp an image shows the world, `contact_bias` [m] by how much
-    contact_x is off besides, `date` ISO 8601, `camera` the identity of the device that it belongs
-    to, `locks` the values at which its controls were locked, `landmarks` what it must still see
-    where it was. `accepted_anyway` says why it was refused by the wizard and taken nevertheless.
-    `id` is the hash of all of this but the date: calibrating the twin again gives the same id.
+    `residual_mm` is the rms distance at touched points that the fit did not use, `latency` [s] how
+    much earlier than its stamp an image shows the world, `contact_bias` [m] the additional offset
+    of contact_x, `date` ISO 8601, `camera` the identity of its device, `locks` the locked control
+    values, `landmarks` image patches that reveal a moved camera. `accepted_anyway` is the reason
+    why the wizard refused it and it was accepted nevertheless. `id` is the hash of all of this but
+    the date: calibrating the twin again gives the same id.
     """
 
     lens: Lens
@@ -74,7 +74,7 @@ class CalibrationFile(Settings):
     accepted_anyway: tuple[str, ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """Plain mapping for YAML; what is empty is left out."""
+        """Plain mapping for YAML; empty values are omitted."""
         left_out = {key for key in OPTIONAL if not getattr(self, key)}
         return self.model_dump(mode="json", by_alias=True, exclude=left_out)
 
@@ -117,7 +117,7 @@ def calibrated(
     landmarks: Landmarks | None = None,
     accepted_anyway: Sequence[str] = (),
 ) -> Calibration:
-    """A calibration of its parts, with its id."""
+    """A calibration from its parts, with its id."""
     unsigned = CalibrationFile(
         schema=1,
         id="",
@@ -146,7 +146,7 @@ def changed(calibration: Calibration, **facts: Any) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write the file whole or not at all; a place that cannot be written is a ConfigurationError.
+    """Write the file atomically; a place that cannot be written is a ConfigurationError.
 
     The old file, if any, stays until the new one is complete.
     """
@@ -171,7 +171,7 @@ def load_calibration(path: Path) -> Calibration:
 
 
 def _file(calibration: Calibration) -> CalibrationFile:
-    """What is written of a calibration."""
+    """The file model of a calibration."""
     facts = {name: getattr(calibration, name) for name in KEYWORDS if name != "locks"}
     unsigned = CalibrationFile(
         schema=1,

@@ -26,7 +26,7 @@ def write_camera_info(lens: Lens, name: str, path: Path) -> None:
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
-    """Write `lens` as cv2.FileStorage does, for programs that read it with OpenCV."""
+    """Write `lens` as cv2.FileStorage does; ConfigurationError where it cannot be written."""
     if not path.parent.is_dir():
         raise ConfigurationError(f"{path}: cannot be written: there is no such folder")
     store = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_FORMAT_YAML)
@@ -40,7 +40,7 @@ def write_opencv(lens: Lens, path: Path) -> None:
 
 
 def read_lens(path: Path) -> Lens:
-    """The lens in a file of ROS or of OpenCV, told apart by the tag of its matrices.
+    """The lens in a ROS or OpenCV file, distinguished by the tag of its matrices.
 
     A missing or broken file, or another model than plumb bob, is a ConfigurationError.
     """

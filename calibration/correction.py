@@ -1,4 +1,4 @@
-"""What happened to camera and desk since their calibration, taken back: effects inverted."""
+"""Compensation of known camera and desk errors: the inverse effects applied to a calibration."""
 
 import numpy as np
 
@@ -11,11 +11,11 @@ AS_CALIBRATED = Observation()
 
 
 def corrected(calibration: Calibration, model: StripModel) -> Calibration:
-    """The calibration with which images show what is true, by the effects that `model` has.
+    """The calibration compensated for the effects of `model`, so that it gives true places.
 
-    Places, contact_x and stamps, all over the true desk. Without such effects it is the very same;
-    with some it is one of its own, with its own id, and without landmarks: those are where they
-    were before.
+    Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
+    object is returned; with some, a new calibration with its own id and without landmarks, which
+    are valid only for the uncorrected one.
     """
     observation, plain = model.observation, AS_CALIBRATED
     if observation == plain and model.rig.desk_height == 0:

@@ -1,4 +1,4 @@
-"""The map between the undistorted image and the plane of the strip's near edge."""
+"""Homography between the undistorted image and the plane of the strip's near edge."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -41,7 +41,7 @@ class Homography:
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
-    """A touched point that the fit refused: number, place [m], distance [px] from the map."""
+    """A touched point rejected by the fit: number, place [m], distance [px] from the map."""
 
     number: int
     x: float
@@ -54,7 +54,7 @@ class Rejected:
 
 @dataclass(frozen=True, slots=True)
 class HomographyFit:
-    """A homography, which points it used (n,), and the ones it refused, named."""
+    """A homography, the points it used (n,), and the rejected ones."""
 
     homography: Homography
     used: NDArray[np.bool_]
@@ -74,11 +74,11 @@ class Viewpoint:
     distance: float
 
     def foot(self) -> Array:
-        """(2,) x, z [m]: where all lines along y seem to go."""
+        """(2,) x, z [m], the point where all lines along y meet in the image."""
         return np.array([self.x, self.z])
 
     def sweep(self, depth: float) -> float:
-        """Share of the way to the foot by which a point at `depth` [m] is drawn towards it."""
+        """Fraction of the distance to the foot by which a point at `depth` [m] appears shifted."""
         return depth / (self.distance + depth)
 
 
@@ -114,7 +114,7 @@ def fit_homography(pixels: Array, points: Array) -> HomographyFit:
 
 
 def viewpoint(lens: Lens, homography: Homography) -> Viewpoint:
-    """Where the camera stands, from lens and map; ConfigurationError where they contradict."""
+    """The camera's position from lens and map; ConfigurationError where they contradict."""
     corners = np.array([(u, v) for u in (0.1, 0.5, 0.9) for v in (0.1, 0.5, 0.9)])
     pixels = corners * (lens.width, lens.height)
     plane = homography.to_plane(pixels)

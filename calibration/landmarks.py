@@ -1,4 +1,4 @@
-"""What the camera must still see where it was: the tip at a known pose, the desk's line."""
+"""Detection of a moved camera by landmarks: the finger tip at a known pose, the desk's line."""
 
 from base64 import b64decode, b64encode
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ ALIKE = 0.6  # correlation from which a landmark counts as found
 
 
 class LandmarkSettings(Settings):
-    """Where the empty hand is remembered, x, z [m] and pitch [rad], and how far things may move.
+    """Pose of the empty hand for landmarks, x, z [m] and pitch [rad], and the allowed shift.
 
-    The hand must be clear of strips and in the image, the same place for all of them.
+    The hand must be clear of strips and in the image, the same pose for all of them.
     """
 
     x: float = Field(0.42, ge=-0.5, le=2.0)
@@ -41,7 +41,7 @@ class LandmarkSettings(Settings):
 
 
 class Landmark(Settings):
-    """A square of the image: what it is, its top left corner [px], and its grey levels."""
+    """A square image patch: its name, top left corner [px], and grey levels."""
 
     kind: Literal["tip", "desk"]
     left: int = Field(ge=0)
@@ -67,7 +67,7 @@ class Landmark(Settings):
 
 
 class Landmarks(Settings):
-    """The gripper's pose at which the tip was remembered, and all landmarks."""
+    """The gripper's pose at which landmarks were taken, and all landmarks."""
 
     x: float
     z: float
@@ -76,13 +76,13 @@ class Landmarks(Settings):
 
     @property
     def pose(self) -> Pose:
-        """Where the gripper must be for the tip to be where it was."""
+        """The pose at which the tip must appear where it did."""
         return Pose(self.x, self.z, self.pitch)
 
 
 @dataclass(frozen=True, slots=True)
 class CameraShift:
-    """How far things appear moved since the calibration, in the plane of the near edge [mm].
+    """Apparent shift of the landmarks since the calibration, in the plane of the near edge [mm].
 
     `x`, `z` by the tip, `desk` up by the desk's line; NaN where a landmark is not found again.
     """
@@ -93,14 +93,15 @@ class CameraShift:
 
     @property
     def distance(self) -> float:
-        """The largest of what is known [mm]; NaN when nothing is."""
+        """The largest known component [mm]; NaN when none is known."""
         known = [abs(self.desk), float(np.hypot(self.x, self.z))]
         finite = [value for value in known if np.isfinite(value)]
         return max(finite) if finite else float("nan")
 
 
 def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> Landmarks:
-    """Landmarks in an image of the empty hand at rest at the measured `pose`, the desk bare.
+    """Landmarks from an image (h, w, 3) of the empty hand at rest at the measured `pose`, the desk
+    bare.
 
     Raises ConfigurationError where the camera does not see the tip.
     """
@@ -121,7 +122,7 @@ def remember(frame: Frame, pose: Pose, lens: Lens, homography: Homography) -> La
 def camera_shift(
     frame: Frame, landmarks: Landmarks, lens: Lens, homography: Homography
 ) -> CameraShift:
-    """How far the landmarks have moved in an image of the hand at rest at the same pose."""
+    """Shift of the landmarks in an image (h, w, 3) of the hand at rest at the same pose."""
     grey = _grey(frame.image)
     found = [(mark, _found(grey, mark)) for mark in landmarks.marks]
     tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
@@ -131,7 +132,9 @@ def camera_shift(
 
 
 def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Squares on the strongest level edge behind where strips lie; none where it is too faint."""
+    """Patches on the strongest horizontal edge behind the strip's place; none
+    where it is too weak.
+    """
     marks = []
     for x in np.linspace(0.05, 0.55, 7):
         ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
@@ -154,7 +157,7 @@ def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark
 
 
 def _found(grey: Image, mark: Landmark) -> tuple[float, float] | None:
-    """Shift (u, v) [px] at which the landmark is seen again, or None."""
+    """Shift (u, v) [px] at which the landmark is found again, or None."""
     patch = mark.patch()
     reach_u = REACH if mark.kind == "tip" else 0  # a level line says nothing of sideways motion
     left, top = max(mark.left - reach_u, 0), max(mark.top - REACH, 0)
@@ -171,7 +174,7 @@ def _found(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def _peak(scores: Array, at: int) -> float:
-    """Where within a pixel of `at` a parabola through three scores has its top."""
+    """Maximum, within a pixel of `at`, of a parabola through three scores."""
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, here, after = (float(score) for score in scores[at - 1 : at + 2])

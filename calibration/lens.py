@@ -1,4 +1,4 @@
-"""The lens: pinhole with Brown distortion, found from views of a ChArUco board."""
+"""Lens model: pinhole with Brown distortion, calibrated from views of a ChArUco board."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Lens:
     distortion: Array
 
     def undistort(self, pixels: Array) -> Array:
-        """Where an ideal pinhole with the same matrix would see image points (n, 2) [px]."""
+        """Ideal pinhole points (n, 2) [px] of image points (n, 2) [px]."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
@@ -36,7 +36,7 @@ class Lens:
         return np.asarray(ideal, dtype=np.float64).reshape(-1, 2)
 
     def distort(self, pixels: Array) -> Array:
-        """Where this lens puts the points (n, 2) [px] of an ideal pinhole: inverse of undistort."""
+        """Image points (n, 2) [px] of ideal pinhole points (n, 2) [px]; inverse of undistort."""
         points = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
         if len(points) == 0:
             return np.empty((0, 2))
@@ -47,7 +47,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """A lens and how well it explains its views: rms [px], rms per view (n,), focal length's
+    """A lens and its fit quality: rms [px], rms per view (n,), focal length's
     standard deviation [px].
     """
 
@@ -83,7 +83,7 @@ def fit_lens(
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:
-    """Refuse points (n, 2) [px] that an image of `size` cannot show; OpenCV itself would not."""
+    """Refuse points (n, 2) [px] outside an image of `size`; OpenCV does not check."""
     width, height = size
     u, v = points.max(axis=0)
     if u > width or v > height:
@@ -97,7 +97,7 @@ Positive = Annotated[int, Field(gt=0)]
 
 
 class MatrixFile(Settings):
-    """A matrix as ROS writes it."""
+    """A matrix in ROS format."""
 
     rows: Positive
     cols: Positive

@@ -1,4 +1,4 @@
-"""Where the camera's plane is touched, how often it is looked at, what the verdict demands."""
+"""Settings of the touched points: positions, images per point, acceptance criteria."""
 
 from typing import Annotated
 
@@ -10,11 +10,12 @@ Count = Annotated[int, Field(ge=3, le=12)]
 
 
 class TouchSettings(Settings):
-    """Where to touch, how often to look, and what the verdict demands.
+    """Positions to touch, images per point, and acceptance criteria.
 
-    The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th
-    decides and is not fitted. An image is taken when two in a row agree within `still` [px] and
-    the arm within `arm_still` [m]. A point that disagrees is touched once more.
+    The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th is
+    held out of the fit and used for the verdict. An image is accepted when two in a row agree
+    within `still` [px] and the arm within `arm_still` [m]. A point that disagrees is touched once
+    more.
     """
 
     x_min: float = Field(0.02, ge=-0.5, le=1.0)

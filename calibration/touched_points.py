@@ -1,4 +1,6 @@
-"""The map to the plane, by touching: asks for gripper poses, is told images, gives a verdict."""
+"""Map to the plane by touching, by ask and tell: asks for gripper poses, takes images, gives a
+verdict.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +20,9 @@ from drivers.types import Array, Frame, Pose
 
 @dataclass(frozen=True, slots=True)
 class ToldTouch:
-    """What came of one image of the pose `number`: the disc's `centre` (2,) [px], None unseen,
-    the point that was `taken`, or why it was `refused`; `waits` says that the next image decides.
+    """Result of one image of the pose `number`: the disc's `centre` (2,) [px], None if unseen, the
+    accepted point `taken`, or the reason why it was `refused`; `waits` means that the next image
+    decides.
     """
 
     number: int
@@ -30,15 +33,16 @@ class ToldTouch:
 
 
 class TouchedPoints:
-    """Ask and tell: the caller moves the pointer to `ask()` and tells what the camera then saw.
+    """Ask and tell: the caller moves the pointer to `ask()` and passes the camera's image to
+    `tell()`.
 
-    After all poses the ones that disagree with the rest are asked for once more.
+    After all poses, those whose points disagree with the rest are asked for once more.
     """
 
     def __init__(
         self, lens: Lens, settings: TouchSettings, plan: Sequence[Pose] | None = None
     ) -> None:
-        """`plan` are other poses than those of the settings' grid, e.g. edited ones."""
+        """`plan` replaces the poses of the settings' grid, e.g. by edited ones."""
         self._lens = lens
         self._settings = settings
         self._plan = touch_plan(settings) if plan is None else checked_plan(plan, settings)
@@ -55,13 +59,18 @@ class TouchedPoints:
 
     @property
     def touches(self) -> tuple[Touched, ...]:
-        """All points that were taken, in the order in which they were."""
+        """All accepted points, in order of time."""
         return tuple(self._touches)
 
     @property
     def number(self) -> int | None:
-        """Which pose is asked for, None when there are enough points."""
+        """Number of the requested pose, None when there are enough points."""
         return self._queue[0] if self._queue else None
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the pose that is asked for decides and is not fitted."""
+        return bool(self._queue) and held_out(self._queue[0], self._settings)
 
     @property
     def again(self) -> bool:
@@ -69,14 +78,14 @@ class TouchedPoints:
         return self._second
 
     def ask(self) -> Pose | None:
-        """Where to bring the pointer next and hold it still; None when there is enough."""
+        """The next pose for the pointer, held still; None when there is enough."""
         return self._plan[self._queue[0]] if self._queue else None
 
     def tell(self, frame: Frame, pose: Pose) -> ToldTouch:
-        """An image of the pointer at rest at the measured `pose`.
+        """Process an image of the pointer at rest at the measured `pose`.
 
         After `patience` images without two that agree the point is given up. Raises
-        ConfigurationError for an image of another size than the lens was found with.
+        ConfigurationError for an image of another size than the lens was calibrated with.
         """
         self._check_size(frame)
         self._tries += 1
@@ -86,7 +95,7 @@ class TouchedPoints:
         return told
 
     def skip(self) -> None:
-        """Give up the pose that is asked for."""
+        """Give up the requested pose."""
         self._queue = self._queue[1:]
         self._tries, self._last = 0, None
         if not self._queue and not self._second:
@@ -94,14 +103,14 @@ class TouchedPoints:
             self._queue = list(suspects(self._touches, self._lens, self._settings))
 
     def repeat(self) -> None:
-        """Ask for the point before again; its touch is dropped."""
+        """Request the previous point again; its touch is dropped."""
         if self._touches:
             dropped = self._touches.pop()
             self._queue = [dropped.number, *self._queue]
             self._tries, self._last = 0, None
 
     def verdict(self) -> TouchVerdict:
-        """What the points told so far amount to."""
+        """The verdict on the points so far."""
         return touch_verdict(self._touches, self._lens, self._settings)
 
     def _check_size(self, frame: Frame) -> None:
@@ -147,7 +156,7 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
 
 
 def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, ...]:
-    """`plan`, unless it leaves fewer than twelve points to fit: a ConfigurationError."""
+    """`plan`, if it leaves at least twelve points to fit; else a ConfigurationError."""
     fitted = sum(not held_out(number, settings) for number in range(len(plan)))
     if fitted < MINIMUM_POINTS:
         raise ConfigurationError(
@@ -158,5 +167,5 @@ def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, .
 
 
 def held_out(number: int, settings: TouchSettings) -> bool:
-    """Whether the point with this number decides and is not fitted."""
+    """Whether the point with this number is held out of the fit."""
     return number % settings.hold_out == settings.hold_out // 2

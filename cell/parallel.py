@@ -1,6 +1,6 @@
-"""Work in processes of their own: parts side by side, and pools of workers.
+"""Work in local processes: independent parts, and pools of workers.
 
-Processes, not threads: much of the work holds the interpreter's lock.
+Processes, not threads: a third of the work holds the GIL.
 """
 
 import os
@@ -31,7 +31,7 @@ class Part(Protocol[R_co]):
 
     @property
     def key(self) -> str:
-        """Names it among the parts."""
+        """Unique name among the parts."""
         ...
 
     def measure(self) -> R_co:
@@ -53,10 +53,10 @@ R = TypeVar("R")
 def run(
     parts: Sequence[P], jobs: int, measure: Callable[[P], R]
 ) -> Iterator[tuple[P, R | Refusal]]:
-    """Every part with what `measure` makes of it, `jobs` at a time, in the order of finishing.
+    """Every part with its result by `measure`, `jobs` at a time, in the order of completion.
 
-    One that raises CellError is a Refusal. When a process dies, what was not finished is measured
-    one part at a time, so that the part that kills its process is known and refused too.
+    One that raises CellError is a Refusal. When a process dies, the unfinished parts are measured
+    one at a time, so that the part that kills its process is found and refused too.
     """
     left = list(parts)
     width = jobs
@@ -76,7 +76,7 @@ def run(
 
 @contextmanager
 def workers(jobs: int) -> Iterator[Executor]:
-    """An executor over `jobs` processes, over a thread of this very one for a single job.
+    """An executor over `jobs` processes, over a thread of this process for a single job.
 
     Raises WorkersLost when a process dies.
     """
@@ -103,7 +103,7 @@ def cores() -> int:
 def _shift(
     parts: Sequence[P], jobs: int, measure: Callable[[P], R]
 ) -> Iterator[tuple[P, R | Refusal | None]]:
-    """Results of one pool of processes; None for what it left undone when it broke."""
+    """Results of one pool of processes; None for parts left unfinished when it broke."""
     with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_obey_keyboard) as pool:
         waiting: dict[Future[R | Refusal], P] = {
             pool.submit(_measured, measure, part): part for part in parts
@@ -131,19 +131,19 @@ def _measured(measure: Callable[[P], R], part: P) -> R | Refusal:
 
 
 def _obey_keyboard() -> None:
-    """A worker ends silently on Ctrl-C, except in a fold, which stops its arm first."""
+    """SIGINT ends a worker silently, except in a fold, which stops its arm first."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     _end_with_parent(INTERRUPTED)
 
 
 def _ignore_keyboard() -> None:
-    """Ctrl-C is for the process that leads."""
+    """Ignore SIGINT in workers; the main process handles it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _end_with_parent(1)
 
 
 def _end_with_parent(code: int) -> None:
-    """End this worker with `code` once its parent is gone, however that one died."""
+    """End this worker with `code` once its parent process is gone."""
     Thread(target=_watch_parent, args=(code,), daemon=True).start()
 
 

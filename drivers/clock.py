@@ -1,17 +1,21 @@
-"""The wall clock, for hardware. The twin's clock lives with the twin."""
+"""Wall clock for runs on hardware; the twin's clock is `drivers.twin.clock`."""
 
 import time
 
 
 class WallClock:
-    """Monotonic seconds since it was made, or since another one's `origin` on the same machine."""
+    """Monotonic seconds since construction, or since the `origin` of another
+    one on this machine.
+    """
 
     def __init__(self, origin: float | None = None) -> None:
         self._start = time.monotonic() if origin is None else origin
 
     @property
     def origin(self) -> float:
-        """When time began, for a clock in another process that is to show the same."""
+        """Zero of this clock in the system's monotonic time [s], to start an equal clock in another
+        process.
+        """
         return self._start
 
     def now(self) -> float:

@@ -1,4 +1,4 @@
-"""The one family of errors that the cell raises on purpose."""
+"""Expected errors of the cell: one root class, one exit code each."""
 
 import traceback
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 class CellError(Exception):
     """Root of every expected error; `exit_code` is what the command line returns for it.
 
-    Survives the way from one process to another, whatever its constructor takes.
+    Can be pickled between processes, whatever its constructor takes.
     """
 
     exit_code = 1
@@ -41,7 +41,7 @@ class Fault(CellError):
 
 
 class SimulationNotFinite(Fault):
-    """The simulated strip diverged: a property of model and step, not of the controller."""
+    """The simulated strip diverged: caused by model and time step, not by the controller."""
 
     def __init__(self, engine: str, time: float) -> None:
         super().__init__(
@@ -52,7 +52,7 @@ class SimulationNotFinite(Fault):
 
 
 class SimulationNotConverged(Fault):
-    """An implicit engine found no next shape of a strip."""
+    """The implicit solver found no equilibrium shape for the next time step."""
 
     def __init__(self, engine: str, strip: int, time: float) -> None:
         super().__init__(
@@ -78,7 +78,7 @@ def _again(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:
 
 
 class Unexpected(CellError):
-    """A defect of this program: where it was, what it said, what to do."""
+    """A defect of this program: where it happened, the message, what to do."""
 
     def __init__(self, error: BaseException) -> None:
         place = traceback.extract_tb(error.__traceback__)[-1]
@@ -90,7 +90,7 @@ class Unexpected(CellError):
 
 
 class WorkersLost(CellError):
-    """Whoever folded is gone; the journal keeps what was done."""
+    """The worker processes died; the journal keeps what was finished."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"{reason}; run the same command again to go on")

@@ -1,4 +1,4 @@
-"""The one door by which files come in: regular ones only, of bounded size, refused in one line."""
+"""Reading of input files: regular files only, of bounded size, refused in one line."""
 
 import os
 import stat
@@ -17,10 +17,10 @@ KINDS = {
 
 
 def read_bytes(path: Path, most: int) -> bytes:
-    """Content of the regular file at `path`, of at most `most` bytes.
+    """Content of the regular file at `path`, at most `most` bytes.
 
-    Raises ConfigurationError for one that is missing, larger, unreadable, or no regular file: a
-    pipe or a device is never opened, for it could be waited for without end.
+    Raises ConfigurationError for a file that is missing, too large, unreadable or not regular. A
+    pipe or a device is never opened, because reading it could block for ever.
     """
     try:
         _check_kind(path, path.stat())
@@ -40,7 +40,7 @@ def read_bytes(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, most: int = TEXT) -> str:
-    """The same as text; what is not UTF-8 is refused too."""
+    """Content of a file as UTF-8 text; as `read_bytes`, and refuses any other encoding."""
     try:
         return read_bytes(path, most).decode("utf-8")
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""Where the cell frame stands in the robot's base frame."""
+"""Transform between the cell frame and the robot's base frame."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -17,7 +17,9 @@ class CellInRobot:
 
     @classmethod
     def from_yaw(cls, x: float, y: float, z: float, yaw: float) -> Self:
-        """Cell origin (x, y, z) [m] in the base, cell x-axis turned by `yaw` [rad] about z."""
+        """Transform from the cell's origin (x, y, z) [m] in the base and the yaw [rad] of its
+        x-axis about z.
+        """
         c, s = np.cos(yaw), np.sin(yaw)
         return cls(np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1.0]]))
 

@@ -1,4 +1,4 @@
-"""How an arm is installed in a cell: where it stands, how it may move, where it may be."""
+"""Installation of an arm in a cell: mounting, motion limits, workspace."""
 
 from math import pi
 
@@ -10,10 +10,10 @@ from drivers.settings import Settings
 
 
 class Mounting(Settings):
-    """The cell frame in the robot's base: its origin [m] and the turn of its x-axis [rad].
+    """Pose of the cell frame in the robot's base: origin [m] and yaw of its x-axis [rad].
 
-    By default the strip lies sideways before the robot, centred, on a desk that stands higher than
-    the robot's foot: so the hand lies flat over both of its ends.
+    By default the strip lies crosswise in front of the robot, centred, on a desk above the robot's
+    base, so that the hand lies flat over both of its ends.
     """
 
     x: float = Field(0.36, ge=-2, le=2)
@@ -22,12 +22,14 @@ class Mounting(Settings):
     yaw: float = Field(pi / 2, ge=-pi, le=pi)
 
     def transform(self) -> CellInRobot:
-        """The rigid transform."""
+        """Rigid transform from the cell frame to the robot's base."""
         return CellInRobot.from_yaw(self.x, self.y, self.z, self.yaw)
 
 
 class Installation(Settings):
-    """What holds for any arm of this cell, simulated or real; stated once, in the cell file."""
+    """Mounting, limits and workspace of any arm of this cell, simulated or real, from the cell
+    file.
+    """
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()

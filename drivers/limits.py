@@ -1,4 +1,4 @@
-"""What every motion of an arm must respect; each limit always has a value."""
+"""Limits on every motion of an arm; each of them always has a value."""
 
 from math import isfinite, pi
 from typing import Annotated
@@ -14,9 +14,10 @@ UNITS = ("m", "m", "rad")
 
 
 class AxisLimits(Settings):
-    """Largest magnitudes on one axis: [m/s, m/s^2, m/s^3], or the same in rad.
+    """Largest magnitudes on one axis: velocity, acceleration, jerk in [m/s, m/s^2, m/s^3] or in
+    rad.
 
-    None can be set so high that it limits nothing.
+    Values are bounded above, so that no limit can be switched off by a large number.
     """
 
     velocity: float = Field(gt=0, le=3)
@@ -24,7 +25,7 @@ class AxisLimits(Settings):
     jerk: float = Field(gt=0, le=12500)
 
     def lower(self, other: "AxisLimits") -> "AxisLimits":
-        """The lower of both limits."""
+        """Element-wise minimum of two sets of limits."""
         return AxisLimits(
             velocity=min(self.velocity, other.velocity),
             acceleration=min(self.acceleration, other.acceleration),
@@ -35,8 +36,8 @@ class AxisLimits(Settings):
 class MotionLimits(Settings):
     """Limits of the gripper's motion on each axis.
 
-    Those of the pitch stand to those of x as pi/2 to the 0.10 m of path over which it turns, as
-    far as the robot's 2.6 rad/s allow, so that a lift stays on its line.
+    Pitch turns by pi/2 over 0.10 m of path, so its limits are those of x times that ratio, bounded
+    by the robot's 2.6 rad/s; the lift then stays on its line.
     """
 
     x: AxisLimits = AxisLimits(velocity=0.2, acceleration=4.0, jerk=100.0)
@@ -49,7 +50,7 @@ class MotionLimits(Settings):
         return self.x, self.z, self.pitch
 
     def within(self, other: "MotionLimits") -> "MotionLimits":
-        """The lower of both limits on each axis."""
+        """Element-wise minimum of two sets of limits, axis by axis."""
         lower = {
             name: axis.lower(getattr(other, name))
             for name, axis in zip(AXES, self.axes, strict=True)
@@ -80,7 +81,7 @@ Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
 
 
 class Workspace(Settings):
-    """The box that the gripper stays in: [low, high] of x, z [m] and pitch [rad], cell frame."""
+    """Allowed box of the gripper: [low, high] of x, z [m] and pitch [rad], cell frame."""
 
     x: Annotated[tuple[Along, Along], AfterValidator(_ordered)] = (-0.15, 0.85)
     z: Annotated[tuple[Above, Above], AfterValidator(_ordered)] = (-0.01, 0.5)

@@ -1,4 +1,4 @@
-"""Smooth commanded motion of a gripper point, by ruckig; for every arm, real or simulated."""
+"""Jerk-limited commanded motion of the gripper point, by ruckig, for any arm."""
 
 from typing import Any
 
@@ -19,12 +19,12 @@ _STILL = [0.0, 0.0, 0.0]
 
 
 class MotionProfile:
-    """What the servo commands at each tick: a pose under limits on velocity, acceleration, jerk.
+    """Setpoint generator of a servo: a pose at each tick, within limits on velocity, acceleration,
+    jerk.
 
-    The newest order replaces the one before: follow a velocity, move to rest at a pose, brake.
-    A velocity holds for `EXPIRY`, then the profile brakes by itself and `expired` says so. A
-    velocity that leads out of the workspace is braked, axis by axis, so that the gripper rests
-    inside; the other axes go on.
+    The newest command replaces the one before: follow a velocity, move to rest at a pose, or brake.
+    A velocity holds for `EXPIRY`; then the profile brakes and sets `expired`. A velocity that would
+    leave the workspace is braked on the axes concerned so that the gripper stops inside.
     """
 
     def __init__(
@@ -80,10 +80,10 @@ class MotionProfile:
             self._follow(wish)
 
     def move_to(self, pose: Pose) -> None:
-        """Move to rest at `pose`, on a straight line from rest; from motion as fast as allowed.
+        """Move to rest at `pose`: on a straight line from rest, time-optimally from motion.
 
-        Refused with Fault `outside_workspace`. A motion that would swing out of the workspace
-        on its way is braked first.
+        Refused with Fault `outside_workspace`. A motion that would overshoot the workspace is
+        preceded by braking.
         """
         self._workspace.check(pose)
         self._begin()
@@ -145,7 +145,7 @@ class MotionProfile:
         self._elapsed = 0
 
     def _move(self, goal: Numbers) -> bool:
-        """Plan a move to rest at `goal`; False when it would swing out of the workspace."""
+        """Plan a move to rest at `goal`; False when it would overshoot the workspace."""
         order = self._order
         order.control_interface = ruckig.ControlInterface.Position
         order.per_dof_synchronization = None
@@ -160,7 +160,9 @@ class MotionProfile:
         return not self._leaving(self._plan)
 
     def _kept_inside(self, state: State) -> State:
-        """`state`, or one in which the axes brake that could no longer stop inside after it."""
+        """`state`, or one in which the axes brake that could not stop inside the workspace after
+        it.
+        """
         for _ in range(3):
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked
@@ -172,7 +174,7 @@ class MotionProfile:
         return state
 
     def _leaving(self, plan: ruckig.Trajectory) -> frozenset[int]:
-        """Axes on which `plan` goes out of the workspace, and further out than we are."""
+        """Axes on which `plan` leaves the workspace and gets further outside than it starts."""
         low, high, here = self._workspace.low, self._workspace.high, self._position
         return frozenset(
             i
@@ -204,7 +206,7 @@ def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) 
 
 
 def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
-    """Set the limits, in proportion to a `change` of pose or velocity unless that is nothing.
+    """Set the limits; in proportion to `change` of pose or velocity when that is not zero.
 
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """

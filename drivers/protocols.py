@@ -1,4 +1,4 @@
-"""Seams between the cell and its devices. The twin and real hardware both satisfy these."""
+"""Protocols of the devices of a cell: clock, arm, hand, camera. Twin and hardware satisfy both."""
 
 from typing import Protocol
 
@@ -6,7 +6,7 @@ from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
 
 class Clock(Protocol):
-    """Monotonic seconds since the run began. Nobody else tells time or sleeps."""
+    """Monotonic seconds since the run began; the only source of time and of waiting."""
 
     def now(self) -> float:
         """Seconds since the run began."""
@@ -20,12 +20,12 @@ class Clock(Protocol):
 class Arm(Protocol):
     """A gripper point that moves in the plane of the strip, in the cell frame.
 
-    The arm side owns the 1 kHz servo. Methods return at once; `state().moving` tells the rest.
-    Raises `Fault` when the robot refuses or has stopped by itself.
+    The arm's driver owns the 1 kHz servo. Methods return at once; `state().moving` tells whether a
+    motion is under way. Raises `Fault` when the robot refuses or has stopped by itself.
     """
 
     def connect(self) -> None:
-        """Take hold of the arm, at rest."""
+        """Connect and hold the arm at rest."""
         ...
 
     def state(self) -> ArmState:
@@ -37,7 +37,7 @@ class Arm(Protocol):
         ...
 
     def set_velocity(self, velocity: Velocity) -> None:
-        """Follow `velocity` from now on; without a fresh target the arm brakes by itself."""
+        """Follow `velocity` from now on; without a new command the arm brakes after a timeout."""
         ...
 
     def stop(self) -> None:
@@ -45,12 +45,12 @@ class Arm(Protocol):
         ...
 
     def close(self) -> None:
-        """Brake and let go of the device; allowed twice."""
+        """Brake and disconnect; calling it twice is allowed."""
         ...
 
 
 class Hand(Protocol):
-    """Two fingers."""
+    """A gripper with two fingers."""
 
     def open(self) -> None:
         """Start to open."""
@@ -74,7 +74,7 @@ class Camera(Protocol):
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz] that it delivers; before `connect` those that it is asked for."""
+        """Frames per second [Hz]: measured after `connect`, requested before it."""
         ...
 
     def connect(self) -> None:
@@ -90,5 +90,5 @@ class Camera(Protocol):
         ...
 
     def close(self) -> None:
-        """Stop and let go of the device; allowed twice."""
+        """Stop and release the device; calling it twice is allowed."""
         ...

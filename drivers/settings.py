@@ -1,4 +1,4 @@
-"""Files that a person writes: read safely, checked strictly, refused in one line."""
+"""Base of all settings, and reading of YAML and JSON files with errors in one line."""
 
 import json
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ SCHEMA = 1
 
 
 class Settings(BaseModel):
-    """Base of all configuration: frozen, no unknown key, no silent conversion from text."""
+    """Base of all configuration: frozen, unknown keys forbidden, no conversion from text."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -56,10 +56,11 @@ def read_json(path: Path, most: int = TEXT) -> dict[str, Any]:
 
 
 def parse(content: object, model: type[S], origin: str) -> S:
-    """`content` as `model`; ConfigurationError names every problem as `origin: key: reason`.
+    """`content` validated as `model`; ConfigurationError lists every problem as `origin: key:
+    reason`.
 
-    Nothing is converted: text and truth values are no numbers. Read as JSON, because there a
-    list is what tuples are given as.
+    Nothing is converted: text and booleans are not numbers. Validated as JSON, where tuples are
+    given as lists.
     """
     if not isinstance(content, Mapping):
         raise ConfigurationError(f"{origin}: must be a mapping of keys to values")
@@ -76,9 +77,9 @@ def parse(content: object, model: type[S], origin: str) -> S:
 
 
 def load(path: Path, model: type[S], *, bare: bool = False) -> S:
-    """The file at `path` read and checked as `model`; unless `bare`, it must state its `schema`.
+    """The file at `path`, read and validated as `model`; must state its `schema` unless `bare`.
 
-    Raises ConfigurationError, every problem on a line of its own.
+    Raises ConfigurationError, one line for each problem.
     """
     content = read_yaml(path)
     if not bare and "schema" not in content and "schema_" in model.model_fields:

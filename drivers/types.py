@@ -1,4 +1,4 @@
-"""Values that travel between drivers and the cell: poses, states, frames."""
+"""Values that drivers and cell exchange: poses, states, frames."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -45,7 +45,7 @@ STILL = Velocity(0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """When the world was so, when that became known, and who says it; times in run seconds."""
+    """Header of every measurement: stamp, arrival and source; times in run seconds."""
 
     stamp: float
     arrival: float
@@ -54,10 +54,10 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class ArmState(Reading):
-    """What the arm measured (`pose`, `velocity`) and what its servo commands now.
+    """Measured `pose` and `velocity` of the arm, and what its servo commands now.
 
-    `moving` is true while a motion is under way; `expired` once a velocity target ran out and
-    the arm braked by itself. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
+    `moving` is true while a motion is under way; `expired` once a velocity command timed out and
+    the arm braked. `force` on the gripper is (f_x, f_z) [N], NaN where not measured.
     """
 
     pose: Pose
@@ -70,7 +70,7 @@ class ArmState(Reading):
 
 @dataclass(frozen=True, slots=True)
 class HandState(Reading):
-    """Width between the fingers [m], whether they hold something, whether they move."""
+    """Finger width [m], whether the fingers hold something, whether they move."""
 
     width: float
     grasped: bool

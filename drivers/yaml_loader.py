@@ -1,4 +1,4 @@
-"""The YAML that files of the cell are written in: safe, strict, and bounded in every direction."""
+"""Safe and strict YAML loader with bounds on depth, size and digits."""
 
 import re
 from collections.abc import Hashable
@@ -13,10 +13,10 @@ NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 class BoundedLoader(yaml.SafeLoader):
-    """The safe loader, which also refuses a key that is given twice, reads 1e-3 as a number, and
-    refuses what would take minutes or gigabytes: depth, size after aliases, digits of a number.
+    """Safe YAML loader that refuses duplicate keys, reads 1e-3 as a number, and bounds depth, size
+    after aliases, and digits of a number.
 
-    Raises yaml.MarkedYAMLError at the place where a bound is passed.
+    Raises yaml.MarkedYAMLError at the place where a bound is exceeded.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -46,7 +46,7 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def compose_scalar_node(self, anchor: Any) -> Any:
-        """A scalar; a number that nobody means is refused before it is computed."""
+        """A scalar; a number with too many digits is refused before it is converted."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         node = super().compose_scalar_node(anchor)
         if node.tag in NUMBERS and len(node.value) > DIGITS:
@@ -54,7 +54,7 @@ class BoundedLoader(yaml.SafeLoader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A mapping whose keys are words, each given once."""
+        """A mapping with text keys, each given once."""
         seen: set[Hashable] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode) or key.tag in WORDLESS:

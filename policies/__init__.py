@@ -1,1 +1,1 @@
-"""What decides where the gripper goes: paths, feedback, and their training."""
+"""Folding policies: fixed paths, planned paths, feedback, and their training."""

@@ -14,7 +14,7 @@ WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
 
 
 class Training(Settings):
-    """How the weights came about."""
+    """Origin of the weights: settings and results of their training."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -56,7 +56,7 @@ def load_checkpoint(path: FilePath) -> Checkpoint:
 
 
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
-    """Write `checkpoint` to `path` at once: whole or, with ConfigurationError, not at all."""
+    """Write `checkpoint` to `path` atomically; ConfigurationError where that fails."""
     content = checkpoint.model_dump(by_alias=True)
     partial = path.with_name(path.name + ".partial")
     try:

@@ -1,4 +1,4 @@
-"""The paper's range of strips: stiffness and damping of its joints, sampled and gridded."""
+"""The paper's range of strips: stiffness and damping of its joints, sampled or on a grid."""
 
 import numpy as np
 

@@ -25,10 +25,10 @@ PAST = -0.20
 
 
 class Feedback:
-    """Decides phi by the network; `weights` (p, WEIGHTS) drive p equal groups of the batch.
+    """Computes phi by the network; `weights` (p, WEIGHTS) drive p equal groups of the batch.
 
-    Speed and pitch are constant. The direction always has a part toward the fixed edge, so that
-    every fold ends in a touch or past the edge.
+    Speed and pitch are constant. The direction always has a component toward the fixed edge, so
+    that every fold ends in a touch or past the edge.
     """
 
     name = "feedback"
@@ -42,13 +42,13 @@ class Feedback:
         self._warm()
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; `count` must be a multiple of the number of candidates."""
+        """Reset; `count` must be a multiple of the number of candidates."""
         self._length = strip.length
         self._speed = speed
         self._contact = np.full(count, np.nan)
 
     def lift(self) -> Path:
-        """The triangle, of which the first leg is used."""
+        """The triangle, of which only the first leg is used."""
         return triangular(self._length)
 
     def decide(self, observation: Observation) -> Decision:
@@ -77,8 +77,8 @@ class Feedback:
 
 
 def guarded(direction: Array, x: Array, z: Array) -> Array:
-    """Directions (n,) turned as little as keeps them toward the fixed edge and inside the bounds;
-    `x`, `z` (n,) over the strip's length.
+    """Directions (n,) limited to those toward the fixed edge and inside the bounds, with the least
+    change; `x`, `z` (n,) are over the strip's length.
     """
     taut = np.arctan2(z, x) + 0.5 * math.pi
     low = np.where(np.hypot(x, z) > REACH, taut, 0.5 * math.pi)
@@ -88,9 +88,9 @@ def guarded(direction: Array, x: Array, z: Array) -> Array:
 
 
 def load_feedback(path: FilePath | None = None) -> Feedback:
-    """The policy with the weights of the checkpoint at `path`, or the committed one, warmed.
+    """The policy with the weights of the checkpoint at `path`, or the committed one, warmed up.
 
-    Keeps torch to one thread: the network is too small to gain from more.
+    Limits torch to one thread: the network is too small to gain from more.
     """
     checkpoint: Checkpoint = load_checkpoint(path or COMMITTED)
     torch.set_num_threads(1)

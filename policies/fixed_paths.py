@@ -1,11 +1,13 @@
-"""The triangular path: right for an infinitely flexible strip on a desk that never slips."""
+"""Paths without feedback: triangular, circular, and the shifted triangle."""
 
 from policies.follower import PathPolicy
 from policies.path import Path, circular, triangular
 
 
 class Triangular(PathPolicy):
-    """Up to (L/2, L/2), down to (0, 0) (paper, state of the art)."""
+    """Triangular path: up to (L/2, L/2), down to (0, 0); exact for an infinitely flexible strip
+    that never slips (paper, state of the art).
+    """
 
     name = "triangular"
 
@@ -15,7 +17,7 @@ class Triangular(PathPolicy):
 
 
 class Circular(PathPolicy):
-    """Half a circle about (L/2, 0) (paper, state of the art)."""
+    """Circular path: half a circle about (L/2, 0) (paper, state of the art)."""
 
     name = "circular"
 
@@ -29,7 +31,7 @@ RISE = 0.042
 
 
 class Shifted(PathPolicy):
-    """The triangle moved up by `rise` [m], the same for every fabric."""
+    """Triangular path moved up by `rise` [m], the same for every fabric."""
 
     name = "shifted"
 

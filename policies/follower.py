@@ -1,4 +1,4 @@
-"""Following a path by heading, for a batch of grippers commanded by velocity."""
+"""Path following by heading, for a batch of grippers commanded by velocity."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ END = 0.0005  # m before its end at which a path has been followed
 
 
 class Follower:
-    """Progress of n grippers along one path; it never runs backwards.
+    """Progress of n grippers along one path; it never decreases.
 
     `progress` (n,) is the distance along the path [m] of the point nearest to each gripper.
     """
@@ -25,9 +25,10 @@ class Follower:
         self._reach = path.length
 
     def decide(self, x: Array, z: Array, speed: float) -> Decision:
-        """Along the path at `speed` [m/s] from grippers at `x`, `z` (n,) [m]; done at its end.
+        """Direction along the path at `speed` [m/s] from grippers at `x`, `z` (n,) [m]; done at its
+        end.
 
-        The first call finds each gripper anywhere on the path, later ones at most `WINDOW` on.
+        The first call searches the whole path, later ones at most `WINDOW` ahead.
         """
         points = np.stack([x, z], axis=-1)
         high = np.minimum(self.progress + self._reach, self.path.length)
@@ -51,7 +52,7 @@ class Follower:
 
 
 def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
-    """Distances along the path (n,) in [`low`, `high`] whose points are nearest to `points`."""
+    """Distances along the path (n,) in [`low`, `high`] of the points nearest to `points` (n, 2)."""
     starts, steps = path.points[:-1], np.diff(path.points, axis=0)
     lengths = np.diff(path.travel)
     along = np.einsum("nms,ms->nm", points[:, None] - starts, steps) / lengths
@@ -63,7 +64,7 @@ def nearest(path: Path, points: Array, low: Array, high: Array) -> Array:
 
 
 def tangents(path: Path, travel: Array) -> Array:
-    """Unit tangents (n, 2) at distances along the path; the last one holds beyond its end."""
+    """Unit tangents (n, 2) at distances along the path (n,); constant beyond its end."""
     segment = np.clip(
         np.searchsorted(path.travel, travel, side="right") - 1, 0, len(path.travel) - 2
     )
@@ -72,7 +73,7 @@ def tangents(path: Path, travel: Array) -> Array:
 
 
 class PathPolicy:
-    """A policy that follows a path drawn before the fold; a subclass says which."""
+    """A policy that follows a path known before the fold; subclasses define it."""
 
     name = ""
 
@@ -81,11 +82,13 @@ class PathPolicy:
         self._follower: Follower | None = None
 
     def path(self, length: float) -> Path:
-        """The whole path for a strip of `length` [m]; a policy that has none raises."""
+        """The whole path for a strip of `length` [m]; raises
+        NotImplementedError unless overridden.
+        """
         raise NotImplementedError
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; draw the path for `strip`."""
+        """Reset; compute the path for `strip`."""
         self._speed = speed
         self._follower = Follower(self.path(strip.length), count)
 

@@ -1,4 +1,4 @@
-"""What a policy foretells of a fold, and of the strip: for the record and for the operator."""
+"""Predictions of a policy about the fold and the strip, for the record and the operator."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -6,24 +6,24 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A number and the interval that holds the true one in 68 % of the folds."""
+    """A value with the interval that contains the true one in 68 % of the folds."""
 
     value: float
     low: float
     high: float
 
     def text(self, scale: float, digits: int) -> str:
-        """Value and interval times `scale`."""
+        """Text of value and interval times `scale`."""
         value, low, high = (f"{scale * v:.{digits}f}" for v in (self.value, self.low, self.high))
         return f"{value} ({low} to {high})"
 
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """The `displacement` that a policy expects and one `sigma` of it [m]; what strip it takes it
-    to be: bending length [m], retardation time [s], yield curvature of yarn friction [1/m].
+    """Expected `displacement` and one `sigma` of it [m]; estimated strip: bending length [m],
+    retardation time [s], yield curvature of yarn friction [1/m].
 
-    `blind`: no image deserves belief now, so that nothing is foretold of this fold.
+    With `blind` no image is reliable at present, and nothing is predicted for this fold.
     """
 
     displacement: float
@@ -34,7 +34,7 @@ class Foretold:
     blind: bool
 
     def sentence(self) -> str:
-        """For the operator."""
+        """Text for the operator."""
         return (
             f"foretold {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm; bending "
             f"length {self.bending_length.text(1e3, 1)} mm, retardation time "
@@ -45,8 +45,8 @@ class Foretold:
 
 @runtime_checkable
 class Foretelling(Protocol):
-    """A policy that says what it expects."""
+    """A policy that predicts the result of its fold."""
 
     def foretold(self) -> Foretold | None:
-        """What is expected of the first fold of the batch; None before the first decision."""
+        """Prediction for the first fold of the batch; None before the first decision."""
         ...

@@ -1,4 +1,4 @@
-"""A gripper motion written down before it is made: a path, and how it is travelled in time."""
+"""Predefined gripper motions: a path, and the travel along it over time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Along the path, forward or back, to the share `to` of its length."""
+    """Move along the path, forward or back, to the fraction `to` of its length."""
 
     to: float
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Stay for `duration` [s]."""
+    """Rest for `duration` [s]."""
 
     duration: float
 
@@ -33,11 +33,13 @@ class Shake:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Duration [s]."""
         return self.cycles / self.frequency
 
     def offset(self, time: Array) -> Array:
-        """Displacement (...,) [m] `time` (...,) [s] after it began; fades within half a cycle."""
+        """Displacement (...,) [m] at `time` (...,) [s] after its start; fades in and out within
+        half a cycle.
+        """
         left = np.minimum(time, self.duration - time)
         swell = np.clip(2.0 * left * self.frequency, 0.0, 1.0)
         return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))
@@ -48,10 +50,10 @@ Part = Go | Rest | Shake
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Where a gripper is meant to be at each time since it left the beginning of `path`.
+    """Planned gripper position over time since it left the beginning of `path`.
 
-    `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over
-    time; `shakes` begin at their times [s].
+    `times` (k,) [s] and `travels` (k,) [m] are the corners of the travel along the path over time;
+    `shakes` begin at their times [s].
     """
 
     path: Path
@@ -61,7 +63,7 @@ class Motion:
 
     @property
     def duration(self) -> float:
-        """Length of the motion [s]."""
+        """Duration of the motion [s]."""
         return float(self.times[-1])
 
     def at(self, time: Array | float) -> Array:
@@ -78,13 +80,13 @@ class Motion:
         return np.asarray(np.interp(time, self.times, self.travels))
 
     def passing(self, travel: float) -> float:
-        """Time [s] at which it is first `travel` [m] along the path."""
+        """Time [s] at which the motion first reaches `travel` [m] along the path."""
         k = max(1, int(np.argmax(self.travels >= travel)))
         return float(np.interp(travel, self.travels[k - 1 : k + 1], self.times[k - 1 : k + 1]))
 
 
 def motion(path: Path, parts: Sequence[Part], speed: float) -> Motion:
-    """The motion along `path` at `speed` [m/s], part by part from its beginning."""
+    """The motion along `path` at `speed` [m/s], composed of `parts` in order."""
     times, travels = [0.0], [0.0]
     shakes = []
     for part in parts:

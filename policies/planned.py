@@ -1,4 +1,6 @@
-"""The ceiling: stiffness and damping known, the path planned in the rod before the fold."""
+"""Upper bound for feedback: stiffness and damping known, the path planned in
+the rod before the fold.
+"""
 
 from collections.abc import Sequence
 
@@ -26,7 +28,7 @@ STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share
 
 
 def raised(length: float, rise: float) -> Path:
-    """The triangle, its apex and end moved up by `rise` [m]; its first stretch left where it is."""
+    """The triangle with apex and end moved up by `rise` [m]; its first section is unchanged."""
     bend = BENT * length
     apex = (length / 2, length / 2 + rise)
     return Path.through(np.array([(length, 0.0), (length - bend, bend), apex, (0.0, rise)]))
@@ -35,8 +37,8 @@ def raised(length: float, rise: float) -> Path:
 class Planned:
     """Follows the raised triangle on which the rod folds the strip with d = 0.
 
-    Plans once for a strip and a speed. `strips` are those of a batch in which each is known;
-    without them all are the strip given at `reset`.
+    Plans once for a strip and a speed. `strips` are the known strips of a batch; without them all
+    equal the strip given at `reset`.
     """
 
     name = "planned"
@@ -48,7 +50,7 @@ class Planned:
         self._paths = Paths([])
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Plan, unless that was done; see `Policy.reset` and, for its errors, `plan`."""
+        """Plan, unless already planned; see `Policy.reset`, and `plan` for its errors."""
         asked = (self._strips or (strip,), speed)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
@@ -57,11 +59,11 @@ class Planned:
         self._paths.reset(strip, speed, count)
 
     def lift(self) -> Path:
-        """The planned path; the first one of a batch, which all climb alike."""
+        """The planned path; the first one of a batch, which all follow for the lift."""
         return self._paths.lift()
 
     def decide(self, observation: Observation) -> Decision:
-        """Along the path; images are not looked at."""
+        """Direction along the planned path; images are not used."""
         return self._paths.decide(observation)
 
 
@@ -76,7 +78,7 @@ class Paths:
         self._speed = 0.0
 
     def reset(self, _: StripFile, speed: float, count: int) -> None:
-        """Begin at the paths' beginnings; ValueError unless `count` is their number."""
+        """Reset to the start of the paths; ValueError unless `count` is their number."""
         if count != len(self._each):
             raise ValueError(f"{count} strips, but {len(self._each)} paths")
         self._followers = [Follower(path, 1) for path in self._each]
@@ -87,7 +89,7 @@ class Paths:
         return self._each[0]
 
     def decide(self, observation: Observation) -> Decision:
-        """Each along its own path."""
+        """Directions along each gripper's own path."""
         places = zip(self._followers, observation.x, observation.z, strict=True)
         each = [f.decide(np.array([x]), np.array([z]), self._speed) for f, x, z in places]
         return Decision(
@@ -99,11 +101,11 @@ class Paths:
 
 
 def plan(strips: Sequence[StripFile], speed: float) -> Array:
-    """Rises (n,) [m] of the triangles at which the rod folds `strips` with d = 0 at `speed` [m/s].
+    """Rises (n,) [m] of the triangles on which the rod folds `strips` with d = 0 at `speed` [m/s].
 
-    Two rounds, all strips side by side: far apart, then close around the zero. The grippers'
-    motion is the one of a fold, with its lift and its limited acceleration. Raises
-    ConfigurationError where no path reaches d = 0.
+    Two rounds over all strips in one batch: coarse, then fine around the zero. The grippers move as
+    in a fold, with its lift and its limited acceleration. Raises ConfigurationError where no path
+    reaches d = 0.
     """
     motions = Motions(strips[0], speed)
     length = strips[0].length
@@ -120,7 +122,7 @@ def plan(strips: Sequence[StripFile], speed: float) -> Array:
 
 
 class Motions:
-    """How grippers really move when they follow raised triangles; each is worked out once."""
+    """Gripper motions along raised triangles, each computed once."""
 
     def __init__(self, strip: StripFile, speed: float) -> None:
         self.dt = 0.0
@@ -153,7 +155,7 @@ class Motions:
 
 
 class _Tape:
-    """An engine without strips, which keeps where the grippers went."""
+    """An engine without strips that records the grippers' poses."""
 
     def __init__(self) -> None:
         self.dt = 0.0

@@ -1,4 +1,4 @@
-"""The seam of every policy: an observation in, a direction out, for a batch of strips."""
+"""Protocol of every policy: an observation in, a direction out, for a batch of strips."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -13,13 +13,13 @@ from policies.path import Path
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What n strips show a policy; every array is (n,), [m] and [s].
+    """Inputs of a policy for n strips; arrays are (n,) unless stated, [m] and [s].
 
     `x`, `z` are the gripper's, measured now; `contact_x` is the desk contact and `tip_x`, `tip_z`
-    the fold's rightmost point at `stamp`, when the newest image was so; `time` is now. NaN is
+    the fold's rightmost point at `stamp`, the time of the newest image; `time` is now. NaN marks
     what was not seen. `profile` (n, m, 2) is the midline from the desk contact to the gripper at
-    `stamp`, the gripper itself its last point, and `profile_confidence` (n,) from 0 to 1 how much
-    of it deserves belief; both are empty where nobody measures profiles.
+    `stamp`, the gripper being its last point, and `profile_confidence` (n,) from 0 to 1 its
+    reliability; both are empty where profiles are not measured.
     """
 
     time: Array
@@ -35,8 +35,8 @@ class Observation:
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Where n grippers go: `direction` phi from the x-axis [rad], `speed` [m/s],
-    `pitch_rate` [rad/s], `done` where the policy has nothing left to do; arrays (n,).
+    """Command for n grippers: `direction` phi from the x-axis [rad], `speed` [m/s], `pitch_rate`
+    [rad/s], `done` where the policy has finished; arrays (n,).
     """
 
     direction: Array
@@ -46,16 +46,18 @@ class Decision:
 
 
 class Policy(Protocol):
-    """Decides on each new frame; holds its own memory, forgotten at `reset`."""
+    """Decides on each new frame; keeps its own memory, cleared by `reset`."""
 
     name: str
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s]."""
+        """Clear the memory; prepare to fold `count` strips of the length of
+        `strip` at `speed` [m/s].
+        """
         ...
 
     def lift(self) -> Path:
-        """The path whose first stretch lifts the edge from (L, 0) to the take-over height."""
+        """The path whose first section lifts the edge from (L, 0) to the take-over height."""
         ...
 
     def decide(self, observation: Observation) -> Decision:

@@ -1,4 +1,4 @@
-"""Profiles of lifted strips at a fixed number of points, from midlines and from images alike."""
+"""Profiles of lifted strips resampled to a fixed number of points, from simulation and images."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ POINTS = 12  # of a profile that a policy reads, desk contact and gripper includ
 
 
 def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
-    """Points (n, POINTS, 2) [m] at equal steps along midlines from desk contact to gripper.
+    """Points (n, POINTS, 2) [m] at equal arc lengths along midlines from desk contact to gripper.
 
     `shapes` (n, nodes, 2) at arc lengths `arc` (n, nodes) [m]; the strip before `contact_x` (n,)
     lies flat, so that this is also its arc length. The last point is the gripper's, `grip` (n, 2).
@@ -26,11 +26,11 @@ def profiles(shapes: Array, arc: Array, contact_x: Array, grip: Array) -> Array:
 
 
 def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) -> Array:
-    """One profile (1, POINTS, 2) [m] from `points` (m, 2) seen in an image.
+    """One profile (1, POINTS, 2) [m] from `points` (m, 2) measured in an image.
 
     It begins at the desk contact `contact_x` [m] and ends at the `gripper`'s x, z [m]: points of
-    images begin up to 2 mm past the one, and the fingers hide the last ones before the other. NaN
-    where nothing was seen.
+    images begin up to 2 mm past the contact, and the fingers hide the last ones before the gripper.
+    NaN where nothing was seen.
     """
     if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
@@ -38,7 +38,7 @@ def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) 
 
 
 def evened(points: Array) -> Array:
-    """Points (POINTS, 2) at equal steps along one polyline (m, 2) [m], m at least 2."""
+    """Points (POINTS, 2) at equal arc lengths along one polyline (m, 2) [m], m at least 2."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     travel = np.concatenate([[0.0], np.cumsum(steps)])
     at = np.linspace(0.0, travel[-1], POINTS)

@@ -10,7 +10,7 @@ MOTION = "motion:"
 
 
 def policy_names() -> tuple[str, ...]:
-    """The names that `make_policy` knows, in the order in which to show them."""
+    """The names that `make_policy` accepts, in display order."""
     return tuple(entries())
 
 

@@ -1,4 +1,4 @@
-"""Folds in simulation: any policy, any engine, a batch of strips in one closed loop."""
+"""Simulated folds: any policy, any engine, a batch of strips in one closed loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ NO_SHAPES = (np.empty((0, 0, 2)), np.empty((0, 0)))
 
 @runtime_checkable
 class Marching(Protocol):
-    """An engine that takes several steps in one call."""
+    """An engine that executes several steps in one call."""
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
@@ -32,9 +32,9 @@ class Marching(Protocol):
 class Rollout:
     """Settings of a simulated fold.
 
-    Decisions at `rate` [Hz], `substeps` engine steps in between; the gripper turns its velocity
-    with at most `acceleration` [m/s^2]; a fold that has not touched after `patience` times the
-    strip's length of travel is given up. Policies that read no `profile` fold faster without.
+    Decisions at `rate` [Hz], `substeps` engine steps in between; the gripper changes its velocity
+    with at most `acceleration` [m/s^2]; a fold without a touch after `patience` times the strip's
+    length of travel is given up. Policies that read no `profile` run faster without it.
     """
 
     speed: float = 0.1
@@ -53,7 +53,7 @@ class Rollout:
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """How n folds ended: `displacement` (n,) [m], NaN without a touch; `touch` each; mean
+    """Results of n folds: `displacement` (n,) [m], NaN without a touch; `touch` of each; mean
     horizontal `holding_force` (n,) [N] until then; gripper `trace` (k, n, 2) [m] from take-over.
     """
 
@@ -64,7 +64,7 @@ class Folds:
 
     @property
     def touched(self) -> NDArray[np.bool_]:
-        """Which folds ended in a touch (n,)."""
+        """Mask (n,) of the folds that ended in a touch."""
         return np.isfinite(self.displacement)
 
 
@@ -78,9 +78,10 @@ def roll_out(
     rng: np.random.Generator,
     groups: int = 1,
 ) -> Folds:
-    """Fold `models` at once, the policy knowing only `strip` and what it sees.
+    """Fold `models` in one batch; the policy is given only `strip` and its observations.
 
-    `groups` equal groups of strips meet the same noise and delays, so that candidates compare.
+    `groups` equal groups of strips get the same noise and delays, so that candidates can be
+    compared.
     """
     policy.reset(strip, settings.speed, len(models))
     engine.reset(models)
@@ -102,7 +103,7 @@ def roll_out(
 
 
 class _Loop:
-    """Grippers and strips between two decisions."""
+    """State of grippers and strips between two decisions."""
 
     def __init__(self, engine: Stepper, settings: Rollout, eye: Eye) -> None:
         self.eye = eye
@@ -138,14 +139,14 @@ class _Loop:
         self._velocity = np.tile(step / self._dt, (count, 1))
 
     def follow(self, decision: Decision) -> bool:
-        """Move as decided until the next decision; whether every fold has ended."""
+        """Move as decided until the next decision; returns whether every fold has ended."""
         if self._ended(decision):
             return True
         self._advance(self._led(decision))
         return False
 
     def _led(self, decision: Decision) -> Array:
-        """Poses (substeps, n, 3) of the grippers as they turn into the decided directions."""
+        """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading
         most = self._settings.acceleration * self._dt
@@ -163,7 +164,7 @@ class _Loop:
         return poses
 
     def folds(self) -> Folds:
-        """What came of it."""
+        """The results of the folds."""
         gone = [t.displacement if t is not None else np.nan for t in self._touch]
         force = self._force / np.maximum(self._looks, 1)
         return Folds(np.array(gone), self._touch, force, np.array(self._trace))

@@ -1,4 +1,4 @@
-"""A policy that makes a motion written down before, whatever the images show."""
+"""A policy that executes a predefined motion, whatever the images show."""
 
 from collections.abc import Callable
 
@@ -16,10 +16,10 @@ FASTEST = 0.19  # m/s that are ever asked for
 
 
 class Scripted:
-    """Makes the motion that `draw` gives for a strip's length [m] and a speed [m/s].
+    """Executes the motion that `draw` returns for a strip's length [m] and a speed [m/s].
 
-    The lift follows the motion's path; at the first decision the motion's clock is set to where
-    the gripper stands on it.
+    The lift follows the motion's path; at the first decision the motion's clock is set to the
+    gripper's position on it.
     """
 
     def __init__(self, name: str, draw: Callable[[float, float], Motion]) -> None:
@@ -29,7 +29,7 @@ class Scripted:
         self._begun: Array = np.zeros(0)
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Forget; draw the motion for `strip`."""
+        """Reset; create the motion for `strip`."""
         self._motion = self._draw(strip.length, speed)
         self._begun = np.full(count, np.nan)
 
@@ -38,7 +38,7 @@ class Scripted:
         return self._ready().path
 
     def decide(self, observation: Observation) -> Decision:
-        """Towards where the motion is by now, at its velocity; done at its end."""
+        """Direction to the motion's present point, at its velocity; done at its end."""
         motion = self._ready()
         here = np.stack([observation.x, observation.z], axis=-1)
         if np.isnan(self._begun).any():

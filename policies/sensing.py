@@ -1,4 +1,4 @@
-"""What a policy sees of simulated strips: late, noisy and with gaps, as through a camera."""
+"""Simulated sensing for policies: late, noisy and incomplete observations, as through a camera."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,13 +17,14 @@ STATE = 3
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """How images spoil the state; lengths [m], times [s], sigmas one standard deviation.
+    """Noise model of images; lengths [m], times [s], sigmas one standard deviation.
 
-    Anew in each image: noise of desk_contact, of the tip's x (and z, where `tip_z_sigma` says
-    otherwise), of each point of the profile; a share `wild` of images shows the contact off by
-    about `wild_size`. One value a strip: biases of contact, tip and profile, the `delay` of images
-    over a range, its error `delay_error` (stamps claim the delay without it), the share of images
-    that never come over the range `dropped`, a factor on every noise, log-uniform over `factor`.
+    Drawn for each image: noise of desk_contact, of the tip's x (and z, where `tip_z_sigma`
+    differs), of each point of the profile; in a fraction `wild` of images the contact is off by
+    about `wild_size`. Drawn once for each strip: biases of contact, tip and profile, the `delay` of
+    images over a range, its error `delay_error` (stamps are corrected for the delay without it),
+    the fraction of images lost over the range `dropped`, a factor on every noise, log-uniform over
+    `factor`.
     """
 
     contact_sigma: float = 0.001
@@ -81,7 +82,7 @@ TRAINING = replace(
 
 
 class Shown(NamedTuple):
-    """What images showed of n strips: `stamp` (n,), `state` (n, STATE), `profile` (n, m, 2)."""
+    """Observed state of n strips: `stamp` (n,), `state` (n, STATE), `profile` (n, m, 2)."""
 
     stamp: Array
     state: Array
@@ -89,7 +90,7 @@ class Shown(NamedTuple):
 
 
 class Draws:
-    """Random numbers of one group of strips, given to every group alike."""
+    """Random numbers of one group of strips, repeated for every group."""
 
     def __init__(self, groups: int, size: int, rng: np.random.Generator) -> None:
         self._groups, self._size, self._rng = groups, size, rng
@@ -107,10 +108,11 @@ class Draws:
 
 
 class Eye:
-    """Remembers what n strips showed at each decision and gives it back as images would.
+    """Simulated camera: stores the state of n strips at each decision and returns it as images
+    would.
 
-    The strips come in `groups` equal groups which get the same noise and the same delays.
-    Without `profile` no profiles are measured.
+    The strips come in `groups` equal groups which get the same noise and the same delays. Without
+    `profile` no profiles are measured.
     """
 
     def __init__(
@@ -143,10 +145,10 @@ class Eye:
         self._shown: Shown | None = None
 
     def remember(self, seen: Observables, shapes: Array, arc: Array, grip: Array) -> None:
-        """Take note of the strips' true state at the next decision time.
+        """Store the strips' true state at the next decision time.
 
-        Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] count only
-        where profiles are measured.
+        Midlines `shapes` (n, nodes, 2) at `arc` (n, nodes) and the grippers (n, 2) [m] are used
+        only where profiles are measured.
         """
         self._newest = (self._newest - 1) % len(self._recent)
         newest = self._recent[self._newest]
@@ -162,7 +164,7 @@ class Eye:
         return self._points > 0
 
     def look(self, time: float, points: Array) -> Observation:
-        """The observation at `time` [s], grippers at `points` (n, 2), exact."""
+        """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
         shown = self._kept(self._spoiled(time))
         return Observation(
             time=np.full(len(points), time),
@@ -200,7 +202,7 @@ class Eye:
         return profile + noise
 
     def _kept(self, new: Shown) -> Shown:
-        """The newest image that came: a dropped one leaves the one before it."""
+        """The newest image that was not lost."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             gone = self._draws.uniform(0.0, 1.0) < self._dropped
             new = Shown(

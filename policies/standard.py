@@ -1,4 +1,4 @@
-"""The standard motions by which simulation and measurement are compared."""
+"""Standard motions for comparing simulation and measurement."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -25,16 +25,16 @@ class Standard:
     parts: Sequence[Part]
 
     def of(self, length: float, speed: float | None = None) -> Motion:
-        """The motion for a strip of `length` [m], at its own speed or another [m/s]."""
+        """The motion for a strip of `length` [m], at its own or another speed [m/s]."""
         return motion(self.shape(length), self.parts, speed or self.speed)
 
 
 def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
-    """Straight up, on an arc of radius `turn` to 45 degrees, to an apex of `height` over the
-    middle, down to over the fixed edge.
+    """A tent-shaped path: straight up, an arc of radius `turn` to 45 degrees, an apex of `height`
+    over the middle, down to the fixed edge.
 
-    All in units of the strip's length. A strip that is drawn in before it is lifted buckles to
-    one side or the other by chance, and so does everything that it shows afterwards.
+    All in units of the strip's length. The path starts straight up because a strip drawn in before
+    it is lifted buckles to a random side, which changes the whole motion.
     """
     angle = np.linspace(0.0, np.pi / 4, 46)
     arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)
@@ -72,6 +72,6 @@ FIRST = "normal"
 
 
 def standard_order(rng: np.random.Generator) -> list[str]:
-    """The standard runs in the order in which to take them: shuffled, `FIRST` first and last."""
+    """The standard runs in the order of execution: shuffled, `FIRST` first and last."""
     others = [name for name in STANDARD if name != FIRST]
     return [FIRST, *(others[i] for i in rng.permutation(len(others))), FIRST]

@@ -1,1 +1,1 @@
-"""What one image says of the strip, and what a sequence of them says of the touch."""
+"""Measurement of the strip in one image, and detection of the layer touch in a sequence."""

@@ -1,4 +1,4 @@
-"""How strip, desk and backdrop look in this light."""
+"""Colours of strip, desk and backdrop in the present light."""
 
 from dataclasses import dataclass
 
@@ -12,9 +12,9 @@ from drivers.types import Array
 class Appearance:
     """Colours (3,) BGR 0 to 255 of strip, desk and backdrop, sampled before a fold.
 
-    `rest` (k,) are coefficients, constant first, of the height [m] over x [m] at which the
-    homography sees the strip's midline lie at rest. `scenery` is what was learnt where three
-    colours are not enough, None where they are.
+    `rest` (k,) are polynomial coefficients, constant first, of the resting midline's height [m]
+    over x [m] as the homography maps it. `scenery` is the learnt scene where three colours are not
+    enough, None where they are.
     """
 
     strip: Array

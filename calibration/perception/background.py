@@ -1,4 +1,4 @@
-"""What stands behind the strip, pixel by pixel, and how the light on it changes."""
+"""Background image behind the strip, and correction for changing light."""
 
 from dataclasses import dataclass
 
@@ -32,10 +32,11 @@ class Background:
     shade: NDArray[np.float32]
 
     def light(self, seen: Image, region: Region, visible: Image) -> Image:
-        """(h, w) brightness of the picture `seen` of `region`, EVEN where it is as at preflight.
+        """(h, w) brightness of the image `seen` (h, w, 3) of `region`, EVEN where unchanged since
+        preflight.
 
         Shadow and flicker are smooth, a strip is thin: the median over a neighbourhood is light
-        alone. Nothing is read where `visible` (h, w) is 0, as of the hand.
+        only. Pixels where `visible` (h, w) is 0, such as the hand, are not used.
         """
         h, w = seen.shape[:2]
         size = (-(-w // CELL), -(-h // CELL))
@@ -73,7 +74,7 @@ def background(
 
 
 def _bridge(image: Image, columns: Array, top: Array, bottom: Array) -> None:
-    """Fill every column between its rows `top` and `bottom` from above to below, in place."""
+    """Interpolate every column between its rows `top` and `bottom`, in place."""
     height = image.shape[0]
     tops, bottoms = np.maximum(top, EDGE), np.minimum(bottom, height - EDGE - 1)
     for u, first, last in zip(columns, tops, bottoms, strict=True):
@@ -86,7 +87,7 @@ def _bridge(image: Image, columns: Array, top: Array, bottom: Array) -> None:
 
 
 def _filled(values: Gain, known: Gain) -> Gain:
-    """Values (n, m) where `known`, the mean of known ones about elsewhere."""
+    """Values (n, m) where `known`, the mean of neighbouring known ones elsewhere."""
     if known.all():
         return values
     size = (3 * ABOUT, 3 * ABOUT)

@@ -1,4 +1,4 @@
-"""The checks of a picture before grasping, each with what was found and what to do."""
+"""Checks of an image before grasping, each with its finding and its remedy."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ APART = 3.0  # separation from what is behind it, standard deviations
 
 @dataclass(frozen=True, slots=True)
 class PreflightCheck:
-    """One named check: what was found, and what to do when it failed."""
+    """One named check: its finding, and the remedy when it failed."""
 
     name: str
     passed: bool
@@ -36,7 +36,7 @@ class PreflightCheck:
 
 
 def size(image: Image, calibration: Calibration) -> PreflightCheck:
-    """Whether the picture (h, w, 3) has the calibration's size."""
+    """Whether the image (h, w, 3) has the calibration's size."""
     lens = calibration.lens
     return PreflightCheck(
         "picture fits calibration",
@@ -48,7 +48,7 @@ def size(image: Image, calibration: Calibration) -> PreflightCheck:
 
 
 def thin_enough(strip: StripFile) -> PreflightCheck:
-    """Whether the strip is as thin as images are read for."""
+    """Whether the strip is thin enough for perception."""
     return PreflightCheck(
         "thickness",
         strip.thickness <= THICKEST,
@@ -73,7 +73,9 @@ def contrast(
 
 
 def told_from_desk(scenery: Scenery, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
-    """Whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
+    """Whether each of the strip's colours is distinguishable from the desk
+    (3,), lit or in shadow.
+    """
     apart = [float(np.linalg.norm(colour - desk)) for colour in scenery.colours]
     told = [separation(colour, desk, DESK_SHADE) for colour in scenery.colours]
     mostly = "" if min(told) >= settings.separation else ", mostly as a desk and its shadow do"
@@ -88,7 +90,7 @@ def told_from_desk(scenery: Scenery, desk: Array, settings: PerceptionSettings) 
 
 
 def solid(levels: Image, calibration: Calibration, strip: StripFile) -> PreflightCheck:
-    """Whether no part of the strip looks like desk in the softened matte `levels` (h, w)."""
+    """Whether no part of the strip looks like desk in the smoothed matte `levels` (h, w)."""
     least = float(np.quantile(shares_along(levels, calibration, strip), 0.05))
     return PreflightCheck(
         "solid",
@@ -102,7 +104,9 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile) -> Prefligh
 def told_from_background(
     scenery: Scenery, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
-    """Whether what stands behind the strip's way differs from each of its colours."""
+    """Whether the background along the strip's motion is distinguishable from
+    each of its colours.
+    """
     way = way_of(calibration, strip.length)
     alike = (scenery.separation(way) < APART).mean(axis=0)
     share = float(alike.mean())
@@ -119,7 +123,7 @@ def told_from_background(
 
 
 def exposed(seen: Samples) -> PreflightCheck:
-    """Whether strip, desk and backdrop are neither burnt out nor black."""
+    """Whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
     white, black = ((pixels > WHITE).any(axis=1).mean(), (pixels < BLACK).all(axis=1).mean())
     return PreflightCheck(
@@ -132,7 +136,7 @@ def exposed(seen: Samples) -> PreflightCheck:
 
 
 def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
-    """Whether the strip is seen along its place; `clear` where it can be."""
+    """Whether the strip is seen along its expected place; `clear` where it can be."""
     there = float(seen.present[seen.x < strip.length - 0.01].mean())
     return PreflightCheck(
         "strip lies there",
@@ -145,7 +149,7 @@ def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCh
 def rests_well(
     seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
 ) -> tuple[PreflightCheck, ...]:
-    """Whether the strip is flat, on the plane of the calibration and as long as stated."""
+    """Whether the strip lies flat, in the calibrated plane, with the stated length."""
     x, z = seen.x[seen.present], seen.z[seen.present]
     bump = float(np.abs(z - appearance.rest_height(x)).max())
     high = float(np.abs(appearance.rest_height(x)).max())
@@ -174,20 +178,20 @@ def rests_well(
 
 
 def separation(colour: Array, scene: Array, shade: float) -> float:
-    """How far a colour (3,) of the strip is from one of the scene, in standard deviations."""
+    """Distance of a colour (3,) of the strip from one of the scene, in standard deviations."""
     behind, light = scene[None].astype(np.float32), np.array([shade], dtype=np.float32)
     return float(np.sqrt(discriminant(colour.astype(np.float32), behind, light)[2][0]))
 
 
 def _heaviest(alike: Floats) -> Array:
-    """(2,) pixel u, v about which most of `alike` (h, w) lies."""
+    """(2,) pixel u, v around which most of `alike` (h, w) lies."""
     near = cv2.blur(alike, (61, 61))
     v, u = np.unravel_index(int(np.argmax(near)), near.shape)
     return np.array([float(u), float(v)])
 
 
 def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
-    """Whether the camera stands where it was calibrated, by what its landmarks say."""
+    """Whether the camera has moved since its calibration, by its landmarks."""
     seen = np.isfinite([shift.x, shift.z]).all()
     desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
     moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"

@@ -1,4 +1,4 @@
-"""desk_contact: a search along the strip's line in the raw image, refined on its underside."""
+"""desk_contact in an image: search along the strip's line, refined on its underside."""
 
 from dataclasses import dataclass
 
@@ -18,10 +18,11 @@ MARGIN = 0.004  # m of desk that must follow
 
 @dataclass(frozen=True, slots=True)
 class SearchLine:
-    """The line that the strip's underside crosses where its midline stands `height` over rest.
+    """The line along which the strip's underside is searched, where its midline is `height` over
+    rest.
 
     `x` (n,) [m] and raw image points `pixels` (n, 2), projected once; `front` (k, 2) [px] lie on
-    the desk before the strip, where none can be.
+    the desk in front of the strip, where no strip can be.
     """
 
     x: Array
@@ -48,16 +49,16 @@ class SearchLine:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """x of the desk contact [m], NaN when not seen, and how sharply strip turned into desk."""
+    """x of the desk contact [m], NaN when not seen, and the sharpness of the transition to desk."""
 
     x: float
     confidence: float
 
 
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
-    """First place along the line, from the fixed end, where strip gives way to desk.
+    """First point along the line, from the fixed end, where strip changes to desk.
 
-    `levels` is the softened matte of the window whose first pixel is `origin` (2,) [px].
+    `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
     """
     if np.median(share(_sampled(levels, line.front - origin))) > 0.5:  # all looks like strip
         return Contact(float("nan"), 0.0)

@@ -1,4 +1,4 @@
-"""Where the strip's borders are, to a fraction of a pixel, on lines across it."""
+"""Sub-pixel positions of the strip's borders on lines across it."""
 
 from dataclasses import dataclass
 from typing import Any

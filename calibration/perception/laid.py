@@ -1,4 +1,4 @@
-"""Where the edges of a folded strip lie, from where its loop ends."""
+"""Offset between the edges of a laid fold, from the end of its loop."""
 
 import math
 
@@ -12,11 +12,11 @@ ROUGH = 10.0  # 1/m, yield curvature
 def edge_offset(
     length: float, tip_x: float, bending_length: float, yield_curvature: float
 ) -> float:
-    """How far the grasped edge lies beyond the fixed one [m], with the sign of d.
+    """Offset of the grasped edge beyond the fixed one [m], with the sign of d.
 
-    Of a strip of `length` [m] that lies folded, the rightmost point of its loop at `tip_x` [m]. The
-    layers lie flat, so that a tip 1 mm to the left leaves 2 mm more for the upper one; what the
-    loop holds follows from `bending_length` [m] and the friction's `yield_curvature` [1/m].
+    For a folded strip of `length` [m] whose loop has its rightmost point at `tip_x` [m]. The layers
+    lie flat, so a tip 1 mm to the left leaves 2 mm more for the upper layer; the length in the loop
+    follows from `bending_length` [m] and the friction's `yield_curvature` [1/m].
     """
     friction = math.log1p(yield_curvature / ROUGH)
     loop = ALWAYS + OF_LENGTH * bending_length + OF_FRICTION * friction

@@ -1,4 +1,4 @@
-"""layer_touch from images: the visible gap closes and the falling fold stops."""
+"""layer_touch from a sequence of images: the visible gap closes and the falling fold stops."""
 
 from dataclasses import dataclass
 
@@ -25,11 +25,11 @@ class Fall:
 
 
 class LayerTouch:
-    """Watches sights in order and tells layer_touch once both signals agree; never a guess.
+    """Detects layer_touch in a sequence of measurements once two signals agree.
 
     The first signal is the gap: within `touch_margin` of the touching distance. The second is the
-    fall: its speed drops to `touch_stop` of what it was while the gap closed. The touch's time is
-    where the closing gap, extrapolated from before the stop, reaches the touching distance.
+    fall: its speed drops to `touch_stop` of what it was while the gap closed. The time of the touch
+    is where the closing gap, extrapolated from before the stop, reaches the touching distance.
     """
 
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
@@ -41,9 +41,9 @@ class LayerTouch:
         self._touch: SeenTouch | None = None
 
     def tell(self, sight: StripMeasurement, gripper: Pose) -> SeenTouch | None:
-        """The touch, on the frame that completes the evidence and on all later ones, else None.
+        """The touch, from the frame that completes the evidence on, else None.
 
-        `gripper` is the measured pose at the sight's stamp. The touch's own time is earlier.
+        `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
         """
         if self._touch is None:
             fall = _fall(sight, gripper)
@@ -53,7 +53,7 @@ class LayerTouch:
         return self._touch
 
     def _follows(self, fall: Fall) -> bool:
-        """Whether it is later than those before, and leaves no more strip than there is."""
+        """Whether it is later than the ones before, and consistent with the strip's length."""
         later = not self._falls or fall.time > self._falls[-1].time
         return later and fall.x + fall.to_grasped < self._most
 
@@ -87,12 +87,12 @@ class LayerTouch:
         return seen if self._is_a_fold(seen) else None
 
     def _is_a_fold(self, touch: SeenTouch) -> bool:
-        """Whether the layers could lie so: a strip folded near its end is a strip seen wrong."""
+        """Whether the layers can lie so: a fold near the strip's end is a misreading."""
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
 def _fall(sight: StripMeasurement, gripper: Pose) -> Fall | None:
-    """What a sight says of the fall, or None where no gap is seen."""
+    """The falling fold in one measurement, or None where no gap is seen."""
     if not np.isfinite(sight.gap) or len(sight.profile) < 4:
         return None
     points = np.vstack([sight.profile, [(gripper.x, gripper.z)]])
@@ -113,8 +113,8 @@ def _fall(sight: StripMeasurement, gripper: Pose) -> Fall | None:
 def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
     """When the closing gap reached `end` [m] and how fast [m/s], or None if it never closed.
 
-    The line through the last three gaps above `level` is led on to `end`: what comes after may
-    be at rest already.
+    The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
+    at rest already.
     """
     down = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
     if len(down) == 0:
@@ -131,7 +131,7 @@ def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, flo
 
 
 def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
-    """When the fall stopped: where its line meets the level on which the gap came to rest."""
+    """End of the fall: the intersection of its line with the level of the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
     j = int(np.flatnonzero(moving)[-1])

@@ -1,4 +1,6 @@
-"""How much of a pixel is strip: the matte of a uniform strip before a uniform scene."""
+"""Alpha matte of the strip: the fraction of each pixel that is strip, for
+uniform strip and scene.
+"""
 
 from dataclasses import dataclass
 
@@ -14,7 +16,7 @@ SHADE = 0.15  # share of brightness by which light, folds and shadow change a co
 
 @dataclass(frozen=True, slots=True)
 class Matte:
-    """A linear measure of how much of a pixel is strip: `row` (1, 4) for a BGR image.
+    """A linear estimate of each pixel's fraction of strip: `row` (1, 4) for a BGR image.
 
     `separation` is the distance of strip and surroundings in standard deviations of a pixel.
     """
@@ -35,8 +37,8 @@ class Matte:
 def matte(strip: Array, desk: Array, backdrop: Array) -> Matte:
     """Fisher's discriminant of the strip's colour from both others, (3,) BGR each.
 
-    Noise, brightness of either and the difference of desk and backdrop count as spread, so that
-    shadow and light gradient show as little as the colours allow.
+    Noise, brightness of either and the difference of desk and backdrop count as scatter, so that
+    shadow and light gradient affect the matte as little as the colours allow.
     """
     around = (desk + backdrop) / 2
     spread = NOISE**2 * np.eye(3)
@@ -53,10 +55,10 @@ def matte(strip: Array, desk: Array, backdrop: Array) -> Matte:
 
 
 def soft(levels: Image) -> Image:
-    """Matte levels (h, w) with half the noise, borders in place."""
+    """Matte levels (h, w), smoothed to half the noise without moving borders."""
     return np.asarray(cv2.GaussianBlur(levels, (3, 3), 0), dtype=np.uint8)
 
 
 def share(levels: Array | Image) -> Array:
-    """Matte grey levels (...,) as shares of strip, 0 to 1 and a little beyond."""
+    """Fractions of strip (...,) from matte grey levels (...,): 0 to 1 and slightly beyond."""
     return np.asarray((np.asarray(levels, dtype=np.float64) - ZERO) / SCALE)

@@ -1,4 +1,4 @@
-"""What the camera saw of the strip in one frame, in the cell frame."""
+"""Measurement of the strip from one camera frame, in the cell frame."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,10 @@ from drivers.types import Array
 class StripMeasurement:
     """One frame's measurement. Lengths [m], NaN where not seen; confidences 0 to 1.
 
-    `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the
-    fold's rightmost point; `gap` the smallest visible vertical distance between the layers'
-    midlines and `gap_x` its place, NaN before the upper layer begins to fall; `gripper` where the
-    arm says that it held the strip when the image was taken.
+    `profile` (m, 2) is the visible midline from the desk contact to the gripper; `tip` the fold's
+    rightmost point; `gap` the smallest visible vertical distance between the layers' midlines and
+    `gap_x` its place, NaN before the upper layer begins to fall; `gripper` the arm's measured pose
+    at the image's stamp.
     """
 
     stamp: float
@@ -28,13 +28,13 @@ class StripMeasurement:
 
     @property
     def confidence(self) -> float:
-        """Confidence in the frame as a whole: that of its weakest part."""
+        """Confidence in the frame as a whole: the lowest of its parts."""
         return min(self.contact_confidence, self.profile_confidence)
 
 
 @dataclass(frozen=True, slots=True)
 class SeenTouch:
-    """layer_touch as the images show it: time [s], x [m], lengths l1 and l2 [m], confidence.
+    """layer_touch measured in images: time [s], x [m], lengths l1 and l2 [m], confidence.
 
     `confidence` is the agreement of its two signals, the closing gap and the stopping fold.
     """

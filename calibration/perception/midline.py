@@ -1,4 +1,4 @@
-"""The midline of a thin bright object on a dark background, from where it enters to its tip."""
+"""Midline of a thin bright object on a dark background, from the image border to its tip."""
 
 from dataclasses import dataclass
 from typing import cast
@@ -33,9 +33,9 @@ class Midline:
 
 
 def extract_midline(image: Image, count: int = 200) -> Midline:
-    """Midline of the object that enters `image` (h, w, 3) at its left border, `count` points.
+    """`count` points of the midline of the object that enters `image` (h, w, 3) at its left border.
 
-    Fluff, specks and a change of the background are not followed. A picture without one is a
+    Fluff, specks and background gradients are ignored. An image without such an object is a
     ConfigurationError.
     """
     scale = max(1.0, image.shape[0] / WORKING_HEIGHT)
@@ -52,7 +52,7 @@ def _brightness(image: Image) -> Image:
 
 
 def _object(grey: Image) -> tuple[Mask, float]:
-    """The bright body that touches the left border, without its fluff, and its width."""
+    """The bright region that touches the left border, without fluff, and its width."""
     smooth = cv2.medianBlur(grey, 5)
     _, bright = cv2.threshold(smooth, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     uniform = bright.min() == bright.max()
@@ -74,7 +74,7 @@ def _object(grey: Image) -> tuple[Mask, float]:
 
 
 def _travel(mask: Mask) -> Array:
-    """Shortest way inside the mask from its entry at the left border [px], inf outside."""
+    """Geodesic distance inside the mask from its entry at the left border [px], inf outside."""
     index = np.full(mask.shape, -1)
     index[mask] = np.arange(mask.sum())
     height, width = mask.shape
@@ -96,7 +96,7 @@ def _travel(mask: Mask) -> Array:
 
 
 def _level_centres(mask: Mask, travel: Array, step: float) -> Array:
-    """Centres (n, 2) of the bands of equal travel, `step` wide [px]."""
+    """Centres (n, 2) of the bands of equal distance, `step` wide [px]."""
     reached = mask & np.isfinite(travel)
     v, u = np.nonzero(reached)
     band = (travel[reached] / step).astype(int)
@@ -125,7 +125,7 @@ def _resample(points: Array, count: int) -> Array:
 
 
 def _centre(grey: Image, points: Array, width: float) -> Array:
-    """Points moved along their normals to the middle of the brightness across the object."""
+    """Points moved along their normals to the centre of brightness across the object."""
     tangent = np.gradient(_smooth(points, 3), axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
@@ -141,7 +141,7 @@ def _centre(grey: Image, points: Array, width: float) -> Array:
 
 
 def _to_ends(mask: Mask, points: Array, width: float) -> Array:
-    """The midline led on to the middle of the cut at the left border, and straight to the tip."""
+    """The midline extended to the left border's cut, and straight to the tip."""
     cut = np.flatnonzero(mask[:, 0])
     entry = np.array([0.0, cut.mean()])
     clear = np.hypot(*(points - entry).T) > 0.8 * width

@@ -1,4 +1,4 @@
-"""The colours of a strip, however many there are, sampled where it lies."""
+"""Colours of a strip, sampled where it lies."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def palette(samples: Array) -> Array:
 
 
 def unexplained(samples: Array, colours: Array) -> NDArray[np.bool_]:
-    """Which samples (n, 3) are of none of the colours (k, 3)."""
+    """Which samples (n, 3) match none of the colours (k, 3)."""
     return np.asarray(_distances(samples, colours).min(axis=1) > FAR)
 
 
@@ -46,7 +46,7 @@ def _distances(samples: Array, colours: Array) -> Array:
 
 
 def _farthest(samples: Array, colours: Array) -> Array:
-    """The colour about the samples that are explained worst: of a tenth of them, the median."""
+    """Median colour of the tenth of the samples that are explained worst."""
     distance = _distances(samples, colours).min(axis=1)
     worst = samples[int(np.argmax(distance))]
     near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
@@ -54,7 +54,7 @@ def _farthest(samples: Array, colours: Array) -> Array:
 
 
 def _refined(samples: Array, colours: Array) -> Array:
-    """Colours moved to the median of the samples nearest to each, until they rest."""
+    """Colours moved to the median of the samples nearest to each, until convergence."""
     for _ in range(ROUNDS):
         nearest: Indices = _distances(samples, colours).argmin(axis=1)
         moved = np.array(

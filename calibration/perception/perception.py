@@ -1,4 +1,4 @@
-"""One frame in, one sight of the strip out."""
+"""Reads one measurement of the strip from one frame."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,9 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The lifted midline (n, 2) [m] from contact to gripper, and how much of it was seen."""
+    """The lifted midline (n, 2) [m] from contact to gripper, and the fraction
+    of it that was seen.
+    """
 
     points: Array
     confidence: float
@@ -33,7 +35,7 @@ UNSEEN = Curve(np.empty((0, 2)), 0.0)
 
 
 class Perception:
-    """Reads frames of one strip under one calibration; holds nothing between frames."""
+    """Reads frames of one strip under one calibration; has no state between frames."""
 
     def __init__(
         self,
@@ -65,7 +67,7 @@ class Perception:
     def look(self, frame: Frame, gripper: Pose) -> StripMeasurement:
         """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
 
-        Never raises for what an image shows: what is not seen is NaN with confidence 0.
+        Never raises because of an image: what is not seen is NaN with confidence 0.
         """
         region = strip_region(self._calibration, self._strip.length, gripper)
         if self._scenery is not None:
@@ -89,7 +91,7 @@ class Perception:
         )
 
     def _levels(self, image: Image, region: Region, gripper: Pose) -> Image:
-        """How much of each pixel of `region` is strip, in matte levels."""
+        """Matte levels of each pixel of `region`."""
         if self._scenery is None:
             return self._matte.of(region.of(image))
         visible = np.full(region.of(image).shape[:2], 255, dtype=np.uint8)
@@ -155,7 +157,7 @@ class Perception:
 
 
 def _scale(calibration: Calibration) -> float:
-    """Metres per pixel where the camera looks."""
+    """Metres per pixel at the camera's centre of view."""
     lens = calibration.lens
     middle = np.array([(lens.width / 2, lens.height / 2), (lens.width / 2 + 1, lens.height / 2)])
     return float(np.hypot(*np.diff(calibration.to_plane(middle), axis=0)[0]))

@@ -1,4 +1,4 @@
-"""One picture before grasping: does the right strip lie there, flat and well visible?"""
+"""Check of one image before grasping: the right strip lies there, flat and well visible."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ FEW = 0.001  # share of the background where that may be
 
 @dataclass(frozen=True, slots=True)
 class Preflight:
-    """All checks of one picture, and how things look; `appearance` is None without a strip."""
+    """All checks of one image, and the colours found; `appearance` is None without a strip."""
 
     checks: tuple[PreflightCheck, ...]
     appearance: Appearance | None
@@ -48,10 +48,10 @@ class Preflight:
 def inspect(
     frame: Frame, calibration: Calibration, settings: PerceptionSettings, strip: StripFile
 ) -> Preflight:
-    """Checks of the picture `frame` of a strip lying flat on the desk, not yet grasped.
+    """Checks of the image `frame` of a strip lying flat on the desk, not yet grasped.
 
-    A uniform strip before a uniform scene is told by three colours. Of any other the background
-    is learnt pixel by pixel, and the strip's colours one by one.
+    A uniform strip and scene are described by three colours. Otherwise the background is learnt
+    pixel by pixel, and the strip's colours one by one.
     """
     image = frame.image
     refused = [
@@ -80,7 +80,7 @@ def inspect(
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """What a picture is judged by, and the pixels sampled from it."""
+    """Inputs of the checks of one image, and the pixels sampled from it."""
 
     calibration: Calibration
     settings: PerceptionSettings
@@ -91,7 +91,9 @@ class _Case:
 def _judged(
     case: _Case, levels: Image, told: tuple[PreflightCheck, ...], scenery: Scenery | None = None
 ) -> Preflight:
-    """The strip by matte `levels` of the whole picture, after the checks that it can be `told`."""
+    """The strip by matte `levels` of the whole image, after the checks that it
+    is distinguishable.
+    """
     lying = underside(soft(levels), case.calibration, case.strip)
     lies = lies_there(lying, case.strip, clear=all(check.passed for check in told))
     if not lies.passed:
@@ -103,9 +105,9 @@ def _judged(
 
 
 def _uniform(levels: Image, case: _Case) -> bool:
-    """Whether the strip has one colour and nothing behind its way looks like it.
+    """Whether the strip has one colour and nothing behind its motion looks like it.
 
-    `levels` are those of the whole picture.
+    `levels` are those of the whole image.
     """
     way = way_of(case.calibration, case.strip.length)
     alike = np.abs(share(soft(levels)[way > 0])) > ALIKE

@@ -1,4 +1,4 @@
-"""From the borders in the image to the midline in the plane of the near edge."""
+"""Midline in the plane of the near edge from the strip's borders in the image."""
 
 from dataclasses import dataclass
 
@@ -17,8 +17,8 @@ CLOSE = (0.6, 1.2)  # px: an inner border this near to where geometry wants it i
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """What a strip looks like from here: calibration, thickness and width [m], and `origin` (2,)
-    [px] of the window in which outlines are given.
+    """Imaging geometry of a strip: calibration, thickness and width [m], and `origin` (2,) [px] of
+    the window in which outlines are given.
     """
 
     calibration: Calibration
@@ -32,14 +32,14 @@ class Geometry:
 
     @property
     def sweep(self) -> float:
-        """Share of the way to the foot by which the far edge is drawn towards it."""
+        """Fraction of the distance to the foot by which the far edge appears shifted."""
         return self.calibration.viewpoint.sweep(self.width)
 
 
 @dataclass(frozen=True, slots=True)
 class MidlinePoints:
     """Points (n, 2) of the midline [m] in order, unit `tangents` (n, 2), and `seen` (n,) whether
-    the band looked as geometry says; `scale` [m/px].
+    the band had the expected width; `scale` [m/px].
     """
 
     points: Array
@@ -51,8 +51,8 @@ class MidlinePoints:
 def midline_points(levels: Image, side: Side, geometry: Geometry) -> MidlinePoints:
     """The strip's midline at each point of its outer side in matte `levels` (h, w).
 
-    The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a
-    far one is drawn back from the foot by the sweep, and the near edge is looked for behind it.
+    The outer side is the near edge where it faces away from the foot, the far edge elsewhere: a far
+    edge is shifted back from the foot by the sweep, and the near edge is searched behind it.
     """
     place = geometry.plane(side.points)
     out = geometry.plane(side.points + side.normals) - place
@@ -94,8 +94,8 @@ def _midline(
 
 
 def _far_offset(differences: Array, scale: float) -> float:
-    """How far the far edge stands from where the near edge says [m], over all points that show
-    both: what the stated width and thickness leave.
+    """Distance of the far edge from its prediction by the near edge [m], the median over all points
+    that show both; caused by errors of stated width and thickness.
     """
     both = differences[np.abs(differences) < AGREE * scale]
     return float(np.median(both)) if len(both) >= 10 else 0.0
@@ -104,8 +104,8 @@ def _far_offset(differences: Array, scale: float) -> float:
 def ordered(midline: MidlinePoints, spacing: float) -> Array:
     """The midline's points (n, 2) at about equal `spacing` [m] in order, never doubling back.
 
-    Where the outer side changes from near to far edge, its points repeat a stretch of the
-    midline: they are sorted by how far they lie along it, and averaged.
+    Where the outer side changes from near to far edge, its points repeat a section of the midline:
+    they are sorted by arc length and averaged.
     """
     points, tangents = midline.points[midline.seen], midline.tangents[midline.seen]
     if len(points) < 4:

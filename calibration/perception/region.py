@@ -1,4 +1,4 @@
-"""The part of the image where the strip can be, and what the hand hides of it."""
+"""Image region in which the strip can appear, and the mask of the hand."""
 
 from dataclasses import dataclass, replace
 from typing import Self, TypeVar
@@ -52,9 +52,10 @@ class Region:
 
 
 def strip_region(calibration: Calibration, length: float, gripper: Pose) -> Region:
-    """Where a strip of `length` [m], fixed at x = 0 and held by the gripper, can appear.
+    """The region in which a strip of `length` [m], fixed at x = 0 and held by the gripper, can
+    appear.
 
-    It reaches no further right than half way between its length and the gripper.
+    It ends on the right half way between the strip's length and the gripper.
     """
     top = max(gripper.z + OVER, FOLD)
     right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
@@ -75,9 +76,9 @@ def whole(image: Image) -> Region:
 
 
 def way_of(calibration: Calibration, length: float) -> Image:
-    """Mask (height, width) of what a strip of `length` [m] moves before while it is folded.
+    """Mask (height, width) of the background along the motion of a strip of `length` [m].
 
-    Above the desk; where the hand waits before the grasp only what is low.
+    Above the desk; where the hand waits before the grasp only the low part.
     """
     start, middle, end, top = (share * length for share in WAY)
     outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
@@ -87,7 +88,7 @@ def way_of(calibration: Calibration, length: float) -> Image:
 @dataclass(frozen=True, slots=True)
 class Zones:
     """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
-    `lifted`, the part of it high enough to be free of its shadow.
+    `lifted`, the part of it high enough to be clear of its shadow.
     """
 
     strip: Image
@@ -114,7 +115,7 @@ def _filled(calibration: Calibration, corners: Array) -> Image:
 
 
 def hide_hand(mask: Image, region: Region, calibration: Calibration, gripper: Pose) -> None:
-    """Blank the hand in `mask` (h, w), the picture of `region`, in place."""
+    """Blank the hand in `mask` (h, w) of `region`, in place."""
     approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
     aside = np.array([-approach[1], approach[0]])
     (finger, slim), (hand, wide) = FINGER, HAND

@@ -1,4 +1,4 @@
-"""The resting strip in one picture: its colours, its underside, its end."""
+"""The resting strip in one image: its colours, its underside, its end."""
 
 from dataclasses import dataclass
 
@@ -23,8 +23,8 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Underside:
-    """Where the strip's lower border was seen: `x` (n,) [m], midline height `z` (n,) [m] by it,
-    NaN where no strip was, and `end` [m], x of the strip's free edge.
+    """Position of the strip's lower border: `x` (n,) [m], midline height `z` (n,) [m] by it, NaN
+    without a strip, and `end` [m], x of the strip's free edge.
     """
 
     x: Array
@@ -33,7 +33,7 @@ class Underside:
 
     @property
     def present(self) -> NDArray[np.bool_]:
-        """Where a strip was seen."""
+        """Mask of the columns where a strip was seen."""
         return np.isfinite(self.z)
 
 
@@ -59,7 +59,7 @@ class Samples:
 
 
 def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
-    """What `image` (h, w, 3) shows where strip, desk and backdrop are expected."""
+    """Pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
     lower = max(strip.thickness - THIN, 0.0) / 2
     front = (FRONT[0] - lower, FRONT[1] - lower)
     face = face_height(calibration, strip)
@@ -72,7 +72,7 @@ def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:
-    """How high the resting strip's far edge is seen in the plane of its near edge [m]."""
+    """Apparent height of the resting strip's far edge in the plane of its near edge [m]."""
     return calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
 
 
@@ -102,14 +102,14 @@ def _grid(x: Array, z: Array) -> Array:
 
 
 def shares_along(levels: Image, calibration: Calibration, strip: StripFile) -> Array:
-    """(n,) share of strip along its near side, in the softened matte `levels` of the picture."""
+    """(n,) fraction of strip along its near side, in the smoothed matte `levels` of the image."""
     x = np.arange(*_span(strip, 0.0), 0.001)
     z = np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
     return np.asarray(share(_sample(levels, calibration, _grid(x, z))).mean(axis=1))
 
 
 def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
-    """The lower border of the strip in softened matte `levels` (h, w) of the whole picture."""
+    """The lower border of the strip in smoothed matte `levels` (h, w) of the whole image."""
     x = np.arange(0.005, strip.length + 0.06, 0.002)
     z = np.arange(-SEARCH, SEARCH, 0.0001)
     across = share(_sample(levels, calibration, _grid(x, z)))
@@ -125,7 +125,7 @@ def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Unde
 
 
 def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
-    """x [m] of the last strip along the near edge's own line."""
+    """x [m] of the strip's end along the near edge's own line."""
     x = np.arange(0.1, strip.length + 0.06, 0.0003)
     heights = np.array([0.0, 0.0005, 0.001])
     along = share(_sample(levels, calibration, _grid(x, heights)).max(axis=1))

@@ -1,4 +1,4 @@
-"""Is this image news? Its age, and whether the camera repeats itself while the gripper moves."""
+"""Camera health: age of the newest image, and frozen images while the gripper moves."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -13,8 +13,8 @@ FINGER = 0.045  # m
 
 @dataclass(frozen=True, slots=True)
 class ImageHealth:
-    """Age [s] of the newest image, and how many images in a row equal it byte for byte although
-    the gripper moved; 1 for an image that is news.
+    """Age [s] of the newest image, and number of successive images that equal it byte for byte
+    although the gripper moved; 1 for a new image.
     """
 
     age: float
@@ -22,10 +22,10 @@ class ImageHealth:
 
 
 class ImageSanity:
-    """Told every frame; remembers one.
+    """Detects a frozen camera: processes every frame and remembers one.
 
-    A camera is frozen when it shows the same picture of a gripper that has moved. Of a scene at
-    rest, equal pictures say nothing: a camera without noise delivers them.
+    A camera is frozen when it repeats the same image although the gripper has moved. Equal images
+    of a scene at rest prove nothing: a camera without noise delivers them.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class ImageSanity:
         self._identical = 0
 
     def tell(self, frame: Frame, now: float, gripper: Pose) -> ImageHealth:
-        """Health after `frame`, looked at when the clock says `now` [s].
+        """Health after `frame`, checked when the clock says `now` [s].
 
         `gripper` is the measured pose at the frame's stamp.
         """
@@ -52,6 +52,6 @@ class ImageSanity:
 
 
 def _distance(one: Pose, other: Pose) -> float:
-    """How far apart [m] two poses are seen, a turn by what it moves a finger's end."""
+    """Apparent distance [m] of two poses; a turn counts by the motion of a finger's end."""
     turn = FINGER * abs(one.pitch - other.pitch)
     return max(hypot(one.x - other.x, one.z - other.z), turn)

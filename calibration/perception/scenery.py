@@ -1,4 +1,6 @@
-"""The strip told from a scene of any colours: background and palette learnt at preflight."""
+"""Segmentation of the strip in a scene of any colours: background and palette
+learnt at preflight.
+"""
 
 from dataclasses import dataclass
 
@@ -26,9 +28,9 @@ Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True, slots=True)
 class Scenery:
-    """What was learnt of strip and scene: `colours` (k, 3) BGR of the strip, the `background`.
+    """Learnt scene: `colours` (k, 3) BGR of the strip, and the `background`.
 
-    `noise` is the standard deviation of a pixel's share of strip, from the camera's noise alone.
+    `noise` is the standard deviation of a pixel's fraction of strip, from the camera's noise only.
     """
 
     colours: Array
@@ -36,8 +38,10 @@ class Scenery:
     noise: float
 
     def of(self, image: Image, region: Region, visible: Image) -> Image:
-        """(h, w) matte levels of `region` of the whole `image`: ZERO is background, ZERO + SCALE
-        strip. What `visible` (h, w) hides is background.
+        """(h, w) matte levels of `region` of the whole `image` (height, width, 3): ZERO is
+        background, ZERO + SCALE strip.
+
+        Pixels masked out by `visible` (h, w) count as background.
         """
         seen = region.of(image)
         light = self.background.light(seen, region, visible)
@@ -51,8 +55,8 @@ class Scenery:
         return levels
 
     def separation(self, where: Image) -> Floats:
-        """(k, n) how far each colour is from the background in the n pixels of a mask, in
-        standard deviations.
+        """(k, n) distance of each colour from the background in the n pixels of a mask, in standard
+        deviations.
         """
         behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
         scene = behind.astype(np.float32)
@@ -72,7 +76,9 @@ class Scenery:
 
 
 def learnt(image: Image, strip: Array, calibration: Calibration, stated: StripFile) -> Scenery:
-    """What `image` shows of scene and strip, whose pixels are `strip` (n, 3), as it rests."""
+    """The scene and the resting strip in `image` (h, w, 3), the strip's pixels
+    being `strip` (n, 3).
+    """
     half = stated.thickness / 2
     face = face_height(calibration, stated)
     behind = background(image, calibration, stated.length, (-half, half + face))
@@ -82,8 +88,8 @@ def learnt(image: Image, strip: Array, calibration: Calibration, stated: StripFi
 
 
 def _noise(colours: Array, behind: Image) -> float:
-    """Standard deviation of a pixel's share of strip before `behind` (n, 3), of the colour that
-    is told worst.
+    """Standard deviation of a pixel's fraction of strip before `behind` (n, 3),
+    for the worst colour.
     """
     scene = behind.astype(np.float32)
     shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
@@ -116,11 +122,12 @@ def discriminant(colour: Floats, scene: Floats, shade: Floats) -> tuple[Floats, 
 
 
 def _changed(seen: Image, behind: Image, light: Image, visible: Image) -> Places:
-    """Rows and columns of visible pixels that are not the background in this light."""
+    """Bounding rows and columns of visible pixels that differ from the background in this light."""
     expected = cv2.multiply(behind, cv2.merge([light, light, light]), scale=1 / EVEN)
     away = cv2.blur(cv2.absdiff(seen, expected), (3, 3))
     most = cv2.max(cv2.max(away[..., 0], away[..., 1]), away[..., 2])
-    rows, columns = np.nonzero(cv2.compare(most, CHANGE, cv2.CMP_GE) & visible)
+    places = cv2.findNonZero(cv2.compare(most, CHANGE, cv2.CMP_GE) & visible)
+    columns, rows = np.empty((2, 0), np.intp) if places is None else places.reshape(-1, 2).T
     return rows, columns
 
 

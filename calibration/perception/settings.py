@@ -1,4 +1,4 @@
-"""Numbers of perception, each with its origin."""
+"""Settings of perception, each with its origin."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from drivers.settings import Settings
 
 
 class PerceptionSettings(Settings):
-    """How images are read; lengths [m] in the cell frame unless a name says pixels."""
+    """Parameters of image reading; lengths [m] in the cell frame unless a name says pixels."""
 
     contact_height: float = Field(0.001, gt=0, le=0.01)  # m above rest, the definition
     # m, measured minus true: what blur and shadow leave, the mean over ten strips and their

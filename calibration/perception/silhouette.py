@@ -1,4 +1,4 @@
-"""The strip's silhouette, and its outer side in order from the desk to the gripper."""
+"""Silhouette of the strip, and its outer side in order from the desk to the gripper."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -36,8 +36,8 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Where fingers cut the strip off, in the window: the gripper point (2,) [px], its unit
-    `approach` (2,), and the `clearance` [px] before it from where on nothing is believed.
+    """Where the fingers cover the strip, in the window: the gripper point (2,) [px], its unit
+    `approach` (2,), and the `clearance` [px] in front of it within which nothing is used.
     """
 
     point: Array
@@ -45,7 +45,7 @@ class Grip:
     clearance: float
 
     def cuts(self, outline: Array) -> NDArray[np.bool_]:
-        """Which points (n, 2) of an outline lie in the fingers' reach."""
+        """Which points (n, 2) of an outline are within the fingers' reach."""
         away = outline - self.point
         along = away @ self.approach
         aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
@@ -55,12 +55,12 @@ class Grip:
 def silhouette(
     soft: Image, faint: float, strip: Image, lifted: Image, *, askew: bool = False
 ) -> Image:
-    """Mask of the strip in softened matte levels, all (h, w): share SOLID in the zone `strip`,
-    `faint` where it is `lifted`.
+    """Mask (h, w) of the strip from smoothed matte levels (h, w): fraction SOLID in the zone
+    `strip`, `faint` where it is `lifted`.
 
     On the backdrop there is no shadow, and an edge-on strip is fainter than its colour. It hangs
-    when it is edge-on for long, so that averaging down the columns brings it out of the noise;
-    `askew` averages along slanted lines too, six times the work.
+    when it is edge-on over many rows, so that averaging down the columns raises it above the noise;
+    `askew` averages along slanted lines too, at six times the cost.
     """
     hanging = _over(cv2.blur(soft, (1, HANGING)), faint)
     for angle in SLANTS if askew else ():
@@ -80,7 +80,7 @@ def _line(angle: float) -> Array:
 
 
 def _over(levels: Image, share: float) -> Image:
-    """255 where matte levels show more than `share` of strip."""
+    """255 where matte levels exceed the fraction `share` of strip."""
     mask = cv2.threshold(levels, ZERO + SCALE * share, 255, cv2.THRESH_BINARY)[1]
     return np.asarray(mask, dtype=np.uint8)
 
@@ -88,8 +88,8 @@ def _over(levels: Image, share: float) -> Image:
 def outer_side(mask: Image, contact: Array, grip: Grip, step: int) -> Side | None:
     """Outer side of the silhouette from `contact` (2,) [px] to the grip, a point every `step`.
 
-    With the strip on its left the outline runs from under the contact around the fold, until the
-    fingers cut it off. None where no body of strip is seen at the contact.
+    With the strip on its left the outline runs from under the contact around the fold, up to the
+    fingers. None where no region of strip is seen at the contact.
     """
     outline = _body(mask, contact, grip.point)
     if outline is None:
@@ -120,8 +120,8 @@ def _smoothed(ring: Array) -> Array:
 
 
 def _body(mask: Image, contact: Array, gripper: Array) -> Array | None:
-    """Outline (n, 2) of the body at the contact, counter-clockwise as seen, breaks bridged:
-    between bodies, and in one whose parts hang together elsewhere, as touching layers do.
+    """Outline (n, 2) of the region at the contact, counter-clockwise as seen, with breaks bridged:
+    between regions, and in one whose parts are connected elsewhere, as touching layers are.
     """
     outlines = _outlines(mask)
     if not outlines:

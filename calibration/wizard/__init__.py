@@ -1,1 +1,1 @@
-"""The calibration wizards: what to show or touch next and why, and what came of it."""
+"""Calibration wizards: what to show or touch next and why, and the result."""

@@ -1,4 +1,4 @@
-"""The board and the pointer's disc on paper: a PDF of true size."""
+"""Printable PDF of the board and the pointer's disc, in true size."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,7 +50,9 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
 
 
 def print_board(settings: BoardSettings, path: Path) -> str:
-    """Write the board as a PDF of true size and return the sheet's name."""
+    """Write the board as a PDF of true size and return the sheet's name; ConfigurationError where
+    it cannot be written.
+    """
     from matplotlib.backends.backend_pdf import PdfPages
 
     figures = board_figures(settings)
@@ -101,7 +103,7 @@ def _fill(axes: Any, x: float, y: float, width: float, height: float) -> None:
 
 
 def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str) -> None:
-    """A line as long as all columns, to lay a ruler at, and what to do with it."""
+    """A line as long as all columns for a ruler, with instructions."""
     length = 1e3 * settings.width
     axes.plot([left, left + length], [y, y], color="black", linewidth=0.4)
     for end in (left, left + length):
@@ -115,7 +117,7 @@ def _ruler(axes: Any, settings: BoardSettings, left: float, y: float, name: str)
 
 
 def _pointer_page() -> "Figure":
-    """The pointer: a bright disc on a dark plate, to be cut out."""
+    """The page with the pointer to cut out: a bright disc on a dark plate."""
     from matplotlib.patches import Circle
 
     page, axes = _page(*PAPERS["A4"])

@@ -1,4 +1,4 @@
-"""How far the views of a board cover what a lens is found from, gate by gate."""
+"""Coverage of the views of a board, gate by gate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ GUESS = 2.0  # focal length over image width, before any is known
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """How one view shows the board, after ROS's camera_calibration.
+    """Placement of the board in one view, after ROS's camera_calibration.
 
-    `x`, `y` are its centre and `size` the root of its area, as shares of the image; `skew` is 0
-    for a rectangle and 1 for corners that are 28 degrees off square; `tilt`, `turn` [rad] lean
-    its top and its right edge away from the camera.
+    `x`, `y` are its centre and `size` the root of its area, as fractions of the image; `skew` is 0
+    for a rectangle and 1 for corners 28 degrees off square; `tilt`, `turn` [rad] lean its top and
+    its right edge away from the camera.
     """
 
     x: float
@@ -34,7 +34,7 @@ class Placement:
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """One thing that the views must cover: how much they `have` of what they `need`, what to do."""
+    """One coverage requirement: how much the views `have` of the `need`, and the remedy."""
 
     name: str
     have: float
@@ -44,7 +44,7 @@ class Gate:
 
     @property
     def share(self) -> float:
-        """Share of the need that is met, at most 1."""
+        """Fraction of the need that is met, at most 1."""
         return min(self.have / self.need, 1.0)
 
     @property
@@ -61,7 +61,9 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class CoverageNeeds:
-    """What the gates demand: ranges of x, y, size, skew, leaning views and their angle [rad]."""
+    """Requirements of the gates: ranges of x, y, size, skew, leaning views and
+    their angle [rad].
+    """
 
     x: float
     y: float
@@ -74,7 +76,7 @@ class CoverageNeeds:
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
-    """A lens good enough to tell how a board leans, for images of `size` [px]."""
+    """A lens accurate enough to compute a board's tilt, for images of `size` [px]."""
     width, height = size
     focal = GUESS * width
     matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])

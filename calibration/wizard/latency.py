@@ -1,4 +1,4 @@
-"""How late the camera is: steps of the arm, seen in images, held against the arm's own word."""
+"""Camera latency from steps of the arm: positions in images compared with the arm's own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,10 +20,11 @@ COARSE = 0.005  # s between the latencies that are tried first
 
 
 class LatencySettings(Settings):
-    """Steps along x of `step` [m] from (`x`, `z`) and back, `steps` of them, and what is demanded.
+    """Steps along x of `step` [m] from (`x`, `z`) and back, their number `steps`, and the
+    acceptance criteria.
 
-    `most` is the largest latency that is believed and `uncertainty` what two halves of the images
-    may differ by, both [s]; `images` how many must have been taken in motion.
+    `most` is the largest plausible latency and `uncertainty` the allowed difference between two
+    halves of the images, both [s]; `images` is the number required in motion.
     """
 
     x: float = Field(0.25, ge=-0.5, le=2.0)
@@ -46,10 +47,10 @@ class SeenStep:
 
 @dataclass(frozen=True, slots=True)
 class LatencyVerdict:
-    """How much earlier than its stamp an image shows the world [s], and why that is not believed.
+    """How much earlier than its stamp an image shows the world [s], and why it is refused.
 
-    `apart` [s] is by how much two halves of the images differ, `misfit_mm` the rms distance
-    between image and arm at the best latency, `images` how many were taken in motion.
+    `apart` [s] is the difference between two halves of the images, `misfit_mm` the rms distance
+    between image and arm at the best latency, `images` the number taken in motion.
     """
 
     latency: float
@@ -65,7 +66,9 @@ class LatencyVerdict:
 
 
 class LatencySteps:
-    """Ask and tell: the caller moves the pointer to `ask()` and on the way tells all it learns."""
+    """Ask and tell: the caller moves the pointer to `ask()` and passes every arm state and image on
+    the way.
+    """
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings
@@ -79,34 +82,34 @@ class LatencySteps:
 
     @property
     def left(self) -> int:
-        """How many moves are still wanted."""
+        """Number of moves still required."""
         return len(self._queue)
 
     @property
     def arm(self) -> Array:
-        """(n, 3) what the arm said: stamp [s], x, z [m]."""
+        """(n, 3) arm measurements: stamp [s], x, z [m]."""
         return np.reshape(self._arm, (-1, 3))
 
     @property
     def seen(self) -> tuple[SeenStep, ...]:
-        """What the images showed."""
+        """Pointer positions in the images."""
         return tuple(self._seen)
 
     def ask(self) -> Pose | None:
-        """Where to move the pointer next; None when enough was seen."""
+        """The next pose of the pointer; None when enough was seen."""
         return self._queue[0] if self._queue else None
 
     def arrived(self) -> None:
-        """The arm rests at the pose that was asked for."""
+        """Record that the arm rests at the requested pose."""
         self._queue = self._queue[1:]
 
     def tell_arm(self, state: ArmState) -> None:
-        """The arm's newest state."""
+        """Add the arm's newest state."""
         if not self._arm or state.stamp > self._arm[-1][0]:
             self._arm.append((state.stamp, state.pose.x, state.pose.z))
 
     def tell_frame(self, frame: Frame) -> bool:
-        """A new image; whether the pointer was seen in it."""
+        """Add a new image; returns whether the pointer was seen in it."""
         centre = find_pointer(frame.image)
         if centre is not None:
             self._seen.append(SeenStep(frame.stamp, centre))
@@ -147,7 +150,7 @@ def latency_verdict(
 def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, float]:
     """The latency [s] at which image and arm agree best, and their rms distance [m] then.
 
-    A constant offset between both is free: it belongs to the map.
+    A constant offset between both is a free parameter: it belongs to the map.
     """
 
     def misfit(latency: float) -> float:

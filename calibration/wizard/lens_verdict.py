@@ -1,4 +1,6 @@
-"""What a session with the board amounts to: the lens, two halves side by side, why it fails."""
+"""Verdict on a lens calibration: the lens, two halves of the views compared,
+reasons for failure.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,10 +21,11 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class LensVerdict:
-    """The lens fit, how two independent halves of the views differ, and why it fails.
+    """The lens fit, the difference between two independent halves of the views, and the reasons for
+    failure.
 
-    `split` is their relative difference in focal length, `bend_px` how differently they bend the
-    image at worst once a map to a plane has taken up what it can, and `bend_mm` that at the
+    `split` is their relative difference in focal length; `bend_px` the largest difference of their
+    distortion over the image after the best plane homography is removed, and `bend_mm` that at the
     board's distance. `per_view` is the rms [px] of the image with that number.
     """
 
@@ -46,9 +49,9 @@ def lens_verdict(
     length: float | None,
     settings: BoardSettings,
 ) -> LensVerdict:
-    """The verdict on `views` by number of image, of `size` [px]; their order has no influence.
+    """The verdict on `views` by number of image, of `size` [px]; independent of their order.
 
-    `length` [m] is what a ruler says of the printed squares across all columns.
+    `length` [m] is the ruler's length of the printed squares across all columns.
     """
     numbers = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
     ordered = [views[number] for number in numbers]
@@ -72,7 +75,7 @@ def lens_verdict(
 
 
 def needs(settings: BoardSettings) -> CoverageNeeds:
-    """What the views must cover."""
+    """The coverage that the views must reach."""
     return CoverageNeeds(
         x=settings.range_x,
         y=settings.range_y,
@@ -91,7 +94,7 @@ def _uncovered(views: Sequence[BoardView], lens: Lens, settings: BoardSettings) 
 
 
 def _misfits(fit: LensFit, split: float, settings: BoardSettings) -> list[str]:
-    """What is wrong with the lens itself."""
+    """Defects of the lens itself."""
     reasons = []
     if fit.rms > settings.rms:
         reasons.append(
@@ -114,7 +117,7 @@ def _misfits(fit: LensFit, split: float, settings: BoardSettings) -> list[str]:
 
 
 def _length(length: float | None, settings: BoardSettings) -> list[str]:
-    """What a ruler says against the stated squares: images alone cannot know."""
+    """Difference between the ruler and the stated squares, which images cannot reveal."""
     stated = settings.width
     if length is None:
         return [
@@ -131,7 +134,9 @@ def _length(length: float | None, settings: BoardSettings) -> list[str]:
 
 
 def _bend(one: Lens, other: Lens) -> float:
-    """Largest difference [px] between two lenses over the image that no plane's map takes up."""
+    """Largest difference [px] between two lenses over the image, after the best
+    plane homography.
+    """
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
     here, there = one.undistort(pixels), other.undistort(pixels)

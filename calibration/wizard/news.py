@@ -1,4 +1,4 @@
-"""What a wizard tells those who watch it: the terminal, Rerun, the session's folder."""
+"""Messages of a wizard to its observers: terminal, Rerun, session folder."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,9 @@ from drivers.types import Frame, Pose
 
 @dataclass(frozen=True, slots=True)
 class ViewNews:
-    """The board: which view is `wanted` and `why`, what was `told` last, what is covered."""
+    """Progress with the board: which view is `wanted` and `why`, the result
+    `told` last, the coverage.
+    """
 
     wanted: WantedView | None
     why: str
@@ -25,7 +27,7 @@ class ViewNews:
 
 
 class Stage(StrEnum):
-    """What a wizard that touches is doing."""
+    """Stages of a wizard that touches."""
 
     TOUCH = "touch"
     AGAIN = "touch again"
@@ -35,9 +37,10 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TouchNews:
-    """The pointer: which pose of the `plan` is `wanted` and `why`, what was `told` last.
+    """Progress with the pointer: which pose of the `plan` is `wanted` and `why`, the result `told`
+    last.
 
-    `touches` are all points so far; `frame` and `pose` what was just seen and where the arm was.
+    `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose.
     """
 
     stage: Stage
@@ -55,4 +58,4 @@ Watcher = Callable[[ViewNews | TouchNews], None]
 
 
 def nobody(_: ViewNews | TouchNews) -> None:
-    """Watches nothing."""
+    """An observer that ignores everything."""

@@ -1,17 +1,17 @@
-"""What a wizard tells, written into its session's folder."""
+"""Observer that writes a wizard's results into its session folder."""
 
 from calibration.wizard.news import TouchNews, ViewNews
 from calibration.wizard.session import LATENCY, Row, SessionFolder
 
 
 class Note:
-    """Writes each image that was told as a row; those that count with their picture."""
+    """Writes each processed image as a row; accepted ones with their picture."""
 
     def __init__(self, folder: SessionFolder) -> None:
         self._folder = folder
 
     def __call__(self, news: ViewNews | TouchNews) -> None:
-        """Write what is new."""
+        """Write the new results."""
         if isinstance(news, ViewNews):
             self._view(news)
         elif news.steps is not None:

@@ -1,4 +1,4 @@
-"""A session drawn over one of its images: what was seen where, and how far off it is."""
+"""Overview picture of a session: measured points and their errors drawn over one image."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -13,11 +13,10 @@ from calibration.wizard.touch_verdict import TouchVerdict
 from drivers.types import Array, Image
 
 ENLARGED = 300.0  # times by which errors are drawn longer than they are
-FITTED, HELD_OUT, BAD, COMING, WHITE = (
+FITTED, HELD_OUT, BAD, WHITE = (
     (80, 210, 110),
     (255, 170, 40),
     (60, 60, 235),
-    (170, 170, 170),
     (255, 255, 255),
 )  # BGR
 LINE = cv2.LINE_AA
@@ -25,7 +24,7 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
-    """`image` with every corner that any view showed: what of it is covered."""
+    """`image` (h, w, 3) with every corner of all views, which shows the coverage."""
     drawn = _dimmed(image)
     for view in views:
         for corner in view.image:
@@ -39,7 +38,9 @@ def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[in
 def touches_picture(
     image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
 ) -> Image:
-    """`image` with every touched point and its error, `ENLARGED` times; wild ones are crossed."""
+    """`image` (h, w, 3) with every touched point and its error, `ENLARGED` times; outliers are
+    crossed.
+    """
     drawn = _dimmed(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}

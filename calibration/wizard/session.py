@@ -1,4 +1,4 @@
-"""A calibration session as a folder: settings, images, what was seen in each, the verdict."""
+"""A calibration session as a folder: settings, images, measurements, verdict."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -25,10 +25,10 @@ Kind = Literal["camera", "homography"]
 
 
 class Session(Settings):
-    """session.yaml: with what the session was made.
+    """session.yaml: the settings of the session.
 
-    `image` is width and height [px], `length` [m] what a ruler said of the board, `locks` the
-    values at which the camera's controls stood, `lens` that of a session of touches.
+    `image` is width and height [px], `length` [m] the ruler's length of the board, `locks` the
+    values of the locked camera controls, `lens` that of a session of touches.
     """
 
     model_config = ConfigDict(extra="allow")  # a program writes it
@@ -47,7 +47,7 @@ class Session(Settings):
 
 
 class Row(Settings):
-    """One line of told.jsonl: an image that was taken or refused, and what was seen in it.
+    """One line of told.jsonl: an accepted or refused image and its measurements.
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
     """
@@ -69,10 +69,12 @@ class Row(Settings):
 
 
 class SessionFolder:
-    """Writes a session as it goes, so that a stop leaves all that was told until then."""
+    """Writes a session as it goes, so that nothing is lost when it stops."""
 
     def __init__(self, folder: Path, session: Session) -> None:
-        """Begin in `folder`, new or empty; one that cannot be written is a ConfigurationError."""
+        """Create `folder`, which must be new or empty; one that cannot be written is a
+        ConfigurationError.
+        """
         self.folder = folder
         self._count = 0
         try:
@@ -82,11 +84,11 @@ class SessionFolder:
         self.describe(session)
 
     def describe(self, session: Session) -> None:
-        """Write session.yaml, again when more became known."""
+        """Write session.yaml, again when more is known."""
         write_yaml(self.folder / SESSION, session.model_dump(mode="json", by_alias=True))
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Add what was told; with its `image` (height, width, 3) where it counts."""
+        """Add a row; with its `image` (height, width, 3) where it was accepted."""
         if image is not None:
             name = f"{IMAGES}/{self._count:04d}.png"
             self._count += 1
@@ -112,7 +114,10 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
-    """What was told, line by line; a last line that was cut off is left out."""
+    """Rows of told.jsonl, without a truncated last line.
+
+    Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
+    """
     path = folder / ROWS
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
@@ -146,7 +151,10 @@ def read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
 
 
 def read_latency(folder: Path) -> dict[str, Any]:
-    """What arm and images said during the steps: `arm` [[t, x, z]] and `seen` [[t, u, v]]."""
+    """Arm and image measurements during the steps: `arm` [[t, x, z]] and `seen` [[t, u, v]].
+
+    Raises ConfigurationError for a file that cannot be read.
+    """
     path = folder / LATENCY
     if not path.exists():
         return {"arm": [], "seen": []}

@@ -1,4 +1,4 @@
-"""A saved session solved again, from its images alone, with chosen ones left out."""
+"""Recomputation of a saved session from its images, with chosen ones left out."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ NONE: Collection[int] = ()
 
 @dataclass(frozen=True, slots=True)
 class SolvedTouches:
-    """A session of touches, the lens it was made with, and what comes of it now."""
+    """A session of touches, its lens, and the recomputed result."""
 
     session: Session
     lens: Lens
@@ -34,7 +34,7 @@ class SolvedTouches:
 def solve_views_again(folder: Path, without: Collection[int] = NONE) -> tuple[Session, LensVerdict]:
     """The lens from the session in `folder`, `without` the images of these numbers.
 
-    Boards are looked for in the saved images anew. Raises ConfigurationError for what is broken.
+    Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
     """
     session = read_session(folder, "camera")
     board = session.boards.board()
@@ -54,7 +54,8 @@ def solve_views_again(folder: Path, without: Collection[int] = NONE) -> tuple[Se
 def solve_touches_again(folder: Path, without: Collection[int] = NONE) -> SolvedTouches:
     """The map and the latency from the session in `folder`, `without` the points so numbered.
 
-    The pointer is looked for in the saved images anew.
+    The pointer is detected anew in the saved images. Raises ConfigurationError for broken files or
+    a session without a lens.
     """
     session = read_session(folder, "homography")
     if session.lens is None:
@@ -73,7 +74,7 @@ def solve_touches_again(folder: Path, without: Collection[int] = NONE) -> Solved
 def _touches(
     folder: Path, session: Session, without: Collection[int]
 ) -> Mapping[tuple[int, bool], Touched]:
-    """Taken points by number and whether they are a second touch; the last of each counts."""
+    """Accepted points by number and whether they are a second touch; the last of each counts."""
     touches: dict[tuple[int, bool], Touched] = {}
     for row in read_rows(folder):
         if not row.taken or row.number in without:

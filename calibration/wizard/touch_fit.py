@@ -1,4 +1,4 @@
-"""Touched points and the map that most of them agree on."""
+"""Robust fit of the map to the touched points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,10 +27,10 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """The map from the points `used`, and what all points say to it.
+    """The map from the points `used`, and its residuals at all points.
 
-    `decide` are the held-out ones, `off` all that disagree, `stubborn` those of them whose second
-    touch is off as the first was, `wild` first touches that a second one replaced.
+    `decide` are the held-out ones, `off` all outliers, `stubborn` those of them whose second touch
+    is off by the same error, `wild` first touches that a second one replaced.
     """
 
     homography: Homography
@@ -54,9 +54,9 @@ class Solved:
 
 
 def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
-    """Fit the newest touch of each fitted point, robustly, then hold all against the map.
+    """Fit the newest touch of each fitted point robustly, then evaluate the map at all points.
 
-    The order of `touches` has no influence. Raises ConfigurationError where they give no map.
+    Independent of the order of `touches`. Raises ConfigurationError where they give no map.
     """
     newest = _newest(touches)
     fitted = [p for p in newest if not p.held_out]
@@ -88,7 +88,7 @@ def _newest(touches: Sequence[Touched]) -> list[Touched]:
 def _repeats(
     again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
 ) -> bool:
-    """Whether a second touch is off just as the first was: then the map is wrong there."""
+    """Whether a second touch has the same error as the first: then the map is wrong there."""
     first = firsts.get(again.number)
     if first is None or not again.again:
         return False
@@ -96,7 +96,7 @@ def _repeats(
 
 
 def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
-    """Numbers of the points that disagree with the map of the rest: worth a second touch."""
+    """Numbers of the points that disagree with the map of the rest and are touched again."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError:

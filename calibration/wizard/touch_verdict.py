@@ -1,4 +1,4 @@
-"""What touched points amount to: the map, its errors where it was not fitted, why it fails."""
+"""Verdict on touched points: the map, its errors at held-out points, reasons for failure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ SHIFT = 2.0  # an error e of x lengthens one layer and shortens the other: d is 
 
 
 class Grade(StrEnum):
-    """How far a map may be used."""
+    """Usability grades of a map."""
 
     GOOD = "good"
     USABLE = "usable"
@@ -29,13 +29,13 @@ class Grade(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TouchVerdict:
-    """The map, its distances [mm] at points not used in the fit, and why it fails.
+    """The map, its errors [mm] at held-out points, and the reasons for failure.
 
-    `residual_mm` is their rms; `halves_mm` by how much two maps from independent halves of the
-    points differ over the work area at worst; `displacement_mm` what the errors along x do to the
-    displacement (rms). `errors_mm` is the distance of the point with that number, held out or
-    not; `rejected` names points that are left out, `wild` first touches that a second one
-    replaced; `reasons` is empty when `passed`.
+    `residual_mm` is their rms; `halves_mm` the largest difference over the work area between two
+    maps from independent halves of the points; `displacement_mm` the rms effect of the errors along
+    x on the displacement. `errors_mm` is the distance of the point with that number, held out or
+    not; `rejected` names points that are left out, `wild` first touches that a second one replaced;
+    `reasons` is empty when `passed`.
     """
 
     homography: Homography | None
@@ -59,7 +59,7 @@ class TouchVerdict:
 
 
 def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
-    """The verdict on `touches`, seen through `lens`; their order has no influence."""
+    """The verdict on `touches`, seen through `lens`; independent of their order."""
     try:
         solved = solve(touches, lens, settings)
     except ConfigurationError as error:
@@ -95,7 +95,7 @@ def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
 
 
 def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -> float:
-    """How far [mm] maps from two random halves of the points lie apart over the work area."""
+    """Difference [mm] over the work area between maps from two random halves of the points."""
     ordered = sorted(points, key=lambda p: (p.place[0], p.place[1], p.number))
     order = np.random.default_rng(0).permutation(len(ordered))
     x = np.linspace(settings.x_min, settings.x_max, 7)
@@ -114,7 +114,7 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
 
 
 def _reasons(verdict: TouchVerdict, settings: TouchSettings) -> list[str]:
-    """What is wrong with the map's numbers."""
+    """Defects of the map's numbers."""
     reasons = []
     if verdict.held_out < 3:
         reasons.append(f"{verdict.held_out} held-out points, at least 3 must decide; touch more")
@@ -140,7 +140,7 @@ def _reasons(verdict: TouchVerdict, settings: TouchSettings) -> list[str]:
 
 
 def _lacking(solved: Solved, settings: TouchSettings) -> list[str]:
-    """What is wrong with the points themselves."""
+    """Defects of the points themselves."""
     reasons = []
     numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
     if len(solved.wild) > settings.wild * len(numbers):

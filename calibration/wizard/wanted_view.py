@@ -1,4 +1,4 @@
-"""Which views of the board are wanted: where in the image, how large, how it leans."""
+"""Required views of the board: place in the image, size, lean."""
 
 from dataclasses import dataclass
 from math import degrees
@@ -9,10 +9,10 @@ FLAT = 0.05  # rad under which a lean is not spoken of
 
 @dataclass(frozen=True, slots=True)
 class WantedView:
-    """A view of the board, as the image shows it.
+    """A required view of the board, given by its image.
 
-    `x`, `y` are its centre as shares of the image, from the left and from the top, `size` its
-    width as a share of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
+    `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
+    width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
     away, `turn` its right edge, `roll` turns it clockwise.
     """
 

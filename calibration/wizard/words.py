@@ -1,4 +1,4 @@
-"""A verdict in words: one line a fact, how good it is, and what to do next."""
+"""Text of a verdict: one line a fact, its quality, and the next step."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from calibration.wizard.touch_verdict import Grade, TouchVerdict
 
 
 class Level(StrEnum):
-    """How good a fact is."""
+    """Quality of a fact."""
 
     GOOD = "good"
     FAIR = "fair"
@@ -27,7 +27,7 @@ class Line:
 
 
 def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
-    """What a session with the board amounts to."""
+    """Lines of the verdict on a session with the board."""
     lines = []
     if verdict.fit is not None:
         lens = verdict.fit.lens
@@ -53,7 +53,7 @@ def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
 def touch_lines(
     touches: TouchVerdict | None, latency: LatencyVerdict | None, speed: float
 ) -> tuple[Line, ...]:
-    """What touches and steps amount to; `speed` [m/s] is that of a fold."""
+    """Lines of the verdict on touches and steps; `speed` [m/s] is that of a fold."""
     if touches is None:
         return (Line(Level.BAD, "refused: nothing was touched"),)
     lines = [*_map_lines(touches), *_latency_lines(latency, speed)]
@@ -64,7 +64,7 @@ def touch_lines(
 
 
 def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tuple[str, ...]:
-    """Every reason against a calibration of these parts."""
+    """Every reason to refuse a calibration from these parts."""
     if touches is None:
         return ("nothing was touched",)
     late = ("the latency was not measured",) if latency is None else latency.reasons
@@ -100,9 +100,10 @@ def _latency_lines(latency: LatencyVerdict | None, speed: float) -> Iterator[Lin
         return
     if not latency.reasons:
         behind = 1e3 * abs(latency.latency) * speed
+        late = round(1e3 * latency.latency, 1) + 0.0  # never minus nothing
         yield Line(
             _level(1e3 * latency.apart, 2.0, 5.0),
-            f"images show the world {1e3 * latency.latency:+.1f} ms before their stamps, halves "
+            f"images show the world {late:+.1f} ms before their stamps, halves "
             f"agree within {1e3 * latency.apart:.1f} ms; taken back: at {speed:.2f} m/s this would "
             f"be {behind:.1f} mm",
         )

@@ -1,1 +1,1 @@
-"""The paper's study again: every policy over strips and range, its figures, its verdict."""
+"""Reproduction of the paper's study: every policy over strips and range, figures, claims."""

@@ -1,4 +1,4 @@
-"""What the paper's text claims, and whether it holds here, in folds through images."""
+"""The paper's claims, tested in folds through images."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ SIDES = {"triangular": ("negative", -1.0), "circular": ("positive", 1.0)}
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A claim of the paper's text, what came out here, and whether that agrees."""
+    """A claim of the paper's text, the result here, and whether they agree."""
 
     says: str
     here: str
@@ -25,7 +25,7 @@ class Claim:
 
 
 def claims(results: Results) -> tuple[Claim, ...]:
-    """Those claims that the folds of this benchmark bear on; the paper's main one first."""
+    """The claims that the folds of this benchmark can test; the paper's main one first."""
     folds = {policy: results.folds(policy) for policy in results.asked.policies}
     return tuple(_claims({policy: each for policy, each in folds.items() if each}, results))
 

@@ -1,4 +1,4 @@
-"""Finished parts of a benchmark on the disk, so that a benchmark that died goes on."""
+"""Journal of the finished parts of a benchmark, so that an interrupted one continues."""
 
 from pathlib import Path
 
@@ -11,19 +11,19 @@ _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
 
 
 class Journal:
-    """A line for each finished part: its key, what it was made of, its result.
+    """One line for each finished part: its key, its inputs' digest, its result.
 
     Raises ConfigurationError where `path` cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or begin; `again` forgets what was finished."""
+        """Open or create; `again` discards what was finished."""
         self._journal = json_lines.Journal(path, again=again)
         lines = self._journal.lines
         self._known = {(str(line.get("key")), str(line.get("of"))): line for line in lines}
 
     def get(self, key: str, of: str) -> Result | None:
-        """The result of the part `key` made of the same `of`; None when there is none."""
+        """The result of the part `key` with the same digest `of`; None when there is none."""
         line = self._known.get((key, of))
         if line is None:
             return None
@@ -33,7 +33,7 @@ class Journal:
             return None  # written by another version: measured again
 
     def put(self, key: str, of: str, result: Result) -> None:
-        """Keep `result`."""
+        """Store `result`."""
         line = {"key": key, "of": of, "result": result.model_dump(mode="json")}
         self._known[key, of] = line
         self._journal.append(line)

@@ -1,4 +1,4 @@
-"""Numbers in tables."""
+"""Format of numbers in tables."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The page about a benchmark: every figure of the paper, beside the numbers of its text."""
+"""HTML page of a benchmark: every figure of the paper, beside the numbers of its text."""
 
 import io
 from collections.abc import Iterator
@@ -29,8 +29,17 @@ from cell.benchmark.numbers import newtons, numeral
 from cell.benchmark.results import Refused, Results
 from cell.benchmark.summary import Row, rows
 from cell.record.documents import plain, replace_file
-from cell.report.markup import definitions, drawing, masthead, page, section, table, verdict_box
-from cell.report.verdict import Tone, Verdict
+from cell.report.markup import (
+    Tone,
+    definitions,
+    drawing,
+    masthead,
+    page,
+    section,
+    table,
+    verdict_box,
+)
+from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.errors import ConfigurationError
 
@@ -57,7 +66,9 @@ def write_main_picture(results: Results, path: Path) -> None:
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
-    """Objects for a program: a policy each, then a claim each; None for what is not known."""
+    """Objects for a program: one for each policy, then one for each claim; None
+    for unknown values.
+    """
     told = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*told, *claimed)]
@@ -79,7 +90,7 @@ NOT_IN_SOURCE = (
 
 
 def page_of(results: Results) -> str:
-    """The page about `results`, complete in itself."""
+    """The page of `results`, self-contained."""
     return page(TITLE, list(_parts(results)))
 
 

@@ -1,5 +1,5 @@
-"""The numbers that the paper's text states; its measured points are in pictures not published
-with the source, so they are nowhere in here.
+"""Numbers stated in the paper's text; its measured points are only in pictures that are not
+published with the source.
 """
 
 MEANS = {"triangular": -0.0368, "circular": 0.0627}  # m, over ten materials

@@ -1,4 +1,4 @@
-"""What the parts of a benchmark measured, as they stand in benchmark.json."""
+"""Results of a benchmark, as stored in benchmark.json."""
 
 from typing import Annotated, Literal
 
@@ -34,9 +34,9 @@ class ImageFold(Settings):
 
 
 class RangeFolds(Settings):
-    """A policy over the paper's range, told the state: `displacement` [m], None without a touch,
-    and mean `force` [N] that holds the fixed edge from the take-over on; side x side strips,
-    stiffness outermost.
+    """A policy over the paper's range with simulated observations: `displacement` [m], None without
+    a touch, and mean `force` [N] that holds the fixed edge from the take-over on; side x side
+    strips, stiffness outermost.
     """
 
     kind: Literal["range"] = "range"
@@ -53,9 +53,9 @@ class RangeFolds(Settings):
 
 
 class CriticalPoints(Settings):
-    """Gripper `x` [m] at the first touch while it moves level at `speed` [m/s]: by height,
-    stiffness, damping; None without a touch. Axes: `heights`, `bending_lengths` [m] and
-    `dampings` over the smallest one.
+    """Gripper `x` [m] at the first touch of a horizontal motion at `speed` [m/s]: by height,
+    stiffness, damping; None without a touch. Axes: `heights`, `bending_lengths` [m] and `dampings`
+    over the smallest one.
     """
 
     kind: Literal["critical"] = "critical"
@@ -102,7 +102,7 @@ class Laid(Settings):
 
 
 class Refused(Settings):
-    """A part that could not be measured, and why."""
+    """A part that could not be measured, and the reason."""
 
     kind: Literal["refused"] = "refused"
     part: str
@@ -114,7 +114,7 @@ AnyResult = Annotated[Result, Field(discriminator="kind")]
 
 
 class Results(Settings):
-    """benchmark.json: what was asked, what came out, and what it was made with."""
+    """Contents of benchmark.json: specification, results, versions."""
 
     schema_: Literal[1] = Field(1, alias="schema")
     asked: BenchmarkSpec

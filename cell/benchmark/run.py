@@ -1,4 +1,4 @@
-"""A whole benchmark: what is left to measure, measured; everything put together."""
+"""Runs a whole benchmark: measures the missing parts and collects all results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
@@ -19,14 +19,14 @@ JOURNAL = "parts.jsonl"
 
 
 class Watcher(Protocol):
-    """Someone who watches a benchmark."""
+    """Observer of a benchmark's progress."""
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """`parts` are to be measured, of which `known` were before."""
+        """Called first: `parts` are to be measured, of which `known` are already done."""
         ...
 
     def finished(self, part: Part, result: Result) -> None:
-        """One part more."""
+        """Called after each part."""
         ...
 
 
@@ -40,10 +40,10 @@ def benchmark(
     again: bool,
     watcher: Watcher,
 ) -> Results:
-    """Measure what is asked for; parts that `folder` holds are not measured again, unless `again`.
+    """Measure the benchmark; parts that `folder` holds are not measured again, unless `again`.
 
-    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot
-    be written, and for a configuration that cannot be used.
+    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot be written,
+    and for an invalid configuration.
     """
     settings = configs.cell()
     parts = order(asked, configs, runs)
@@ -83,6 +83,6 @@ def _measure(part: Part) -> Result:
 
 
 def made_with(cell: str) -> Mapping[str, str]:
-    """Versions of what decides the numbers, the weights' digest, the cell's name."""
+    """Versions of libraries that affect the numbers, the weights' digest, the cell's name."""
     versions = {package: version(package) for package in PACKAGES}
     return {"cell": cell, "weights": weights_digest(), **versions}

@@ -1,4 +1,4 @@
-"""A benchmark on the screen: progress while it runs, tables at its end."""
+"""A benchmark in the terminal: progress while it runs, tables at its end."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from cell.report.words import millimetres
 
 
 class Meter:
-    """A bar that grows by what the parts cost; on something that is no screen, a line a part."""
+    """A progress bar weighted by the parts' cost; without a terminal, one line for each part."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -32,7 +32,7 @@ class Meter:
         self._task: TaskID | None = None
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
-        """Show where it starts."""
+        """Show the initial progress."""
         self._count, self._done = len(parts), len(known)
         if known:
             self._console.print(f"{len(known)} of {len(parts)} parts are known already")
@@ -43,7 +43,7 @@ class Meter:
             self._bar.start()
 
     def finished(self, part: Part, result: Result) -> None:
-        """Grow; a part that was refused stays on the screen."""
+        """Advance; a refused part stays on the screen."""
         self._done += 1
         told = f"{self._done}/{self._count}  {part.key}{_said(result)}"
         if self._task is None:
@@ -54,12 +54,12 @@ class Meter:
         self._bar.update(self._task, advance=part.cost, description=told)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._bar.stop()
 
 
 def show(results: Results, console: Console) -> None:
-    """The tables and the claims."""
+    """Print the tables and the claims."""
     told = rows(results)
     console.print(_strips_table(told, len(results.asked.strips)))
     console.print(_range_table(told, results))

@@ -1,4 +1,4 @@
-"""What a benchmark is asked to do."""
+"""Specification of a benchmark: policies, strips, repeats, sizes."""
 
 from typing import Self
 
@@ -14,7 +14,7 @@ FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
 
 
 class Size(Settings):
-    """How much is simulated: strips a side of the `grid` in the rod, and on the `chain`;
+    """Number of simulated strips: a side of the `grid` in the rod, and on the `chain`;
     `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips.
     """
 
@@ -30,7 +30,7 @@ QUICK = Size(grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.
 
 
 class BenchmarkSpec(Settings):
-    """Policies and strips by name, `repeats` of one strip, the first seed, and the extent."""
+    """Policies and strips by name, `repeats` of one strip, the first seed, and the size."""
 
     policies: tuple[str, ...]
     strips: tuple[str, ...]
@@ -49,9 +49,9 @@ class BenchmarkSpec(Settings):
         *,
         quick: bool,
     ) -> Self:
-        """What the command line asks for; nothing named is everything known.
+        """The specification from the command line; names left out mean all known ones.
 
-        Raises ConfigurationError for a name that is not known.
+        Raises ConfigurationError for an unknown name.
         """
         known = configs.strip_names()
         usual = tuple(name for name in FEW if name in known) if quick else known

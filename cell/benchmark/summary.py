@@ -1,4 +1,4 @@
-"""What a benchmark came to: a row a policy."""
+"""Summary of a benchmark: one row for each policy."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ NONE = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class StripNumbers:
-    """Folds of the strips through images, as seen [m]: NaN where there is none."""
+    """Statistics of the folds through images, as measured [m]: NaN where there is none."""
 
     folded: int
     of: int
@@ -25,7 +25,7 @@ class StripNumbers:
 
     @classmethod
     def of_folds(cls, folds: tuple[ImageFold, ...], asked: int) -> "StripNumbers":
-        """The numbers of `folds`, when `asked` strips were to be folded."""
+        """The statistics of `folds`, out of `asked` strips."""
         touched = [(f, f.displacement) for f in folds if f.displacement is not None]
         if not touched:
             return cls(0, asked, NONE, NONE, NONE, NONE, "", NONE)
@@ -56,7 +56,7 @@ class RangeNumbers:
 
     @classmethod
     def of_folds(cls, folds: RangeFolds | None) -> "RangeNumbers":
-        """The numbers of `folds`."""
+        """The statistics of `folds`."""
         d = np.abs(folds.d[np.isfinite(folds.d)]) if folds is not None else np.zeros(0)
         if folds is None or d.size == 0:
             return cls(NONE, NONE, NONE, 0, NONE)

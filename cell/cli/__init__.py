@@ -1,1 +1,1 @@
-"""What an operator types."""
+"""The command line: one file for each command."""

@@ -37,7 +37,7 @@ def camera(
 
 
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
-    """The cell file's camera, or settings that suit `device` where it is another one."""
+    """The cell file's camera, or suitable settings when `device` is another one."""
     from cell.config.places import find_configs
     from cell.operations.camera import suggested
     from drivers.camera.kernel import Linux

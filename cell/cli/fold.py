@@ -80,11 +80,14 @@ def fold(
     no_truth: Annotated[
         bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
     ] = False,
+    full_speed: Annotated[
+        bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
     from cell.devices.devices import DeviceSelection
-    from cell.operations.batch import checked, requests
+    from cell.operations.batch import checked, doubts_about, requests
     from cell.operations.fold import Request
 
     choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
@@ -98,19 +101,23 @@ def fold(
         frames=frames.value if frames else None,
         truth=not no_truth,
         viz=viz.value,
+        full_speed=full_speed,
     )
     wanted = checked(requests(base, plant or [], repeat))
+    for doubt in doubts_about(wanted):
+        _remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
         return
-    sys.exit(_folded(wanted, jobs, as_json=as_json))
+    sys.exit(_folded(base, wanted, jobs, as_json=as_json))
 
 
-def _folded(wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+def _folded(base: "Request", wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
     """Fold and tell; the largest exit code."""
+    real = _real(base)
     code = 0
     try:
-        for result in _results(wanted, jobs, quiet=as_json):
+        for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
             _tell(result, as_json=as_json)
             code = max(code, result.exit_code)
     except CellError as error:
@@ -131,7 +138,27 @@ def _named(strip: str, length: float | None) -> str:
     return strip if length is None else f"{MARK}{length:g}"
 
 
-def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
+def _real(base: "Request") -> bool:
+    """Whether a real robot will move; then the operator has typed the cell's name."""
+    from cell.config.places import find_configs
+    from cell.operations.real_robot import confirm, is_real
+
+    settings = find_configs(base.configs).cell()
+    if not is_real(settings, base.choice):
+        return False
+    confirm(settings, _ask)
+    return True
+
+
+def _ask(question: str) -> str:
+    sys.stderr.write(question)
+    sys.stderr.flush()
+    return sys.stdin.readline()
+
+
+def _results(
+    wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
+) -> "Iterator[FoldResult]":
     from cell.config.places import find_configs
     from cell.operations.batch import each_of
     from cell.operations.calibrate import calibration_of
@@ -148,7 +175,9 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
             ):
                 yield _as_result(request, made)
         return
-    for request in wanted:
+    for number, request in enumerate(wanted):
+        if real and number > 0:
+            _ask("Lay the strip again, flat and straight, then press Enter: ")
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             try:

@@ -16,17 +16,11 @@ if TYPE_CHECKING:
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
+OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 
 def exam(
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            help="Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED].",
-            show_default=False,
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
     tier: Annotated[
         Literal["state", "images", "small"],
         typer.Option(help="From the state, through images, or six cases from the state."),
@@ -67,8 +61,7 @@ def exam(
     if only_make and only_judge:
         raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
     steps: Steps = "make" if only_make else "judge" if only_judge else "all"
-    wide = min(jobs, os.cpu_count() or 1)
-    out = out or Path("runs") / f"exam-{tier}-{seed}"
+    out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
             wanted = load_or_draw(out, tier, cases, seed)

@@ -8,7 +8,7 @@ import typer
 
 
 def policy_names() -> str:
-    """The policies' names, read off their files: importing them would make `--help` slow."""
+    """Names of the policies, from their file names: importing them would make `--help` slow."""
     found = find_spec("policies.library")
     places = [] if found is None else list(found.submodule_search_locations or ())
     names = {path.stem for place in places for path in Path(place).glob("[a-z]*.py")}

@@ -1,4 +1,4 @@
-"""Standard output and errors that cannot spoil a command, whatever becomes of the terminal."""
+"""Robust standard output and error: a closed or full terminal never fails a command."""
 
 import errno
 import io
@@ -11,15 +11,16 @@ GONE = {errno.EPIPE, errno.EBADF, errno.EIO}  # nobody reads any more: no news t
 
 
 class Outlet(io.FileIO):
-    """A file that takes every byte; `failure` is what the system said when it refused the first.
+    """A file that accepts every byte; `failure` is the system's message for the first one refused.
 
-    A fold is not ended, nor its exit code changed, because the reader of its line has gone.
+    A fold does not end, and its exit code does not change, because the reader of its output has
+    gone.
     """
 
     failure: OSError | None = None
 
     def write(self, content: Any) -> int:
-        """Hand on to the system what it still takes."""
+        """Pass bytes on to the system while it accepts them."""
         block = memoryview(content)
         rest = block.cast("B")
         while self.failure is None and rest.nbytes:
@@ -63,7 +64,7 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
 
 
 def lost(outlet: Outlet | None) -> str:
-    """Why what was printed did not arrive, in words; empty where it did or nobody listened."""
+    """Why the printed text did not arrive; empty where it did or nobody was reading."""
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE:
         return ""
     return outlet.failure.strerror or "no reason given"

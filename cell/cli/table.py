@@ -1,4 +1,4 @@
-"""Tables on a terminal of any width: names and numbers are never broken."""
+"""Tables on a terminal of any width, without breaks inside names and numbers."""
 
 import sys
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ def print_table(
 
 
 def printable(text: str) -> str:
-    """`text` with what would move a terminal's cursor or colour it written out."""
+    """`text` with terminal control characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -68,7 +68,7 @@ def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:
 
 
 def wide_console() -> "Console":
-    """A console that breaks no line of a table: a terminal that is narrower does it visibly."""
+    """A console that never wraps a line of a table; a narrower terminal wraps it visibly."""
     from rich.console import Console
 
     return Console(width=max(Console().width, WIDE))

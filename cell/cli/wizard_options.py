@@ -1,4 +1,4 @@
-"""Options that both calibration wizards share, and the folder that a session gets."""
+"""Options of both calibration wizards, and the folder of a session."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,7 +42,7 @@ Viz = Annotated[WizardViz, typer.Option(help="Rerun: save a recording, show it l
 
 
 def session_folder(out: Path | None, cell: str, kind: str) -> Path:
-    """The folder named by --out, or a new one by time; one that is there is refused."""
+    """The folder given by --out, or a new one named by time; an existing one is refused."""
     from datetime import UTC, datetime
 
     from drivers.errors import ConfigurationError
@@ -56,7 +56,7 @@ def session_folder(out: Path | None, cell: str, kind: str) -> Path:
 
 @contextmanager
 def watching(panel: "WizardPanel", folder: Path, viz: WizardViz) -> Iterator["Watcher"]:
-    """A watcher that draws into the terminal and, unless `viz` is off, into wizard.rrd."""
+    """An observer that draws into the terminal and, unless `viz` is off, into wizard.rrd."""
     with panel:
         if viz is WizardViz.OFF:
             yield panel
@@ -74,7 +74,7 @@ def watching(panel: "WizardPanel", folder: Path, viz: WizardViz) -> Iterator["Wa
 
 
 def tell_verdict(lines: "tuple[Line, ...]") -> None:
-    """The verdict, coloured where the terminal can."""
+    """Print the verdict, in colour where the terminal supports it."""
     from rich.console import Console
 
     from cell.operations.wizard_panel import verdict_text

@@ -1,1 +1,1 @@
-"""Configuration of a cell: files, their look-up, and what is wrong with them in one line."""
+"""Configuration of a cell: files, their location, and errors in one line."""

@@ -1,4 +1,4 @@
-"""How a fold is driven: rates, speeds, heights."""
+"""Settings of a fold: rates, speeds, heights."""
 
 from pydantic import Field
 
@@ -7,7 +7,7 @@ from policies.path import TAKEOVER_HEIGHT
 
 
 class FoldSettings(Settings):
-    """Numbers of the fold itself; lengths [m], speeds [m/s], times [s]."""
+    """Parameters of a fold; lengths [m], speeds [m/s], times [s]."""
 
     control_rate: float = Field(100.0, ge=100, le=200)  # Hz; records promise 100 rows a second
     speed: float = Field(

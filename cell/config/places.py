@@ -1,4 +1,4 @@
-"""Where configuration and results live: `--configs`, ./configs, or what the package carries."""
+"""Location of configuration and results: `--configs`, ./configs, or the package's own."""
 
 import os
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Configs:
     folder: Path
 
     def cell(self) -> CellFile:
-        """cell.yaml, its effects checked, the calibration that it names found from its folder."""
+        """Settings from cell.yaml, with its effects checked and its calibration's path resolved."""
         path = self.folder / "cell.yaml"
         cell = load(path, CellFile)
         check_effects(cell.effects, origin=str(path), of="cell")
@@ -76,5 +76,5 @@ def find_configs(given: Path | None) -> Configs:
 
 
 def cache_folder() -> Path:
-    """Where things that can be made again are kept."""
+    """Folder for files that can be recomputed."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "folding-cell"

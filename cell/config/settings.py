@@ -1,4 +1,4 @@
-"""Settings of a cell that its controller may know: drivers, installation, speeds, limits."""
+"""Settings that the controller may use: drivers, installation, speeds, limits."""
 
 from typing import Literal
 
@@ -19,7 +19,7 @@ from drivers.settings import Settings
 
 
 class DriverChoice(Settings):
-    """Which implementation of each seam `cell` uses when the command line does not say."""
+    """Driver of each device that `cell` uses unless the command line selects another."""
 
     arm: Literal["twin", "fci"] = "twin"
     camera: Literal["twin", "v4l2"] = "twin"
@@ -32,7 +32,7 @@ class RecordSettings(Settings):
 
 
 class SigmaSettings(Settings):
-    """One-sigma noise of what this cell measures [m], [s]; measured on the twin, see runbooks."""
+    """One-sigma measurement noise of this cell [m], [s]; measured on the twin, see runbooks."""
 
     contact_x: float = Field(gt=0, le=0.1)
     profile: float = Field(gt=0, le=0.1)

@@ -1,1 +1,1 @@
-"""The devices of a cell: which drivers are open, and the rig's known errors taken back."""
+"""Devices of a cell: the selected drivers, with known errors of the rig compensated."""

@@ -12,35 +12,35 @@ from drivers.types import Frame
 
 
 class Closable(Protocol):
-    """Something that is let go in the end."""
+    """Something that must be closed at the end."""
 
     def close(self) -> None:
-        """Let go; allowed twice."""
+        """Release it; calling it twice is allowed."""
         ...
 
 
 class CalibrationAids(Protocol):
-    """What a calibration needs at hand. The twin has it; at a real cell a person brings it."""
+    """Tools for a calibration: the twin provides them; at a real cell a person does."""
 
     def show_board(self, wanted: WantedView) -> Frame:
         """An image of the calibration board held as `wanted`."""
         ...
 
     def measure_board(self) -> float:
-        """Length [m] of the printed squares across all columns, as a ruler shows it."""
+        """Length [m] of the printed squares across all columns, by a ruler."""
         ...
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the fingers, or take it out."""
+        """Put the pointer between the fingers, or remove it."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Devices:
-    """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
+    """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
-    `camera_locks` are the values at which the camera's controls are held, `others` what else has
-    to be let go in the end.
+    `camera_locks` are the values of the locked camera controls, `others` what else must be closed
+    at the end.
     """
 
     clock: Clock
@@ -54,30 +54,30 @@ class Devices:
     others: tuple[Closable, ...] = ()
 
     def connect(self) -> None:
-        """Take hold of arm and camera."""
+        """Connect arm and camera."""
         self.arm.connect()
         self.camera.connect()
 
     def close(self) -> None:
-        """Bring the arm to rest and let go of everything, of the rest too where one refuses."""
+        """Bring the arm to rest and close everything, even where one device fails to close."""
         with ExitStack() as left:
             for device in (*reversed(self.others), self.camera, self.arm):
                 left.callback(device.close)
 
 
 class Plant(Protocol):
-    """The twin's truth, for scoring a run after it ended and for nothing else."""
+    """The twin's truth, used only to score a run after it ended."""
 
     def truth(self, origin: float) -> Mapping[str, Any]:
-        """Plain facts of what really happened, times since `origin` [s]."""
+        """Plain facts about what really happened, times since `origin` [s]."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceSelection:
-    """What the command line says of devices; None where silent.
+    """Devices selected on the command line; None where not given.
 
-    `index` counts the runs that the strip on the desk has been through before.
+    `index` is the number of runs that the strip on the desk has already been through.
     """
 
     arm: str | None = None

@@ -1,4 +1,4 @@
-"""A Franka arm with strip and camera of the twin, which follow the poses that the arm measures."""
+"""A Franka arm with the twin's strip and camera, which follow the arm's measured poses."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -28,12 +28,12 @@ NONE = frozen([0.0, 0.0, 0.0])
 
 @dataclass(slots=True)
 class Surroundings:
-    """What the emulated robot feels; nothing until a follower tells it."""
+    """Forces on the emulated robot and the object in its hand; none until a follower is set."""
 
     follower: Follower | None = None
 
     def between(self) -> float | None:
-        """Thickness [m] of what lies between the fingers; None for nothing."""
+        """Thickness [m] of the object between the fingers; None for nothing."""
         return None if self.follower is None else self.follower.between()
 
     def force(self, tip: Array, time: float) -> Array:
@@ -49,10 +49,10 @@ def fci_devices(
     *,
     calibrating: bool = False,
 ) -> Devices:
-    """The arm at the address in cell.yaml, or a twin of it that is started here, in lock-step.
+    """The arm at the address in cell.yaml, or an emulated one that is started here, in lock-step.
 
-    Against an address the robot's time runs by itself, and strip and camera keep up with it.
-    While `calibrating` the desk is bare, and the twin's camera has hands that hold things.
+    An arm at an address runs on its own time, and strip and camera keep up with it. While
+    `calibrating` the desk is bare, and the twin provides the calibration aids.
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
@@ -88,7 +88,7 @@ def fci_devices(
 def fci_arm(
     settings: CellFile, clock: TwinClock, address: str, origin: float | None
 ) -> tuple[FciArm, FciHand]:
-    """Arm and hand at `address`; `origin` of the wall clock that the robot runs by, if it does."""
+    """Arm and hand at `address`; `origin` of the wall clock when the robot runs on its own time."""
     installation = settings.fci.installed(settings.installation)
     realtime = "ignore" if origin is None else settings.fci.realtime
     fci = settings.fci.model_copy(update={"realtime": realtime})
@@ -101,9 +101,10 @@ def fci_arm(
 def start_joints(
     installation: Installation, fold: FoldSettings, length: float, home: float
 ) -> tuple[float, ...]:
-    """Joints (7,) [rad] over the strip's edge from which a plain fold can be followed best.
+    """Joints (7,) [rad] over the strip's edge from which the arm follows a plain fold with the
+    largest margin.
 
-    Raises ConfigurationError where the mounting leaves no way.
+    Raises ConfigurationError where no posture can follow it.
     """
     path, speeds = whole_path(length, home, fold, installation.limits, triangle(length))
     reach = plan_reach(installation, path, speeds)
@@ -117,7 +118,7 @@ def start_joints(
 
 
 def _served(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
-    """A twin of the robot in a thread of its own: in lock-step the cell waits while it works."""
+    """An emulated robot in its own thread: in lock-step the cell waits while it computes."""
     installation = settings.fci.installed(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)

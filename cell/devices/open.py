@@ -1,4 +1,4 @@
-"""The one place that picks drivers."""
+"""Opens the devices of a cell: the only place that selects drivers."""
 
 from importlib.util import find_spec
 from typing import Protocol
@@ -14,17 +14,17 @@ from drivers.strip.file import StripFile
 
 
 class DeviceFactory(Protocol):
-    """What can open a cell: `open_cell`, or what another plant is brought in by."""
+    """A function that opens a cell: `open_cell`, or one that provides another plant."""
 
     def __call__(
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
-        """Devices as configured and chosen."""
+        """Devices as configured and selected."""
         ...
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
-    """Refuse devices that this version cannot drive, with a ConfigurationError."""
+    """Refuse devices that this version does not support, with a ConfigurationError."""
     arm = choice.arm or settings.drivers.arm
     if arm == "fci" and find_spec("pylibfranka") is None:
         raise ConfigurationError(
@@ -36,7 +36,7 @@ def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:
 
 
 def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
-    """Refuse to fold with a real camera that has no calibration; the twin makes its own."""
+    """Raise ConfigurationError for a real camera without a calibration; the twin makes its own."""
     if real_camera(settings, choice) and settings.calibration is None:
         raise ConfigurationError(
             "cell.yaml: calibration: is missing, camera v4l2 needs one; run `cell calibrate "
@@ -45,16 +45,16 @@ def check_calibrated(settings: CellFile, choice: DeviceSelection) -> None:
 
 
 def real_camera(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the camera is a real one."""
+    """Whether a real camera is selected."""
     return (choice.camera or settings.drivers.camera) == "v4l2"
 
 
 def open_cell(
     settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
 ) -> Devices:
-    """Devices as configured and chosen, effects of the rig that the cell file has inverted.
+    """Devices as configured and selected, compensated for the rig effects of the cell file.
 
-    On the twin without a plant the strip itself lies there.
+    On the twin without a plant file the plant equals the strip.
     """
     check_drivers(settings, choice)
     cv2.setNumThreads(1)  # beside the strip and the record, more threads only wait for each other

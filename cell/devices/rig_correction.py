@@ -1,4 +1,4 @@
-"""Accepted effects of the rig, inverted before anybody sees a value: one place for all of them."""
+"""Compensation of accepted rig effects in arm and calibration, in one place."""
 
 from collections import deque
 from dataclasses import replace
@@ -20,12 +20,12 @@ from drivers.types import ArmState, Array, Pose, Velocity
 def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
-    """The calibration with what the cell file says of camera and desk taken back."""
+    """The calibration compensated for the cell file's camera and desk effects."""
     return corrected(calibration, describe(strip, settings.effects))
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:
-    """The devices with an arm that speaks of true poses; without effects the very same."""
+    """The devices with an arm that reports true poses; unchanged without rig effects."""
     rig = describe(strip, settings.effects).rig
     if rig == Rig():
         return devices
@@ -33,7 +33,7 @@ def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) ->
 
 
 def as_recorded(settings: CellFile, strip: StripFile) -> StripModel:
-    """The strip in this cell as its records show it: what is inverted is not in them."""
+    """The strip in this cell as its records show it: without the compensated effects."""
     model = describe(strip, settings.effects)
     return replace(model, rig=Rig(), observation=Observation())
 
@@ -42,10 +42,10 @@ MEMORY = 256  # reports kept to know where the gripper was a while ago
 
 
 class CorrectedArm:
-    """Satisfies `drivers.protocols.Arm` over another one, which knows nothing of `rig`.
+    """Satisfies `drivers.protocols.Arm` over another arm, compensated for `rig`.
 
-    States say where the gripper truly is over the true desk at their stamp; poses to go to are
-    true ones. As in `grip_path`, offsets grow from where `hand` first holds the strip.
+    States give the gripper's true pose over the true desk at their stamp; commanded poses are true
+    ones. As in `grip_path`, offsets grow from where `hand` first holds the strip.
     """
 
     def __init__(self, arm: Arm, hand: Hand, rig: Rig) -> None:
@@ -55,11 +55,11 @@ class CorrectedArm:
         self._share = 0.0
 
     def connect(self) -> None:
-        """Take hold of the arm, at rest."""
+        """Connect and hold the arm at rest."""
         self._arm.connect()
 
     def state(self) -> ArmState:
-        """The newest measured state, as it truly is."""
+        """The newest measured state, corrected to the true pose."""
         told = self._arm.state()
         self._reports.append(told)
         reported = self._at_stamp(told)
@@ -87,13 +87,14 @@ class CorrectedArm:
         self._arm.stop()
 
     def close(self) -> None:
-        """Brake and let go of the device; allowed twice."""
+        """Brake and disconnect; calling it twice is allowed."""
         self._arm.close()
 
     def _at_stamp(self, told: ArmState) -> Array:
-        """Where the arm will say, or has said, that it is at the stamp of `told` (3,).
+        """Reported pose at the stamp of `told` (3,), compensated for the report's delay.
 
-        What it says at t was so at t - delay. The future is led on at the measured velocity.
+        What the arm reports at t was true at t - delay. The future is extrapolated at the measured
+        velocity.
         """
         ahead = self._rig.delay
         if ahead == 0:

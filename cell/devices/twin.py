@@ -1,4 +1,4 @@
-"""The twin as a cell's devices, with what its calibration needs and what scoring may read."""
+"""The twin's devices, its calibration aids, and the truth for scoring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from drivers.types import Frame
 
 
 class TwinCalibrationAids:
-    """Holds boards before the twin's camera and puts the pointer into its hand."""
+    """Holds boards in front of the twin's camera and puts the pointer into its hand."""
 
     def __init__(self, twin: Twin | Desk, settings: CellFile, seed: int) -> None:
         self.twin = twin
@@ -40,13 +40,13 @@ class TwinCalibrationAids:
         return self.settings.boards.width
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pointer between the fingers, or take it out."""
+        """Put the pointer between the fingers, or remove it."""
         self.twin.world.hold_pointer(held)
 
 
 @dataclass(frozen=True, slots=True)
 class TwinPlant:
-    """What really happened to the strip on the twin."""
+    """True motion of the strip on the twin."""
 
     twin: Twin | Desk
     plant: StripFile
@@ -75,7 +75,8 @@ def twin_devices(
 ) -> Devices:
     """The twin with the plant on its desk; effects of the rig begin after its calibration.
 
-    Without a plant the twin is what the controller believes, accepted effects of the rig included.
+    Without a plant file the twin equals the controller's model, accepted effects of the rig
+    included.
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     if calibrating:
@@ -97,7 +98,7 @@ def twin_devices(
 
 
 def bare(settings: CellFile) -> TwinSettings:
-    """The twin without a strip on its desk, as it is calibrated."""
+    """The twin without a strip on its desk, for its calibration."""
     world = settings.twin.world.model_copy(update={"strip": False})
     return settings.twin.model_copy(update={"world": world})
 
@@ -105,7 +106,7 @@ def bare(settings: CellFile) -> TwinSettings:
 def on_desk(
     settings: CellFile, strip: StripFile, choice: DeviceSelection
 ) -> tuple[StripFile, StripFile, dict[str, dict[str, float]]]:
-    """The plant as it is told in the record, what of it is strip, and the effects of the rig."""
+    """The plant as recorded, its strip, and the effects of the rig."""
     if choice.plant is None:
         return strip, strip, settings.effects
     plant = load_plant(choice.plant)
@@ -113,7 +114,7 @@ def on_desk(
 
 
 def _divided(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
-    """The strip with its own effects, and those of the rig that the plant file adds."""
+    """The strip with its own effects, and the rig effects that the plant file adds."""
     own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
     rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}
     return plant.model_copy(update={"effects": own}), rig

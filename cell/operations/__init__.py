@@ -1,1 +1,1 @@
-"""What each command does: fold, calibrate, replay, make the standard runs, predict."""
+"""What the commands do: fold, calibrate, replay, predict, make the standard runs."""

@@ -1,4 +1,4 @@
-"""Several folds: one after the other, or side by side in processes of their own."""
+"""Several folds: in sequence, or in parallel worker processes."""
 
 import signal
 from collections import deque
@@ -17,6 +17,7 @@ from cell.operations.interrupt import Interrupted
 from cell.operations.result import FoldResult
 from drivers.errors import CellError, Fault, Unexpected
 from drivers.strip.describe import load_plant
+from drivers.strip.validity import doubts
 from policies.registry import make_policy
 
 PATIENCE = 60.0  # s that a fold may take to end its record once it was told to stop
@@ -26,14 +27,14 @@ Task = tuple[int, Request, Calibration | None]
 
 
 class Worker:
-    """Folds in a process of its own, deaf to the keyboard: it is told through its pipe to stop.
+    """A process that folds; it ignores SIGINT and is stopped through its pipe.
 
-    The first `stop` asks for a controlled stop of the fold under way, as does the death of the
-    process that it works for; a second one stops it at once.
+    The first `stop` requests a controlled stop of the fold under way, as does the death of the
+    parent process; a second one stops it at once.
     """
 
     def __init__(self) -> None:
-        """Start the process; nothing is folded yet."""
+        """Start the process without a task."""
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.task: int | None = None
@@ -46,13 +47,13 @@ class Worker:
         theirs.close()
 
     def begin(self, number: int, request: Request, calibration: Calibration | None) -> None:
-        """Let it fold `request`, as task `number`."""
+        """Start to fold `request`, as task `number`."""
         self.task = number
         with suppress(OSError):  # it has ended by itself, and `result` will say so
             self.pipe.send((number, request, calibration))
 
     def result(self) -> FoldResult | CellError:
-        """What came of its task; waits for it. A process that died is a Fault."""
+        """Wait for and return the result of its task; a process that died is a Fault."""
         try:
             made: FoldResult | CellError = self.pipe.recv()
         except (EOFError, OSError):
@@ -63,17 +64,17 @@ class Worker:
         return made
 
     def stop(self) -> None:
-        """Ask it to stop what it does."""
+        """Request a stop of the fold under way."""
         if self.task is not None:
             with suppress(OSError):
                 self.pipe.send(STOP)
 
     def release(self) -> None:
-        """Ask for nothing more; the fold that is under way stops under control."""
+        """Assign no more tasks; a fold under way stops under control."""
         self.pipe.close()
 
     def join(self) -> None:
-        """Wait for the end of a released process."""
+        """Wait for a released process to end."""
         self._process.join(PATIENCE)
         if self._process.is_alive():
             self._process.terminate()
@@ -81,14 +82,14 @@ class Worker:
 
 
 class StopSignal:
-    """Whether a fold is asked to stop: by word through `pipe`, or because nobody listens."""
+    """Whether a fold must stop: requested through `pipe`, or because the parent is gone."""
 
     def __init__(self, pipe: Connection) -> None:
         self._pipe = pipe
         self._words = 0
 
     def __call__(self) -> bool:
-        """True after the first word; from the second on KeyboardInterrupt."""
+        """True after the first request; raises KeyboardInterrupt from the second on."""
         while self._pipe.poll():
             try:
                 self._pipe.recv()
@@ -107,7 +108,7 @@ def _work(pipe: Connection) -> None:
 
 
 def _next(pipe: Connection) -> Task | None:
-    """The next task; None when there is none any more. A word that came too late is passed over."""
+    """The next task; None at the end. A stop request that arrives between tasks is ignored."""
     while True:
         try:
             word: Task | str = pipe.recv()
@@ -146,7 +147,7 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
 
 
 def checked(wanted: Sequence[Request]) -> Sequence[Request]:
-    """`wanted`, which differ in plant and seed, after a look at every file that they name.
+    """`wanted`, which differ in plant and seed, after reading every file that they name.
 
     Raises ConfigurationError before anything has moved, not in the middle of the folds.
     """
@@ -163,6 +164,13 @@ def checked(wanted: Sequence[Request]) -> Sequence[Request]:
     return wanted
 
 
+def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
+    """What of the strips and plants lies where an engine is not known to hold, once each."""
+    named = find_configs(wanted[0].configs).strip(wanted[0].strip)
+    plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
+    return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
+
+
 def side_by_side(
     wanted: Sequence[Request],
     jobs: int,
@@ -171,7 +179,7 @@ def side_by_side(
 ) -> Iterator[FoldResult]:
     """The results in the order of the requests, `jobs` folds at a time.
 
-    Like `each_of`, but a fold that raised CellError raises it in its turn and ends the others.
+    Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
     """
     for result in each_of(wanted, jobs, interrupted, calibration):
         if isinstance(result, CellError):
@@ -185,7 +193,7 @@ def each_of(
     interrupted: Callable[[], bool] = lambda: False,
     calibration: Calibration | None = None,
 ) -> Iterator[FoldResult | CellError]:
-    """What came of each request in their order, `jobs` folds at a time: a result or its error.
+    """Result or error of each request, in their order, `jobs` folds at a time.
 
     Once `interrupted`, the folds under way stop under control and no other begins; after a
     KeyboardInterrupt they stop at once.
@@ -202,7 +210,7 @@ def each_of(
 
 
 class WorkerPool:
-    """Workers who share the folds that are wanted."""
+    """Worker processes that share a list of folds."""
 
     def __init__(
         self, workers: list[Worker], wanted: Sequence[Request], calibration: Calibration | None
@@ -214,7 +222,7 @@ class WorkerPool:
         self._told = 0
 
     def result(self, number: int, interrupted: Callable[[], bool]) -> FoldResult | CellError | None:
-        """What came of fold `number`; None when it was not begun and will not be."""
+        """The result of fold `number`; None when it was not started and will not be."""
         while number not in self._done:
             try:
                 if interrupted() and not self._told:
@@ -230,7 +238,7 @@ class WorkerPool:
         return self._done.pop(number)
 
     def close(self) -> None:
-        """Let everybody go."""
+        """Release all workers and wait for them."""
         for worker in self._workers:
             worker.release()
         for worker in self._workers:
@@ -246,7 +254,7 @@ class WorkerPool:
                 worker.begin(*self._waiting.popleft(), self._calibration)
 
     def _collect(self) -> None:
-        """Take what is finished, waiting a moment for it."""
+        """Collect finished results, waiting briefly for them."""
         ready = wait([worker.pipe for worker in self._busy], GLANCE)
         for worker in self._busy:
             if worker.pipe in ready and worker.task is not None:

@@ -39,8 +39,8 @@ def calibration_of(
     """The calibration that this cell uses.
 
     That of the cell file if it names one; else, on the twin, one made with boards and touched
-    points and kept for the next run. `tell` is told when one is made, and where it cannot be
-    kept. Raises Interrupted when `interrupted` while it is made.
+    points and kept for the next run. `tell` is called with a message when one is made, and when it
+    cannot be kept. Raises Interrupted when `interrupted` while it is made.
     """
     if settings.calibration is not None:
         return load_calibration(Path(settings.calibration))
@@ -61,7 +61,7 @@ def calibration_of(
 def calibrate_anew(
     settings: CellFile, interrupted: Callable[[], bool] = lambda: False
 ) -> tuple[Calibration, Path]:
-    """Calibrate on the twin and keep the result for the runs to come, where it is told."""
+    """Calibrate on the twin and keep the result for later runs; `tell` is called with its path."""
     path = kept_calibration(settings)
     made = calibrate_now(settings, interrupted)
     save_calibration(made, path)
@@ -69,7 +69,7 @@ def calibrate_anew(
 
 
 def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
-    """A calibration of the twin, which is not kept."""
+    """A calibration of the twin that is not kept."""
     twin = DeviceSelection(arm="twin", camera="twin")
     devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
     return calibrate(settings, devices, interrupted)
@@ -77,7 +77,9 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """While another process makes what is to lie at `path`, wait for it, where locks are had."""
+    """Hold a lock while the file at `path` is made, so that other processes wait for it, where
+    locks exist.
+    """
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -87,7 +89,7 @@ def _alone(path: Path) -> Iterator[None]:
 
 
 def kept_calibration(settings: CellFile) -> Path:
-    """Where the calibration of this very cell and camera is kept."""
+    """Path of the kept calibration of this cell and camera."""
     facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
     identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
     return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
@@ -96,7 +98,7 @@ def kept_calibration(settings: CellFile) -> Path:
 def calibrate(
     settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
 ) -> Calibration:
-    """Lens and map to the plane, made now.
+    """Calibrate lens and map to the plane now.
 
     Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
     Interrupted when the operator did.
@@ -112,7 +114,7 @@ def calibrate(
 
 
 def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
-    """The lens, from as many views of the board as it takes; raises CellError where it is poor."""
+    """The lens from as many views of the board as it takes; raises CellError where it is poor."""
     views = BoardViews(settings.boards)
     while (pose := views.ask()) is not None:
         views.tell(aids.show_board(pose))

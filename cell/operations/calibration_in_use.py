@@ -1,4 +1,4 @@
-"""Whether a calibration may be used now, and what a run records of it."""
+"""Validity of a calibration, and its entry in the record."""
 
 from datetime import UTC, datetime
 from typing import Any
@@ -45,7 +45,7 @@ def check_usable(
 
 
 def recorded(calibration: Calibration, now: datetime) -> dict[str, Any]:
-    """What run.yaml says of a calibration: id, error [m], age, why it was taken nevertheless."""
+    """Entry of run.yaml about a calibration: id, error [m], age, reason of an override."""
     facts: dict[str, Any] = {
         "id": calibration.id,
         "error": calibration.residual_mm / 1e3,

@@ -1,4 +1,4 @@
-"""Look at cameras: which settings suit one, and a picture taken with them."""
+"""Camera listing and test pictures: suitable settings for a device, and a picture with them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,7 @@ FIRST = 5.0  # s that the first frame may take
 
 @dataclass(frozen=True, slots=True)
 class Grab:
-    """A picture, how the camera was set up for it, and how the frames before it came.
+    """A picture, the camera's setup, and the statistics of the frames before it.
 
     `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to arrival.
     """
@@ -44,7 +44,9 @@ class Grab:
 
 
 def suggested(camera: CameraReport) -> V4l2Settings | None:
-    """Settings that suit `camera`, its controls locked where they stand; None without a mode."""
+    """Suitable settings for `camera`, with its controls locked at their present values; None
+    without a mode.
+    """
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None

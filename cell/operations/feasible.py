@@ -1,4 +1,4 @@
-"""Whether a fold fits into its cell: told from its files, before anything moves."""
+"""Feasibility of a fold in its cell, checked from files before anything moves."""
 
 from collections.abc import Iterator
 
@@ -42,7 +42,7 @@ def check_feasible(
 
 
 def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
-    """Places (n, 2) [m] of the gripper: approach, the fold as the model draws it, retreat."""
+    """Positions (n, 2) [m] of the gripper: approach, the fold as the model predicts it, retreat."""
     beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
     before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
     after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]

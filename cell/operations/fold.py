@@ -1,4 +1,4 @@
-"""Folds one strip: devices, calibration, run, record, score."""
+"""Folds one strip: opens devices and calibration, runs, records, scores."""
 
 import hashlib
 import json
@@ -22,6 +22,7 @@ from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
 from cell.operations.learned import offer
+from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -46,7 +47,7 @@ PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "torch"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One fold as it was asked for; plain values, so that another process can do it."""
+    """Specification of one fold; plain values, so that another process can execute it."""
 
     strip: str
     policy: str
@@ -58,6 +59,7 @@ class Request:
     truth: bool
     viz: Mode | Literal["off"]
     speed: float | None = None  # m/s on the path, instead of the cell's own
+    full_speed: bool = False  # of a real robot, which is slowed otherwise
 
 
 def fold(
@@ -71,11 +73,13 @@ def fold(
 ) -> FoldResult:
     """Fold once, with `calibration` or the one that the cell uses.
 
-    `opened` opens another cell than the configured one; without `page` no report is written.
-    Raises CellError for what is wrong before the run; a run itself only ends.
+    `opened` opens another cell than the configured one; without `page` no report is written. Raises
+    CellError for errors before the run; errors during the run are its outcome.
     """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
@@ -105,7 +109,7 @@ def fold(
 
 
 def at_speed(settings: CellFile, speed: float | None) -> CellFile:
-    """The cell's settings with another speed on the path [m/s], within its limits."""
+    """The cell's settings with another path speed [m/s], within its limits."""
     if speed is None:
         return settings
     content = settings.fold.model_dump() | {"speed": speed}
@@ -113,7 +117,7 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
 
 
 def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
-    """Execute `run`; whatever happens, the arm is let go and the record says how it ended."""
+    """Execute `run`; in every case the devices are closed and the record states the outcome."""
     try:
         devices.connect()
         outcome = run.execute()
@@ -137,7 +141,7 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
 
 
 def result_content(outcome: Outcome) -> dict[str, Any]:
-    """result.yaml of an outcome."""
+    """Content of result.yaml for an outcome."""
     content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
     content |= {"duration": outcome.duration}
     touch = outcome.touch
@@ -158,9 +162,10 @@ def run_header(
     calibration: Calibration,
     camera_rate: float,
 ) -> dict[str, Any]:
-    """run.yaml: what a reader needs, and what the run was made with; of the plant only a hash.
+    """Content of run.yaml: what a reader needs, and the versions of the run; of the plant only a
+    hash.
 
-    `camera_rate` is that of the camera that is open [Hz].
+    `camera_rate` is that of the open camera [Hz].
     """
     choice = request.choice
     return {
@@ -188,7 +193,7 @@ def run_header(
 
 
 def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
-    """The truth beside the record, on the twin, and the page; what fails is told in the outcome."""
+    """The outcome after writing truth (on the twin) and page; their failures are added to it."""
     try:
         if truth:
             write_truth(folder, truth)
@@ -210,7 +215,7 @@ def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
 
 
 def _weights(checkpoint: Path | None) -> dict[str, Any]:
-    """Which weights replaced the committed ones, if any; a copy of them lies in the run."""
+    """Checkpoint that replaced the committed weights, if any; a copy of it lies in the run."""
     if checkpoint is None:
         return {}
     digest = hashlib.sha256(checkpoint.read_bytes()).hexdigest()

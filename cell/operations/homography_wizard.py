@@ -1,4 +1,4 @@
-"""`cell calibrate homography`: the arm touches, the map to the plane comes out, all is kept."""
+"""`cell calibrate homography`: the arm touches points, the map to the plane is fitted and kept."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -38,14 +38,14 @@ CALIBRATION, POSES, LANDMARKS = "calibration.yaml", "poses.yaml", "landmarks.yam
 
 
 class PosesFile(Settings):
-    """poses.yaml: x, z [m] and pitch [rad] of every touch, to be edited and replayed."""
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of every touch, for editing and replay."""
 
     poses: tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class TouchSession:
-    """What came of a session of touches; `calibration` is None where it was not accepted."""
+    """Result of a session of touches; `calibration` is None where it was not accepted."""
 
     folder: Path
     touches: TouchVerdict | None
@@ -65,10 +65,10 @@ def calibrate_homography(
     accept_anyway: bool = False,
     interrupted: Callable[[], bool] = lambda: False,
 ) -> TouchSession:
-    """Touch, step and look under the orchestrator's monitors; keep all of it in `folder`.
+    """Touch, step and measure under the orchestrator's monitors; keep everything in `folder`.
 
-    Raises Fault when a monitor stopped the arm and Interrupted when the operator did; what was
-    told until then stays in `folder`.
+    Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
+    until then stay in `folder`.
     """
     keep = SessionFolder(folder, _session(settings, devices, lens))
     note = Note(keep)
@@ -118,7 +118,7 @@ def assembled(
     landmarks: Landmarks | None = None,
     accept_anyway: bool = False,
 ) -> Calibration:
-    """A calibration of these parts; what speaks against it is a CellError, or on the record."""
+    """A calibration from these parts; defects are a CellError, or recorded when overridden."""
     reasons = refusals(touches, latency)
     if touches is None or touches.homography is None or (reasons and not accept_anyway):
         raise CellError("homography failed: " + "; ".join(reasons))
@@ -180,7 +180,7 @@ def _accepted(
 def _draw(
     folder: Path, newest: Sequence[TouchNews], lens: Lens, verdict: TouchVerdict | None
 ) -> None:
-    """All points over the newest image, where there is one."""
+    """Draw all points over the newest image, where there is one."""
     if newest and newest[-1].frame is not None and verdict is not None:
         last = newest[-1]
         image = touches_picture(newest[-1].frame.image, last.touches, lens, verdict)

@@ -1,4 +1,4 @@
-"""Ctrl-C: the first asks for a controlled stop, the second stops at once."""
+"""Ctrl-C: the first requests a controlled stop, the second stops at once."""
 
 import signal
 from types import FrameType, TracebackType
@@ -8,24 +8,24 @@ from drivers.errors import CellError
 
 
 class Interrupted(CellError):
-    """Stopped from the keyboard, though not in a fold, which records that itself."""
+    """Stopped from the keyboard outside a fold, which records that itself."""
 
     exit_code = 130
 
 
 class Interrupt:
-    """While entered, counts SIGINT; the first is only remembered, later ones raise."""
+    """Context manager that counts SIGINT; the first is only remembered, later ones raise."""
 
     def __init__(self) -> None:
         self._asked = False
         self._before: Any = None
 
     def __call__(self) -> bool:
-        """Whether a controlled stop was asked for."""
+        """Whether a controlled stop was requested."""
         return self._asked
 
     def __enter__(self) -> Self:
-        """Listen."""
+        """Install the signal handler."""
         self._before = signal.signal(signal.SIGINT, self._hear)
         return self
 
@@ -35,7 +35,7 @@ class Interrupt:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Give the signal back."""
+        """Restore the previous signal handler."""
         signal.signal(signal.SIGINT, self._before)
 
     def _hear(self, _number: int, _frame: FrameType | None) -> None:

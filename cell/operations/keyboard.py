@@ -1,4 +1,4 @@
-"""The operator's answers: keys at a terminal, hands at the twin."""
+"""The operator's answers: keys at a terminal, and simulated hands on the twin."""
 
 import select
 import sys
@@ -13,14 +13,14 @@ ANSWERS = {"": Answer.GO, "s": Answer.SKIP, "r": Answer.AGAIN}
 
 
 class TwinOperator:
-    """Hands for the twin: does what `person` agrees to."""
+    """Performs on the twin what `person` agrees to."""
 
     def __init__(self, aids: CalibrationAids, person: Operator) -> None:
         self._aids = aids
         self._person = person
 
     def answer(self, question: Question) -> Answer | None:
-        """The person's answer, the pointer put in or taken out by then."""
+        """The person's answer, after the pointer was put in or removed."""
         answer = self._person.answer(question)
         if answer is not None and question.ask in {Ask.POINTER_IN, Ask.POINTER_OUT}:
             self._aids.hold_pointer(question.ask is Ask.POINTER_IN)
@@ -28,10 +28,11 @@ class TwinOperator:
 
 
 class Keyboard:
-    """Lines of a terminal: Enter goes on, s leaves out, r repeats, a goes on alone from then.
+    """Lines of a terminal: Enter continues, s skips, r repeats, a continues without further
+    questions.
 
-    On the twin, whose time stands still, it waits for the line; on hardware it only looks, and
-    the arm goes on being watched. At the end of the input it goes on alone.
+    On the twin, whose time stands still, it waits for the line; on hardware it polls, and the arm
+    stays monitored. At the end of the input it continues without questions.
     """
 
     def __init__(self, lines: TextIO, prompt: Callable[[str], None], *, waits: bool) -> None:
@@ -42,7 +43,7 @@ class Keyboard:
         self._alone = False
 
     def answer(self, question: Question) -> Answer | None:
-        """The answer to `question`; None while nothing was typed."""
+        """The answer to `question`; None until something was typed."""
         if self._alone:
             return Answer.GO
         if question != self._asked:
@@ -62,7 +63,7 @@ class Keyboard:
 
 
 def operator_of(devices: Devices, prompt: Callable[[str], None], *, interactive: bool) -> Operator:
-    """Who answers: a person at a real cell, and at the twin where he wants to; else nobody."""
+    """The operator of a run: a person at a real cell, and on the twin on request; else nobody."""
     if devices.aids is None:
         return Keyboard(sys.stdin, prompt, waits=False)
     person = Keyboard(sys.stdin, prompt, waits=True) if interactive else Unattended()

@@ -1,4 +1,4 @@
-"""`cell calibrate camera`: the board is shown, the lens comes out, all is kept."""
+"""`cell calibrate camera`: views of the board, the lens fitted from them, both kept."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ Source = Callable[[WantedView], Frame]
 
 @dataclass(frozen=True, slots=True)
 class LensSession:
-    """Where a session with the board lies, and what came of it."""
+    """Folder and verdict of a session with the board."""
 
     folder: Path
     verdict: LensVerdict
@@ -54,7 +54,7 @@ def calibrate_lens(
 ) -> LensSession:
     """Ask for views of the board until they suffice, and keep session and lens in `folder`.
 
-    `length` [m] is what a ruler says of the board's squares; on the twin it is measured there.
+    `length` [m] is the ruler's length of the board's squares; on the twin it is measured there.
     Raises Interrupted, and Fault where the camera delivers nothing.
     """
     aids = devices.aids
@@ -95,7 +95,9 @@ def show(
     watch: Callable[[ViewNews], None],
     interrupted: Callable[[], bool],
 ) -> None:
-    """Show one view after the other until the wizard asks for none."""
+    """Show one view after the other until the wizard asks for none; raises
+    Interrupted on request.
+    """
     while (wanted := views.ask()) is not None:
         if interrupted():
             raise Interrupted("calibration was interrupted; what was told so far is kept")
@@ -118,7 +120,7 @@ def show(
 
 
 def keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
-    """Write the verdict, and the lens for ROS and for OpenCV where there is one that passed."""
+    """Write the verdict, and the lens in ROS and OpenCV formats if it passed."""
     content = {
         "passed": verdict.passed,
         "lines": [line.text for line in lens_lines(verdict)],
@@ -132,7 +134,7 @@ def keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
 
 
 def _live(devices: Devices) -> Source:
-    """Images as the camera takes them, a tenth of a second apart; nobody holds boards for us."""
+    """Images of the live camera, a tenth of a second apart; a person holds the board."""
     newest = [-1.0]
 
     def look(_: WantedView) -> Frame:

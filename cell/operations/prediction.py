@@ -1,4 +1,6 @@
-"""A fold foretold: the policy in the model, its path held against the limits; nothing moves."""
+"""Prediction of a fold: the policy in the model, its path checked against the
+limits; nothing moves.
+"""
 
 from dataclasses import dataclass
 from itertools import product
@@ -6,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from cell.config.cell import CellFile
 from cell.config.places import find_configs
+from cell.operations.arm_prediction import ArmPrediction, predict_arm
 from cell.operations.fold import Request
 from drivers.errors import ConfigurationError
 from drivers.limits import Workspace
@@ -23,8 +27,8 @@ UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What the model expects. Lengths [m]; `low` and `high` over the strip's spread, None where
-    no layers touch.
+    """Expected result. Lengths [m]; `low` and `high` over the strip's uncertainty, None where no
+    layers touch.
     """
 
     strip: str
@@ -33,6 +37,7 @@ class Prediction:
     low: float | None
     high: float | None
     reach: tuple[float, float, float, float]
+    arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --dry-run --json` prints."""
@@ -44,10 +49,11 @@ class Prediction:
             "displacement_low": self.low,
             "displacement_high": self.high,
             "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+            **({} if self.arm is None else {"arm": self.arm.line()}),
         }
 
     def text(self) -> str:
-        """For the operator."""
+        """Text for the operator."""
         x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
         return (
             f"{self.strip} by {self.policy}: {_displacement(self.displacement)} expected, "
@@ -55,11 +61,14 @@ class Prediction:
             "the strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
+            + ("" if self.arm is None else f"\n  {self.arm.text()}")
         )
 
 
 def predict(request: Request) -> Prediction:
-    """Fold in the rod as `request` asks; ConfigurationError when the path leaves the limits."""
+    """Simulate the fold of `request` in the rod; ConfigurationError when the
+    path leaves the limits.
+    """
     configs = find_configs(request.configs)
     settings, strip = configs.cell(), configs.strip(request.strip)
     policy = make_policy(request.policy, request.checkpoint)
@@ -82,7 +91,19 @@ def predict(request: Request) -> Prediction:
         low=float(spread.min()) if spread.size else None,
         high=float(spread.max()) if spread.size else None,
         reach=reach,
+        arm=_arm(settings, strip, request, folds),
     )
+
+
+def _arm(
+    settings: CellFile, strip: StripFile, request: Request, folds: Folds
+) -> ArmPrediction | None:
+    """Whether a Franka arm can follow the nominal fold, if that is what is asked."""
+    if (request.choice.arm or settings.drivers.arm) != "fci":
+        return None
+    touch = folds.touch[0]
+    end = None if touch is None else touch.x - touch.to_grasped
+    return predict_arm(settings, strip, folds.trace[:, 0], end)
 
 
 def _displacement(value: float | None) -> str:
@@ -90,7 +111,7 @@ def _displacement(value: float | None) -> str:
 
 
 def _variants(strip: StripFile) -> list[StripFile]:
-    """The corners of what is not known of the strip."""
+    """Corners of the uncertainty of the strip's parameters."""
     spans = [
         strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
         for key, u in UNKNOWN.items()

@@ -1,4 +1,4 @@
-"""Progress while folding: one line that tells the state, where the gripper is, what is seen."""
+"""Progress of a fold on one terminal line: state, gripper, measurements."""
 
 import math
 import sys
@@ -17,7 +17,7 @@ EVERY = 10  # ticks between two looks
 
 
 class ProgressLine:
-    """Shows a run on one line of the terminal."""
+    """Observer that shows a run on one line of the terminal."""
 
     def __init__(self, status: Status, strip: StripFile) -> None:
         self._status = status
@@ -25,7 +25,7 @@ class ProgressLine:
         self._count = 0
 
     def see(self, snapshot: Snapshot) -> None:
-        """One tick; most are not shown."""
+        """Process one tick; most are not shown."""
         self._count += 1
         if self._count % EVERY:
             return
@@ -39,7 +39,7 @@ class ProgressLine:
         self._status.update(text)
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """One event; a fault stays on the screen."""
+        """Process one event; a fault stays on the screen."""
         if kind == "fault":
             text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"
             self._status.console.print(text, markup=False, soft_wrap=True)
@@ -47,7 +47,7 @@ class ProgressLine:
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[Callable[[Path, StripFile], tuple[Observer, ...]]]:
-    """Makes the observers of a fold; none where nobody looks."""
+    """Makes the observers of a fold; none without a terminal."""
     console = Console(stderr=True)
     if quiet or not sys.stderr.isatty():
         yield lambda _folder, _strip: ()

@@ -1,4 +1,4 @@
-"""Decides again what a run decided, from its stored images, and holds both side by side."""
+"""Repeats perception and decisions of a run on its stored images, and compares."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -30,7 +30,7 @@ SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run'
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """How many stored images and decisions were made again, and those that came out otherwise."""
+    """Counts of repeated images and decisions, and the ones that differ."""
 
     images: int
     decisions: int
@@ -38,15 +38,15 @@ class Replay:
 
     @property
     def same(self) -> bool:
-        """Whether everything that could be decided again was decided the same way."""
+        """Whether everything that could be repeated gave the same result."""
         return not self.differences and self.decisions > 0
 
 
 def replay(folder: Path) -> Replay:
-    """Read every stored image of the run again and decide again on every sight.
+    """Repeat perception on every stored image and decide again on every measurement.
 
-    Of a run that kept no images, only the decisions. Raises ConfigurationError for a run that
-    lacks what this needs: one of a laboratory, or one that ended before anything was decided.
+    For a run without images, only the decisions. Raises ConfigurationError for a run that lacks the
+    data: a laboratory's run, or one that ended before any decision.
     """
     run = read_run(folder)
     settings, strip = _recorded(run, "config", CellFile), _recorded(run, "strip_file", StripFile)
@@ -63,7 +63,7 @@ def replay(folder: Path) -> Replay:
 
 @dataclass(frozen=True, slots=True)
 class _Decided:
-    """A recorded decision: on which image, with the gripper where [m], when [s], and what."""
+    """A recorded decision: image, gripper position [m], time [s], decision."""
 
     sequence: int
     time: float
@@ -88,7 +88,7 @@ class _Decided:
 def _look_again(
     run: Run, settings: CellFile, strip: StripFile, sights: Sights
 ) -> tuple[int, list[str]]:
-    """How many stored images were read again, and what differs from the recorded sights."""
+    """Number of stored images read again, and differences from the recorded measurements."""
     frames = run.frames()
     before = next(frames, None)
     if before is None and run.frame_index():
@@ -135,7 +135,7 @@ def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[
 def _other_decisions(
     run: Run, settings: CellFile, strip: StripFile, decided: list[_Decided], sights: Sights
 ) -> Iterator[str]:
-    """Decisions that the policy would now take otherwise."""
+    """Decisions that the policy would now make differently."""
     policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
     policy.reset(strip, settings.fold.speed, 1)
     rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
@@ -154,7 +154,7 @@ def _other_decisions(
 def _observed(
     then: _Decided, run: Run, sights: Sights, row: int, curves: dict[float, Array]
 ) -> Observation:
-    """What the policy was shown: the recorded sight in `row`, and the gripper as measured."""
+    """The policy's observation: the recorded measurement in `row`, and the gripper as measured."""
     stamp = float(sights.stamp[row])
     gripper = _gripper(run, stamp)
     return Observation(
@@ -173,7 +173,7 @@ def _observed(
 
 
 def _checkpoint(run: Run) -> Path | None:
-    """The weights that replaced the committed ones in this run; None where none did."""
+    """Checkpoint of this run; None where it used the committed weights."""
     if run.header.checkpoint is None:
         return None
     return run.folder / CHECKPOINT

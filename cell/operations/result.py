@@ -1,4 +1,4 @@
-"""What a fold leaves: one line for a program, one for a person."""
+"""Result of a fold, as one line for a program and as text for a person."""
 
 from dataclasses import dataclass
 from typing import Any, Self
@@ -16,9 +16,11 @@ ROUNDED |= {"layer_touch": 4, "duration": 4, "wall": 2}  # s
 
 @dataclass(frozen=True, slots=True)
 class FoldResult:
-    """One fold. Lengths [m], times [s]; `displacement` as the camera saw it, `edge_offset` how far
-    the edges lie apart once laid, with the sign of d; those called true come from the twin alone.
-    None where there is none. `foretold` is what the policy expected, in words.
+    """Result of one fold. Lengths [m], times [s]; None where not available.
+
+    `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
+    with the sign of d; values named true come from the twin only. `foretold` is the policy's
+    prediction as text.
     """
 
     run: str
@@ -40,7 +42,7 @@ class FoldResult:
 
     @classmethod
     def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
-        """A fold that did not begin: `error` says why, and nothing was recorded."""
+        """A fold that did not begin: `error` is the reason, and nothing was recorded."""
         stopped = StopReason.by(error)
         return cls(
             run="",
@@ -61,7 +63,7 @@ class FoldResult:
         )
 
     def line(self) -> dict[str, Any]:
-        """The object that `cell fold --json` prints: the keys that programs agreed on, no more."""
+        """The object that `cell fold --json` prints, with the keys of the contract only."""
         values = {name: getattr(self, name) for name in LINE}
         values |= {key: values[key] or None for key in ("run", "calibration")}
         for key, digits in ROUNDED.items():

@@ -1,4 +1,4 @@
-"""A kept calibration session solved again, without a cell."""
+"""Recomputation of a kept calibration session, without a cell."""
 
 from collections.abc import Collection
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The standard runs by which simulation and measurement of a strip are compared."""
+"""Standard runs for comparing simulation and measurement of a strip."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -19,7 +19,7 @@ AS_PLANNED = frozenset({"layer_touch", "path_done"})
 
 
 def standard_requests(base: Request) -> tuple[Request, ...]:
-    """Standard run number i as a fold of its own: seed S + i, index i, in an order of the seed."""
+    """Standard run number i as a fold: seed S + i, index i, in an order drawn from the seed."""
     order = standard_order(np.random.default_rng(base.choice.seed))
     return tuple(
         replace(
@@ -35,7 +35,7 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
 def folded(
     wanted: Sequence[Request], jobs: int = 1, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
-    """The runs' results in their order, `jobs` at a time; none begins once `interrupted`."""
+    """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`."""
     if jobs > 1:
         yield from side_by_side(wanted, jobs)
         return
@@ -46,7 +46,7 @@ def folded(
 
 
 def check_empty(folder: Path) -> None:
-    """Refuse a folder that holds runs: those of one specimen are counted from its first fold."""
+    """Refuse a folder that holds runs: runs of a specimen are numbered from its first fold."""
     if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
         raise ConfigurationError(
             f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
@@ -55,5 +55,5 @@ def check_empty(folder: Path) -> None:
 
 
 def went_as_planned(result: FoldResult) -> bool:
-    """Whether the run can be used whole."""
+    """Whether the whole run can be used."""
     return result.outcome in AS_PLANNED

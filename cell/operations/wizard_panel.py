@@ -1,4 +1,4 @@
-"""A calibration as its operator sees it in the terminal: what is wanted, why, what is covered."""
+"""Terminal view of a calibration: what to do next, why, and the coverage."""
 
 from collections.abc import Iterable, Sequence
 from types import TracebackType
@@ -24,7 +24,7 @@ FOLLOWED = "o fitted   h held out   x twice touched   > wanted   . to come"
 
 
 class WizardPanel:
-    """A live view in a terminal; elsewhere one plain line an answer."""
+    """A live view in a terminal; without one, a plain line for each result."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -32,7 +32,7 @@ class WizardPanel:
         self._answers: list[str] = []
 
     def __enter__(self) -> Self:
-        """Start to draw."""
+        """Start the live view."""
         if self._live is not None:
             self._live.start()
         return self
@@ -43,12 +43,12 @@ class WizardPanel:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Leave the last picture standing."""
+        """Stop, leaving the last view visible."""
         if self._live is not None:
             self._live.stop()
 
     def __call__(self, news: ViewNews | TouchNews) -> None:
-        """Draw what is new."""
+        """Show the news."""
         answer = answer_of(news)
         if answer:
             self._answers = [*self._answers[1 - RECENT :], answer]
@@ -58,11 +58,11 @@ class WizardPanel:
             self._console.print(answer, markup=False, highlight=False, soft_wrap=True)
 
     def ask(self, words: str) -> None:
-        """Put a question above the panel."""
+        """Show a question above the panel."""
         self._console.print(words, markup=False, highlight=False, soft_wrap=True)
 
     def drawn(self, news: ViewNews | TouchNews) -> RenderableType:
-        """The panel as it now stands."""
+        """The panel in its present state."""
         title, body = _body(news)
         wanted = Text(f"next  {_wanted(news)}", style="bold")
         answers = Text("\n".join(self._answers), style="dim")
@@ -72,7 +72,7 @@ class WizardPanel:
 
 
 def _body(news: ViewNews | TouchNews) -> tuple[str, RenderableType]:
-    """The panel's title, and what fills it."""
+    """Title and content of the panel."""
     if isinstance(news, ViewNews):
         return "the lens, from a board", gates_table(news.gates)
     return f"the map to the plane: {news.stage}", touches_map(news)
@@ -99,7 +99,7 @@ def gates_table(gates: Sequence[Gate]) -> Table:
 
 
 def touches_map(news: TouchNews) -> RenderableType:
-    """The plan as it lies in the plane, a character a pose."""
+    """Map of the planned poses in the plane, one character for each."""
     touched = {point.number: point for point in news.touches}
     heights = sorted({round(pose.z, 3) for pose in news.plan}, reverse=True)
     table = Table.grid(padding=(0, 2))
@@ -112,7 +112,7 @@ def touches_map(news: TouchNews) -> RenderableType:
 
 
 def answer_of(news: ViewNews | TouchNews) -> str:
-    """What the newest image amounts to, in words; empty where there is nothing to say."""
+    """Text about the newest image; empty where there is nothing to say."""
     told = news.told
     if told is None or (told.refused is None and told.waits):
         return ""

@@ -1,1 +1,1 @@
-"""Runs one fold: the control loop, and one generator per state of the run."""
+"""Runs one fold: the control loop, and a generator for each state."""

@@ -1,4 +1,4 @@
-"""Where the gripper was a moment ago: the arm's last measured states."""
+"""Recent measured arm states, for the gripper's pose at an image's stamp."""
 
 from collections import deque
 
@@ -16,7 +16,7 @@ class ArmHistory:
         self._states: deque[ArmState] = deque(maxlen=LENGTH)
 
     def add(self, state: ArmState) -> None:
-        """Remember the newest measured state."""
+        """Append the newest measured state."""
         self._states.append(state)
 
     def pose_at(self, stamp: float) -> Pose:

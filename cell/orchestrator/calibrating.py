@@ -1,4 +1,4 @@
-"""The state in which the camera's map to the plane is made: touches, steps, landmarks."""
+"""Phase of a run that calibrates the map to the plane: touches, latency steps, landmarks."""
 
 from collections.abc import Generator
 
@@ -33,13 +33,13 @@ POINTER_OUT = Question(Ask.POINTER_OUT, "take the pointer out and keep clear of 
 
 
 def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -> Phase:
-    """A run that calibrates has no strip to judge."""
+    """Phase that leads to calibration directly, without a check of a strip."""
     yield from pause(0.0)
     return Event.NEEDS_CALIBRATION
 
 
 def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
-    """The map to the plane, the latency, and what the camera must see again later."""
+    """Phase that measures the map to the plane, the latency, and the landmarks."""
     yield from open_hand()
     yield from _answer(cell, POINTER_IN)
     yield from close_hand()
@@ -55,7 +55,7 @@ def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
 
 
 def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
-    """Every pose that is asked for, the ones that disagreed once more."""
+    """Touch every requested pose, and those that disagreed once more."""
     while (pose := points.ask()) is not None:
         why = _why(points)
         cell.watch(_news(points, pose, why))
@@ -66,11 +66,11 @@ def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) 
             points.repeat()
         else:
             yield from move(pose)
-            yield from _touch(cell, points, record)
+            yield from _touch(cell, points, record, why)
 
 
-def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
-    """Images at rest until the point is taken or given up."""
+def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why: str) -> Doing:
+    """Take images at rest until the point is accepted or given up."""
     number, again, wanted = points.number, points.again, points.ask()
     settle = True
     while (points.number, points.again) == (number, again):
@@ -84,7 +84,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> D
                 plan=points.plan,
                 touches=points.touches,
                 wanted=wanted,
-                why="",
+                why=why,
                 frame=picture.frame,
                 pose=picture.gripper,
                 told=told,
@@ -95,7 +95,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> D
 
 
 def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """Step to and fro, telling what arm and camera say on the way."""
+    """Step back and forth, passing arm states and images to the wizard."""
     yield from _answer(cell, STEPS)
     steps = LatencySteps(cell.settings.latency)
     while (pose := steps.ask()) is not None:
@@ -109,7 +109,7 @@ def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
 
 
 def _step(steps: LatencySteps, pose: Pose) -> Doing:
-    """Move to `pose` and rest there for a moment, telling every state and image."""
+    """Move to `pose` and rest there briefly, passing on every state and image."""
     rest, still = 0.3, float("inf")
     snapshot = yield MoveTo(pose)
     while snapshot.time < still + rest:
@@ -122,7 +122,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
 
 
 def _remember(cell: CalibrationContext, points: TouchedPoints) -> Doing:
-    """A picture of the empty hand at a known pose; without the tip there are no landmarks."""
+    """Take landmarks from a picture of the empty hand; without a visible tip there are none."""
     yield from open_hand()
     yield from _answer(cell, POINTER_OUT)
     pose = cell.settings.landmarks.pose
@@ -152,7 +152,8 @@ def _why(points: TouchedPoints) -> str:
     if points.again:
         return f"point {points.number} disagrees with the others: touch it once more"
     done = len(points.touches)
-    return f"point {points.number}: {done} of {len(points.plan)} points are touched"
+    part = "held out, it decides" if points.held_out else "fitted"
+    return f"point {points.number} ({part}): {done} of {len(points.plan)} points are touched"
 
 
 def _news(points: TouchedPoints, wanted: Pose, why: str, stage: Stage | None = None) -> TouchNews:

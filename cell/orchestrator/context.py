@@ -1,5 +1,6 @@
-"""What a run is given and what it finds out: one context for a fold, one for a calibration."""
+"""Inputs and results of a run: one context for a fold, one for a calibration."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from calibration.calibration import Calibration
@@ -11,6 +12,8 @@ from calibration.wizard.news import Watcher, nobody
 from calibration.wizard.touch_verdict import TouchVerdict
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.steps import Motion
 from cell.orchestrator.vision import StripReader
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -20,11 +23,11 @@ from policies.policy import Policy
 
 @dataclass(slots=True)
 class FoldContext:
-    """A fold: what the controller knows of cell and strip, and what it finds out on the way.
+    """A fold: the controller's knowledge of cell and strip, and the results so far.
 
-    `reader` reads images from the moment preflight has judged the picture of the strip.
-    `seen_touch` is the layer_touch once it is seen, `edge_offset` [m] how far the edges lie apart
-    once laid, `foretold` what the policy expected last. The plant is nowhere in here.
+    `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
+    layer_touch once it is seen, `edge_offset` [m] the offset of the laid edges, `foretold` the
+    policy's latest prediction. The plant is not part of it.
     """
 
     settings: CellSettings
@@ -39,11 +42,11 @@ class FoldContext:
 
 @dataclass(slots=True)
 class CalibrationContext:
-    """A calibration of the map to the plane: the lens it starts from, what it ends with.
+    """A calibration of the map to the plane: its lens, its wizard's settings and its results.
 
-    The `operator` is asked before the arm moves, `watch` is told all that happens. `plan` are
-    other poses than those of the settings. Only a run that `remembers` leaves `landmarks`.
-    Nothing is read of a strip on the way, so that `reader` stays None.
+    The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
+    poses of the settings. Only a run that `remembers` leaves `landmarks`. No strip is read, so
+    `reader` stays None.
     """
 
     settings: CellSettings
@@ -58,4 +61,13 @@ class CalibrationContext:
     reader: None = None
 
 
-Context = FoldContext | CalibrationContext
+@dataclass(slots=True)
+class ManualContext:
+    """One `motion` by hand, made from the snapshot that it starts at; no image is looked at."""
+
+    settings: CellSettings
+    motion: Callable[[Snapshot], Motion]
+    reader: None = None
+
+
+Context = FoldContext | CalibrationContext | ManualContext

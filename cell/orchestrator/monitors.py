@@ -1,4 +1,6 @@
-"""Monitors: a flat list, every one evaluated before every command; the first to trip stops."""
+"""Safety monitors: a flat list, all evaluated before every command; the first
+to trip stops the run.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +16,7 @@ from drivers.limits import Workspace
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What monitors hold the snapshot against: their limits and the cell's workspace."""
+    """Limits of the monitors and the cell's workspace."""
 
     limits: MonitorLimits
     workspace: Workspace
@@ -25,7 +27,7 @@ Check = Callable[[Snapshot, Rules], str | None]
 
 @dataclass(frozen=True, slots=True)
 class Monitor:
-    """A named check that runs in `states` and answers with a reason to stop, or None."""
+    """A named check that is active in `states` and returns a reason to stop, or None."""
 
     name: str
     states: frozenset[State]

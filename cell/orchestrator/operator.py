@@ -1,4 +1,4 @@
-"""The person at the cell, as a run asks him: questions, and answers that may take their time."""
+"""The person at the cell, as a run sees one: questions and delayed answers."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Ask(StrEnum):
-    """What the person is asked for."""
+    """Kinds of questions."""
 
     VIEW = "view"
     POINTER_IN = "pointer_in"
@@ -16,7 +16,7 @@ class Ask(StrEnum):
 
 
 class Answer(StrEnum):
-    """What he says: go on, leave this out, do the one before again."""
+    """Kinds of answers: continue, skip, repeat the previous one."""
 
     GO = "go"
     SKIP = "skip"
@@ -25,23 +25,23 @@ class Answer(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is asked, in words."""
+    """A kind of question with its text."""
 
     ask: Ask
     words: str
 
 
 class Operator(Protocol):
-    """Answers questions. A run polls on each tick and goes on watching its monitors."""
+    """Answers questions. A run polls on each tick while its monitors stay active."""
 
     def answer(self, question: Question) -> Answer | None:
-        """The answer, or None as long as there is none."""
+        """The answer, or None until there is one."""
         ...
 
 
 class Unattended:
-    """Nobody is there: always go on."""
+    """An operator that always continues."""
 
     def answer(self, _: Question) -> Answer | None:
-        """Go."""
+        """Always continue."""
         return Answer.GO

@@ -1,4 +1,4 @@
-"""How a run ended."""
+"""Outcome of a run: touch, completion or fault."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -10,7 +10,7 @@ from policies.foretelling import Foretold
 
 @dataclass(frozen=True, slots=True)
 class StopReason:
-    """Why a run is being stopped, and what the command line then returns."""
+    """Why a run stops, with the exit code of the command line."""
 
     name: str
     reason: str
@@ -18,7 +18,7 @@ class StopReason:
 
     @classmethod
     def by(cls, error: Exception) -> Self:
-        """The stop that an error asks for; one that nobody expected is an `internal_error`."""
+        """The reason for an exception; an unexpected one is an `internal_error`."""
         if isinstance(error, Fault):
             return cls(error.name, error.reason, error.exit_code)
         if isinstance(error, CellError):
@@ -33,10 +33,10 @@ INTERRUPTED_AT_ONCE = StopReason("interrupted", "stopped at once from the keyboa
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """`name` is layer_touch, path_done, calibrated or a fault's name; times from the lift [s].
+    """Result of a run; `name` is layer_touch, path_done, calibrated or a fault's name.
 
-    `touch` is what the images showed, `edge_offset` how far the edges lie apart once laid [m],
-    `duration` the whole run on the cell's clock [s], `foretold` what the policy expected.
+    Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
+    edges [m], `duration` the whole run on the cell's clock [s], `foretold` the policy's prediction.
     """
 
     name: str
@@ -49,11 +49,11 @@ class Outcome:
 
     @classmethod
     def of(cls, stopped: StopReason, duration: float) -> Self:
-        """The end of a run that was stopped and measured nothing."""
+        """Outcome of a run that stopped without a measurement."""
         return cls(stopped.name, stopped.reason, stopped.exit_code, None, None, duration)
 
     def but(self, stopped: StopReason) -> Self:
-        """The same end, spoilt by what went wrong after it; of two such things the first."""
+        """This outcome with a later failure added; the first failure is kept."""
         if self.name == stopped.name:
             return self
         code = max(self.exit_code, stopped.exit_code)

@@ -1,4 +1,4 @@
-"""What each state of a fold does."""
+"""Phases of a fold, one generator for each state."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
@@ -12,7 +12,7 @@ from calibration.perception.laid import edge_offset
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Snapshot
 from cell.orchestrator.states import Event, State
@@ -41,7 +41,7 @@ HANGING = np.pi / 2
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Judge the picture of the strip before it is touched; raises PreflightRefused."""
+    """Check the image of the strip before it is grasped; raises PreflightRefused."""
     fold = cell.settings.fold
     before = yield from _camera_checks(cell)
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
@@ -59,7 +59,9 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Come from beyond the free edge and close the fingers on it; a Fault where they miss it."""
+    """Approach from beyond the free edge and close the fingers on it; a Fault
+    where they miss it.
+    """
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -74,7 +76,7 @@ def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
 
 
 def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Follow the first stretch of the policy's own path while the pitch grows to hanging."""
+    """Follow the first section of the policy's path while the pitch grows to hanging."""
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
@@ -90,7 +92,7 @@ def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
 
 
 def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Decide on each new frame, command on each tick, until the layers are seen to touch."""
+    """Decide on each new frame, command on each tick, until layer_touch is detected."""
     command = Drive(begin.velocity)
     while True:
         snapshot = yield command
@@ -111,7 +113,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
-    """Keep what the policy expects now; say when it stops or begins to see."""
+    """Store the policy's prediction; log when predictions stop or begin."""
     if not isinstance(cell.policy, Foretelling):
         return
     before, cell.foretold = cell.foretold, cell.policy.foretold()
@@ -121,14 +123,16 @@ def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> Non
 
 
 def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Go on without a stop: what hangs from a gripper at rest pulls the loop along by 5 mm."""
+    """Continue to the lay without a stop: at a gripper at rest the hanging strip would shift the
+    loop by 5 mm.
+    """
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
 
 
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Lower the grasped edge to the desk, without pulling at the touch."""
+    """Lower the grasped edge to the desk without pulling the contact of the layers along."""
     path = lay_path(_seen(cell), begin.arm.pose, cell.strip.thickness)
     snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -136,7 +140,7 @@ def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
-    """Open the fingers, retreat from the strip, and see where its edges ended."""
+    """Open the fingers, retreat from the strip, and measure the offset of its edges."""
     snapshot = yield from open_hand()
     pose = snapshot.arm.pose
     cell.edge_offset = -pose.x
@@ -152,9 +156,9 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
 
 
 def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
-    """Offset of the edges [m] as the picture of the laid strip shows it, None where it does not.
+    """Offset of the edges [m] in the image of the laid strip, None where it is not visible.
 
-    The grasped edge was let go near `edge`.
+    The grasped edge was released near `edge`.
     """
     if cell.reader is None:
         return None
@@ -168,6 +172,12 @@ def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
         bending_length = foretold.bending_length.value
         friction = foretold.yield_curvature.value
     return edge_offset(strip.length, float(tip_x), bending_length, friction)
+
+
+def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
+    """Do the one motion that was asked for."""
+    yield from context.motion(snapshot)
+    return Event.MOVED
 
 
 PhaseFactory = Callable[[Record, Snapshot], Phase]
@@ -187,14 +197,16 @@ _CALIBRATION: dict[State, Callable[[CalibrationContext, Record, Snapshot], Phase
 
 
 def phases_of(context: Context) -> dict[State, PhaseFactory]:
-    """The phases of a run with this context; each starts from the snapshot that led to it."""
+    """Phases of a run with this context; each starts from the snapshot of the transition."""
     if isinstance(context, CalibrationContext):
         return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    if isinstance(context, ManualContext):
+        return {State.PREFLIGHT: partial(move_by_hand, context)}
     return {state: partial(phase, context) for state, phase in _FOLD.items()}
 
 
 def observe(snapshot: Snapshot) -> Observation:
-    """What the policy may know: the gripper now, the strip as the newest image shows it.
+    """The policy's observation: the gripper now, the strip in the newest image.
 
     Raises Fault without an image.
     """
@@ -215,17 +227,17 @@ def observe(snapshot: Snapshot) -> Observation:
 
 
 def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
-    """From `gripper` straight to where the taut layer's edge would lie, `rest` [m] up.
+    """Path from `gripper` straight to the edge of the taut upper layer, `rest` [m] above the desk.
 
-    That is x = touch.x - l1. Straight, not along the circle about the touch: the circle starts
-    sideways, pulls the single point of contact along and rolls soft folds by 15 to 40 mm.
+    That is x = touch.x - l1. A straight line, not the circle about the touch: the circle starts
+    sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
     start = (gripper.x, gripper.z)
     return Path.through(np.array([start, (touch.x - touch.to_grasped, rest)]))
 
 
 def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path, turning the pitch evenly from hanging to lying backward."""
+    """Follow the lay path, turning the pitch uniformly from hanging to lying backward."""
     follower = Follower(path, 1)
     snapshot = yield Drive(begin.velocity)
     while True:
@@ -255,7 +267,7 @@ def _velocity(decision: Decision, pitch_rate: float) -> Velocity:
 def _camera_checks(
     cell: FoldContext,
 ) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
-    """Whether the camera stands where it was calibrated, where its landmarks are known."""
+    """Check that the camera has not moved since its calibration, where landmarks are known."""
     calibration, landmarks = cell.calibration, cell.calibration.landmarks
     if landmarks is None:
         return ()

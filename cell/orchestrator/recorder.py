@@ -1,4 +1,4 @@
-"""The record as the orchestrator writes it: measured time begins with the lift."""
+"""Interface of the record for the orchestrator; measured time begins with the lift."""
 
 from dataclasses import replace
 from typing import Any, Protocol
@@ -12,7 +12,7 @@ from policies.policy import Decision
 
 
 class Record(Protocol):
-    """What a run tells of itself; times on the cell's clock [s]."""
+    """Methods by which a run writes its record; times on the cell's clock [s]."""
 
     @property
     def origin(self) -> float:
@@ -20,39 +20,39 @@ class Record(Protocol):
         ...
 
     def describe(self, **facts: Any) -> None:
-        """What belongs at the head of the record and was only learned now."""
+        """Add facts to the header that were not known at the start."""
         ...
 
     def begin(self, clock: float) -> None:
-        """Let measured time begin."""
+        """Start measured time."""
         ...
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """A turn of the control loop that took `cost` [s] to compute."""
+        """One cycle of the control loop that took `cost` [s] to compute."""
         ...
 
     def sight(self, sight: StripMeasurement) -> None:
-        """What one image showed."""
+        """The measurement from one image."""
         ...
 
     def frame(self, frame: Frame) -> None:
-        """An image that was looked at."""
+        """An image that was processed."""
         ...
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """What the policy decided on a sight."""
+        """The policy's decision on a measurement."""
         ...
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Something that happened."""
+        """An event."""
         ...
 
 
 class Recorder:
-    """Turns the cell's clock into the run's: t = 0 where the strip lies flat, still and held.
+    """Converts the cell's clock to run time: t = 0 where the strip lies flat, still and held.
 
-    Rows and sights are recorded from `begin` on. Images from before are kept until then and get
-    negative times; events carry the cell's clock, and the event `origin` says where t = 0 is.
+    Ticks and measurements are recorded from `begin` on. Earlier images are kept until then and get
+    negative times; events carry the cell's clock, and the event `origin` states where t = 0 is.
     """
 
     def __init__(self, writer: RunWriter) -> None:
@@ -66,36 +66,36 @@ class Recorder:
         return self._origin or 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Add to run.yaml what was only learned now."""
+        """Add facts to run.yaml that were not known at the start."""
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Let measured time begin at `clock` [s]."""
+        """Start measured time at `clock` [s]."""
         self._origin = clock
         self._writer.event(clock, "origin")
         self._flush_early()
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Add a turn of the control loop; nothing before the lift."""
+        """Add one cycle of the control loop; nothing before the lift."""
         if self._origin is None:
             return
         row = Tick.of(snapshot.arm, snapshot.state, cost)
         self._writer.tick(replace(row, t=row.t - self._origin))
 
     def sight(self, sight: StripMeasurement) -> None:
-        """Add what one image showed."""
+        """Add the measurement from one image."""
         if self._origin is not None and sight.stamp >= self._origin:
             self._writer.sight(replace(sight, stamp=sight.stamp - self._origin))
 
     def frame(self, frame: Frame) -> None:
-        """Add an image that perception saw."""
+        """Add an image that perception processed."""
         if self._origin is None:
             self._early.append(frame)
         else:
             self._writer.frame(_shifted(frame, -self._origin))
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Add what the policy decided on the newest sight, for `cell replay`."""
+        """Add the policy's decision on the newest measurement, for `cell replay`."""
         if snapshot.view.frame is not None:
             facts = {"sequence": snapshot.view.frame.sequence, "x": snapshot.arm.pose.x}
             facts |= {"z": snapshot.arm.pose.z, "time": snapshot.time - self.origin}
@@ -103,7 +103,7 @@ class Recorder:
             self._writer.event(snapshot.time, "decision", **facts)
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Add something that happened at `clock` [s]."""
+        """Add an event at `clock` [s]."""
         self._writer.event(clock, kind, **facts)
 
     def finish(self, result: dict[str, Any]) -> None:
@@ -112,7 +112,7 @@ class Recorder:
         self._writer.finish(result)
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self._writer.close()
 
     def _flush_early(self) -> None:
@@ -126,27 +126,27 @@ def _shifted(frame: Frame, offset: float) -> Frame:
 
 
 class NullRecorder:
-    """Takes everything a recorder takes and keeps nothing."""
+    """A recorder that discards everything."""
 
     origin = 0.0
 
     def describe(self, **facts: Any) -> None:
-        """Not kept."""
+        """Discards."""
 
     def begin(self, clock: float) -> None:
-        """Nothing to begin."""
+        """Does nothing."""
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Not kept."""
+        """Discards."""
 
     def sight(self, sight: StripMeasurement) -> None:
-        """Not kept."""
+        """Discards."""
 
     def frame(self, frame: Frame) -> None:
-        """Not kept."""
+        """Discards."""
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Not kept."""
+        """Discards."""
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Not kept."""
+        """Discards."""

@@ -1,4 +1,4 @@
-"""One run: snapshot, monitors, command, record, at the control rate, until it is over."""
+"""One run: snapshot, monitors, command, record, at the control rate, until it ends."""
 
 import time
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from typing import Protocol
 
 from cell.devices.devices import Devices
 from cell.orchestrator.arm_history import ArmHistory
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.monitors import Rules, check_all
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import phases_of
@@ -21,14 +21,14 @@ from drivers.types import STILL
 
 
 class Observer(Protocol):
-    """Someone who watches a run: the live view, the progress bar. Never blocks, never fails."""
+    """Observer of a run, such as the live view or the progress line. Must not block or fail."""
 
     def see(self, snapshot: Snapshot) -> None:
-        """One tick."""
+        """Called on every tick."""
         ...
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """One event."""
+        """Called on every event."""
         ...
 
 
@@ -66,9 +66,9 @@ class Run:
         self._velocity = STILL
 
     def execute(self) -> Outcome:
-        """Run to DONE or FAULT, and until the arm says that it rests or has had its time for it.
+        """Run to DONE or FAULT, and until the arm is at rest or its time to stop has passed.
 
-        Whatever goes wrong in a turn stops the arm first.
+        Any error in a cycle stops the arm first.
         """
         clock = self._devices.clock
         period = 1.0 / self._context.settings.fold.control_rate
@@ -89,7 +89,7 @@ class Run:
             self._stop(StopReason.by(error))
 
     def _turn_at(self, due: float) -> None:
-        """The turn of the loop at `due` [s]."""
+        """The cycle of the loop at `due` [s]."""
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
@@ -118,7 +118,7 @@ class Run:
         self._show(lambda observer: observer.see(snapshot))
 
     def _decide(self, snapshot: Snapshot) -> Command | None:
-        """The phase's next command; an ended phase hands over to that of the next state."""
+        """The phase's next command; when a phase ends, the next state's phase takes over."""
         try:
             if self._phase is not None:
                 return self._phase.send(snapshot)
@@ -129,7 +129,7 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One turn of braking; recorded and shown as far as that is possible."""
+        """One cycle of braking; recorded and shown as far as possible."""
         arm = self._safe_stop.turn(due)
         if arm is not None and self._snapshot is not None:
             view = replace(self._snapshot.view, fresh=False)
@@ -143,7 +143,7 @@ class Run:
             suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
     def _take(self, event: Event, now: float) -> None:
-        """Follow an event into the next state; the lift starts measured time."""
+        """Apply an event to the state machine; the lift starts measured time."""
         state = self._machine.take(event)
         self._entered = now
         if state is State.LIFT:
@@ -152,7 +152,7 @@ class Run:
         self._phase = None
 
     def _stop(self, stopped: StopReason) -> None:
-        """Brake now; a run that is over already only ends otherwise."""
+        """Brake now; a run that is already over only changes its outcome."""
         self._safe_stop.apply(None if self._snapshot is None else self._snapshot.hand)
         self._stopped = stopped
         if not self._machine.over:
@@ -167,11 +167,11 @@ class Run:
         self._show(lambda observer: observer.happened(now, kind, facts))
 
     def _show(self, news: Callable[[Observer], None]) -> None:
-        """Tell the observers; one that fails is told nothing more and holds nothing up."""
+        """Notify the observers; one that raises is not called again."""
         self._observers = tuple(o for o in self._observers if suppressed(lambda: news(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
-        """Read arm, camera and hand; what was read from a new image goes into the record."""
+        """Read arm, camera and hand; record the measurement from a new image."""
         state, arm = self._machine.state, self._devices.arm.state()
         self._arm_history.add(arm)
         now = self._devices.clock.now()
@@ -196,7 +196,7 @@ class Run:
             self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
-        """Give the command to its device; what is already under way is not repeated."""
+        """Send the command to its device; one already under way is not repeated."""
         arm, hand = self._devices.arm, self._devices.hand
         if isinstance(command, Drive):
             arm.set_velocity(command.velocity)
@@ -228,9 +228,11 @@ class Run:
 
 
 def _reached(context: Context) -> tuple[str, str, int]:
-    """Name, reason and exit code of a run that ended by itself."""
+    """Name, reason and exit code of a run that completed."""
     if isinstance(context, CalibrationContext):
         return "calibrated", "all points were touched", 0
+    if isinstance(context, ManualContext):
+        return "moved", "the motion has ended", 0
     if context.seen_touch is not None:
         return "layer_touch", "the layers touch", 0
     return "path_done", "the path ended and no touch was seen", 1

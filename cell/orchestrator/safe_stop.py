@@ -1,4 +1,4 @@
-"""Brings the arm to rest when nothing else may be relied on."""
+"""Emergency stop of the arm that depends on nothing else."""
 
 from collections.abc import Callable
 
@@ -7,7 +7,7 @@ from drivers.types import ArmState, HandState
 
 
 def suppressed(action: Callable[[], object]) -> bool:
-    """Whether `action` went well; no error of it gets in the way of what must be done next."""
+    """Run `action` and return whether it succeeded; its exceptions are suppressed."""
     try:
         action()
     except Exception:  # noqa: BLE001  an edge: whatever fails, the arm still has to stop
@@ -16,25 +16,25 @@ def suppressed(action: Callable[[], object]) -> bool:
 
 
 class SafeStop:
-    """Asks the arm to stop, and again as long as it could not be told or does not answer.
+    """Stops the arm, repeating the command while it fails or is not confirmed.
 
-    The camera is not looked at and nothing else is waited for: only the arm says when it rests.
+    Uses neither the camera nor anything else: only the arm reports when it is at rest.
     """
 
     def __init__(self, devices: Devices, turns: int) -> None:
-        """For at most `turns` turns of the control loop."""
+        """For at most `turns` cycles of the control loop."""
         self._devices = devices
         self._left = turns
         self._told = False
 
     def apply(self, hand: HandState | None) -> None:
-        """Stop the arm, and fingers that were last seen moving."""
+        """Stop the arm, and the fingers if they were last seen moving."""
         self._told = suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
             suppressed(self._devices.hand.stop)
 
     def turn(self, due: float) -> ArmState | None:
-        """One turn of braking, at `due` [s]: the arm's state, None where it does not answer."""
+        """One cycle of braking, at `due` [s]: the arm's state, None where it does not answer."""
         self._left -= 1
         suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []
@@ -44,5 +44,5 @@ class SafeStop:
         return seen[0] if seen else None
 
     def ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm rests, or has had its time."""
+        """Whether the arm is at rest, or its time has passed."""
         return self._left <= 0 or (arm is not None and self._told and not arm.moving)

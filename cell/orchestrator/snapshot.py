@@ -1,4 +1,4 @@
-"""What the cell knows at one tick, and what it may command."""
+"""State of the cell at one tick, and the commands."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from drivers.types import STILL, ArmState, HandState, Pose, Velocity
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """What the cell knows at one tick; times in seconds of the cell's clock.
+    """State of the cell at one tick; times in seconds of the cell's clock.
 
-    `entered` is when the state was entered, `velocity` the last one that was commanded.
+    `entered` is when the state was entered, `velocity` the last commanded one.
     """
 
     time: float
@@ -25,7 +25,7 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True)
 class MoveTo:
-    """Move to rest at a pose; repeated while the arm moves there."""
+    """Move to rest at a pose; repeated on every tick of the move."""
 
     pose: Pose
 

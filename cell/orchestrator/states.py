@@ -1,4 +1,4 @@
-"""The strict state machine of a run: an event without a transition is an error."""
+"""State machine of a run: an event without a transition is an error."""
 
 from enum import StrEnum
 
@@ -6,7 +6,7 @@ from drivers.errors import Fault
 
 
 class State(StrEnum):
-    """Where a run stands."""
+    """States of a run."""
 
     IDLE = "IDLE"
     PREFLIGHT = "PREFLIGHT"
@@ -23,7 +23,7 @@ class State(StrEnum):
 
 
 class Event(StrEnum):
-    """What moves a run on."""
+    """Events that change the state."""
 
     START = "start"
     NEEDS_CALIBRATION = "needs_calibration"
@@ -36,6 +36,7 @@ class Event(StrEnum):
     SETTLED = "settled"
     LAID = "laid"
     RELEASED = "released"
+    MOVED = "moved"
     STOP = "stop"
     STOPPED = "stopped"
 
@@ -46,6 +47,7 @@ _FORWARD: dict[tuple[State, Event], State] = {
     (State.IDLE, Event.START): State.PREFLIGHT,
     (State.PREFLIGHT, Event.NEEDS_CALIBRATION): State.CALIBRATE,
     (State.CALIBRATE, Event.CALIBRATED): State.DONE,
+    (State.PREFLIGHT, Event.MOVED): State.DONE,
     (State.PREFLIGHT, Event.CHECKED): State.GRASP,
     (State.GRASP, Event.GRASPED): State.LIFT,
     (State.LIFT, Event.LIFTED): State.FOLD,
@@ -66,13 +68,13 @@ TRANSITIONS: dict[tuple[State, Event], State] = {**_FORWARD, **_STOPS}
 
 
 class Machine:
-    """The current state; moves only along `TRANSITIONS`."""
+    """The current state; changes only along `TRANSITIONS`."""
 
     def __init__(self) -> None:
         self.state = State.IDLE
 
     def take(self, event: Event) -> State:
-        """Follow `event`; a Fault when this state has no transition for it."""
+        """Apply `event`; a Fault when this state has no transition for it."""
         try:
             self.state = TRANSITIONS[self.state, event]
         except KeyError:
@@ -84,5 +86,5 @@ class Machine:
 
     @property
     def over(self) -> bool:
-        """Whether the run has ended, well or not."""
+        """Whether the run has ended, successfully or not."""
         return self.state in TERMINAL

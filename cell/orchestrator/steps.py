@@ -1,7 +1,7 @@
-"""One state of a run as a generator: it is sent snapshots, yields commands.
+"""Building blocks of phases: generators that receive snapshots and yield commands.
 
-Returning an event ends the state. Everything a phase waits for, it waits for by yielding, so
-that one loop with its monitors and its record serves every motion.
+Returning an event ends the state. A phase waits by yielding, so that one loop with its monitors and
+its record serves every motion.
 """
 
 from collections.abc import Callable, Generator
@@ -20,7 +20,7 @@ REACHED = 0.002  # m, rad: how near a finished move must have come
 
 @dataclass(frozen=True, slots=True)
 class Pictured:
-    """An image taken at rest: when it was looked at [s], and where the gripper stood."""
+    """An image taken at rest: its time [s], and the gripper's pose."""
 
     time: float
     frame: Frame
@@ -28,7 +28,7 @@ class Pictured:
 
 
 def wait_for(condition: Callable[[Snapshot], bool]) -> Motion:
-    """Hold until `condition`; returns the snapshot that fulfilled it."""
+    """Hold until `condition` is true; returns the snapshot that satisfied it."""
     snapshot = yield Hold()
     while not condition(snapshot):
         snapshot = yield Hold()
@@ -52,9 +52,9 @@ def move(pose: Pose) -> Motion:
 
 
 def still_picture(*, settle: bool = True) -> "Generator[Command, Snapshot, Pictured]":
-    """Wait until arm, strip and picture are at rest; the first image taken after that.
+    """Wait until arm, strip and image are at rest; returns the first image taken after that.
 
-    Without `settle` they already are, and the next image serves.
+    Without `settle` they are assumed to be, and the next image is used.
     """
     still = (yield from pause(SETTLE if settle else 0.0)).time
     while True:
@@ -82,7 +82,7 @@ def _fingers_rest() -> Motion:
 
 
 def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
-    """Turn the hand to `pitch` [rad] where it is; returns where that was, as it stood before.
+    """Turn the hand to `pitch` [rad] in place; returns the pose before the turn.
 
     An arm that turns its hand while it reaches far can run into the limits of its joints.
     """
@@ -92,7 +92,7 @@ def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
 
 
 def arrived(snapshot: Snapshot, pose: Pose) -> bool:
-    """Whether the arm rests at `pose`."""
+    """Whether the arm is at rest at `pose`."""
     return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= REACHED
 
 

@@ -1,4 +1,4 @@
-"""From camera frames to what the strip did: its measurement, the layer touch, and any doubt."""
+"""Vision of a run: from camera frames to measurement, layer touch, and doubt."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -24,7 +24,7 @@ GLANCE = 0.1  # s between images where nothing is measured in them
 
 @dataclass(frozen=True, slots=True)
 class StripReader:
-    """Reads one strip in the images of one calibrated camera, in the light of one picture.
+    """Reads one strip in the images of one calibrated camera, with the colours found at preflight.
 
     `latency` [s] is how much earlier than its stamp an image shows the world.
     """
@@ -41,19 +41,19 @@ class StripReader:
         calibration: Calibration,
         appearance: Appearance,
     ) -> Self:
-        """A reader of `strip` that looks as it did in the picture of preflight."""
+        """A reader of `strip` with its appearance at preflight."""
         perception = Perception(calibration, settings.perception, strip, appearance)
         return cls(perception, LayerTouch(settings.perception, strip), calibration.latency)
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What the camera has shown so far; times in seconds of the cell's clock.
+    """Camera results so far; times in seconds of the cell's clock.
 
-    `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts
-    the images in a row that equal it byte for byte although the gripper moved. `measurement` is
-    what was last read from an image, `touch` the layer_touch once it is seen, `doubtful_since`
-    when confidence fell below its limit, None while it is good.
+    `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
+    successive images that equal it byte for byte although the gripper moved. `measurement` is the
+    last one read, `touch` the layer_touch once it is detected, `doubtful_since` when confidence
+    fell below its limit, None while it is good.
     """
 
     frame: Frame | None = None
@@ -65,7 +65,9 @@ class View:
 
 
 class Vision:
-    """Takes the newest frame on each tick and reads the strip in it where the state asks for it."""
+    """Takes the newest frame on each tick and measures the strip in it where
+    the state requires it.
+    """
 
     def __init__(self, camera: Camera, confidence: float) -> None:
         """Read from `camera`; a measurement below `confidence` is in doubt."""
@@ -93,7 +95,7 @@ class Vision:
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
-        """Whether a frame arrived that is newer than the last one taken."""
+        """Whether a frame newer than the last one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
         after = after if state in MEASURED else after + GLANCE
         frame = self._camera.read(after, timeout=0.0)

@@ -114,7 +114,7 @@ class Sights:
 
     @classmethod
     def none(cls) -> Self:
-        """No image at all."""
+        """Empty columns."""
         return cls(*[frozen([]) for _ in cls.__slots__])
 
 
@@ -157,7 +157,7 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
 
 
 def _check_middle(values: Array, name: str, origin: str) -> None:
-    """Refuse lengths in another unit: a few points may be wild, half of them not."""
+    """Refuse lengths in a wrong unit: single points may be outliers, half of them not."""
     middle = float(np.median(np.abs(values))) if values.size else 0.0
     if middle > REACH:
         raise ConfigurationError(

@@ -1,4 +1,4 @@
-"""YAML documents and JSON lines that are either whole on the disk or not there."""
+"""Atomic writing of YAML documents and other files."""
 
 import math
 import os
@@ -39,13 +39,15 @@ def _scalar(value: object) -> str | int | float | None:
 
 
 def write_document(path: Path, content: Mapping[str, Any]) -> None:
-    """`content` as YAML at `path`, on the disk when this returns, never half of it."""
+    """Write `content` as YAML to `path` atomically; it is on disk on return."""
     text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
     replace_file(path, text.encode(errors="backslashreplace"))
 
 
 def replace_file(path: Path, content: bytes) -> None:
-    """`content` at `path` in one step: a reader sees the old file or the new one."""
+    """Replace the file at `path` by `content` atomically: a reader sees the old
+    file or the new one.
+    """
     scratch = path.with_name(path.name + ".part")
     try:
         with scratch.open("wb") as file:
@@ -60,14 +62,14 @@ def replace_file(path: Path, content: bytes) -> None:
 
 
 def write_all(file: FileIO, content: bytes | memoryview) -> None:
-    """All of `content` to the operating system; a full disk may take a part and then refuse."""
+    """Write all of `content`, repeating partial writes; raises OSError when the system refuses."""
     rest = memoryview(content)
     while rest:
         rest = rest[file.write(rest) or 0 :]
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names in `folder` survive a power cut."""
+    """Flush the directory entries of `folder` to disk."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""Names of the files in a run folder, and whether someone is still writing them."""
+"""File names in a run folder, and detection of a run under way."""
 
 import fcntl
 from pathlib import Path
@@ -12,7 +12,7 @@ CHECKPOINT = "checkpoint.json"
 
 
 def is_run(folder: Path) -> bool:
-    """Whether `folder` holds a run, whole or not."""
+    """Whether `folder` holds a run, complete or not."""
     return (folder / RUN).is_file()
 
 

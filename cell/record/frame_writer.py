@@ -1,4 +1,4 @@
-"""Writes images beside the control loop: its own thread, a bounded queue."""
+"""Writes images in a separate thread with a bounded queue."""
 
 import queue
 import threading
@@ -13,10 +13,10 @@ QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
 
 
 class FrameWriter:
-    """Takes images without making the caller wait, and says later what the disk refused.
+    """Accepts images without blocking the caller, and reports write errors later.
 
-    `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the
-    run nothing, wrong on hardware, where an image without room keeps its place in the index only.
+    `patient` makes `put` wait for room: right where the clock is virtual and waiting costs the run
+    nothing, wrong on hardware, where an image without room only keeps its place in the index.
     """
 
     def __init__(self, folder: Path, keep: Keep, patient: bool) -> None:
@@ -33,7 +33,7 @@ class FrameWriter:
         self._thread.start()
 
     def put(self, frame: Frame, mark: bool) -> None:
-        """Record `frame`; `mark` asks for its image to be among the kept ones."""
+        """Record `frame`; with `mark` it is kept as a key frame."""
         try:
             self._waiting.put((frame, mark), block=self._patient)
         except queue.Full:
@@ -49,7 +49,9 @@ class FrameWriter:
         self._index.close()
 
     def take_failure(self) -> OSError | None:
-        """What the disk refused since the last call; afterwards no image is written any more."""
+        """The write error since the last call, if any; after an error no image
+        is written any more.
+        """
         failure, self._failure = self._failure, None
         return failure
 

@@ -1,4 +1,4 @@
-"""Which images of a run are kept: the choice, their files, their index, their hashes."""
+"""Images of a run: selection, files, index, hashes."""
 
 import hashlib
 from collections.abc import Iterator
@@ -21,9 +21,9 @@ PNG_BYTES, LARGEST = 64 * MEGABYTE, 4096  # px of a side
 
 @dataclass(frozen=True, slots=True)
 class FrameNote:
-    """An image that perception saw: times [s], sha256 of its pixels, its file if it was kept.
+    """An image that perception processed: times [s], sha256 of its pixels, its file if it was kept.
 
-    `sha256` is empty for an image that came while the disk lagged behind.
+    `sha256` is empty for an image that was dropped because the disk was too slow.
     """
 
     sequence: int
@@ -40,12 +40,12 @@ def digest(image: Image) -> str:
 
 
 def frame_file(folder: Path, sequence: int) -> Path:
-    """Where the image of a run with this sequence number lies."""
+    """Path of the image with this sequence number."""
     return folder / FOLDER / f"{sequence:06d}.png"
 
 
 def encode(image: Image) -> bytes:
-    """`image` (h, w) or (h, w, 3) as PNG, lossless; OSError where that fails.
+    """`image` (h, w) or (h, w, 3) as lossless PNG; OSError where that fails.
 
     On camera noise Huffman coding of differences is the fastest, and within a tenth of the
     smallest.
@@ -61,7 +61,7 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is none."""
+    """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is not one."""
     import cv2
 
     content = read_bytes(path, PNG_BYTES)
@@ -78,8 +78,8 @@ def decode(path: Path) -> Image:
 
 
 def _is_small_png(content: bytes) -> bool:
-    """Whether this is a PNG that states a size which a camera has: it is checked before decoding,
-    for a few bytes can state a picture of gigabytes.
+    """Whether this is a PNG of plausible size, checked before decoding: a few bytes can declare
+    gigabytes.
     """
     sides = int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
     begun = content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR"
@@ -87,10 +87,10 @@ def _is_small_png(content: bytes) -> bool:
 
 
 class KeyFrames:
-    """Chooses about ten images of a run of unknown length: marked ones, and some evenly spread.
+    """Selects about ten images of a run of unknown length: marked ones, and some evenly spread.
 
-    Those spread begin as every `stride`-th image; whenever they become too many, every second one
-    is given up.
+    It starts with every `stride`-th image; whenever they become too many, every second one is
+    dropped.
     """
 
     def __init__(self, spread: int = 8, marked: int = 8, stride: int = 8) -> None:
@@ -101,7 +101,7 @@ class KeyFrames:
         self._count = 0
 
     def choose(self, sequence: int, mark: bool) -> tuple[bool, list[int]]:
-        """Whether to keep the next image, and the sequence numbers of those to give up."""
+        """Whether to keep the next image, and the sequence numbers of those to drop."""
         place, self._count = self._count, self._count + 1
         if mark and self._marks_left > 0:
             self._marks_left -= 1
@@ -118,7 +118,7 @@ class KeyFrames:
 
 
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
-    """Every image that the run in `folder` saw, in order; ConfigurationError for a broken line."""
+    """Every image of the run in `folder`, in order; ConfigurationError for a broken line."""
     try:
         return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
     except (KeyError, TypeError, ValueError, OverflowError):
@@ -129,9 +129,9 @@ def read_index(folder: Path) -> tuple[FrameNote, ...]:
 
 
 def read_frames(folder: Path) -> Iterator[Frame]:
-    """The kept images of a run, each checked against its hash.
+    """The kept images of a run, each verified against its hash.
 
-    Raises ConfigurationError for an image that is not the one that was recorded.
+    Raises ConfigurationError for an image that differs from the recorded one.
     """
     for note in read_index(folder):
         frame = read_frame(note)
@@ -140,9 +140,9 @@ def read_frames(folder: Path) -> Iterator[Frame]:
 
 
 def read_frame(note: FrameNote) -> Frame | None:
-    """The image of a note; None where it was not kept.
+    """The image (h, w, 3) of an index entry; None where it was not kept.
 
-    Raises ConfigurationError for an image that cannot be read or is not the one that was recorded.
+    Raises ConfigurationError for an image that cannot be read or differs from the recorded one.
     """
     if note.file is None:
         return None

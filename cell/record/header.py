@@ -1,4 +1,4 @@
-"""What stands at the head and at the end of a run: run.yaml and result.yaml."""
+"""Header and result of a run: run.yaml and result.yaml."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -11,7 +11,7 @@ Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones 
 
 
 class Recorded(Settings):
-    """Base of what a program writes: unknown keys are kept, missing and broken ones refused."""
+    """Base of files written by programs: unknown keys are kept, missing and broken ones refused."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -19,7 +19,7 @@ class Recorded(Settings):
 
 
 class Sigma(Settings):
-    """One-sigma noise of what a run measures: [m], `touch_time` [s], `force` [N]."""
+    """One-sigma measurement noise of a run: [m], `touch_time` [s], `force` [N]."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -32,7 +32,7 @@ class Sigma(Settings):
 
 
 class DriverNames(Settings):
-    """Which drivers a run was made with."""
+    """Drivers of a run."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -41,7 +41,7 @@ class DriverNames(Settings):
 
 
 class CalibrationNote(Settings):
-    """Which calibration a run was made with, and its error [m]."""
+    """Calibration of a run, and its error [m]."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -50,10 +50,10 @@ class CalibrationNote(Settings):
 
 
 class Header(Recorded):
-    """run.yaml: what every reader of a measured run needs, and how a run of the cell was made.
+    """Contents of run.yaml: data for every reader of a run, and how a run of the cell was made.
 
-    The fields from `policy` on are absent where a laboratory wrote the file. `strip_file` and
-    `config` are the files as they were resolved, read again by whoever needs them.
+    The fields from `policy` on are absent in a laboratory's file. `strip_file` and `config` are the
+    resolved contents of those files.
     """
 
     strip: str = Field(min_length=1)
@@ -77,10 +77,10 @@ class Header(Recorded):
 
 
 class Result(Recorded):
-    """result.yaml: the outcome, and with layer_touch its time [s] and lengths [m].
+    """Contents of result.yaml: the outcome, and with layer_touch its time [s] and lengths [m].
 
-    A run of the cell adds why it ended, its `duration` [s], the `confidence` in the touch, and
-    `edge_offset` [m] of the grasped edge once laid.
+    A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
+    and `edge_offset` [m] of the laid edges.
     """
 
     outcome: str = Field(min_length=1)

@@ -1,4 +1,4 @@
-"""Files of JSON lines that survive a kill: each line is on the disk before the next one begins."""
+"""JSON-lines files that survive a crash: each line is on disk before the next one begins."""
 
 import json
 import os
@@ -25,10 +25,10 @@ def json_line(content: Mapping[str, Any]) -> bytes:
 
 
 def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
-    """The whole lines of a JSON lines file of at most `most` bytes; empty without the file.
+    """The complete lines of a JSON-lines file of at most `most` bytes; empty without the file.
 
-    What a killed process left half written is passed over. Raises ConfigurationError for what is
-    no regular file, or larger.
+    A truncated last line is skipped. Raises ConfigurationError for a file that is not regular, or
+    too large.
     """
     if not path.exists():
         return []
@@ -44,7 +44,7 @@ def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
 
 
 def _is_flat(value: object, depth: int) -> bool:
-    """Whether lists and mappings are nested no deeper than `depth`."""
+    """Whether lists and mappings are nested at most `depth` deep."""
     if isinstance(value, dict):
         value = list(value.values())
     if not isinstance(value, list):
@@ -53,18 +53,19 @@ def _is_flat(value: object, depth: int) -> bool:
 
 
 def _integer(text: str) -> int | float:
-    """A whole number; as a float where no index, count or time is so large."""
+    """A whole number; as a float where it is too large for any index, count or time."""
     return int(text) if len(text) <= DIGITS else float(text)
 
 
 class Journal:
-    """Lines of JSON at `path`, one for each finished thing, so that a process that died goes on.
+    """JSON lines at `path`, one for each finished item, so that an interrupted process can
+    continue.
 
     Raises ConfigurationError where the file cannot be written.
     """
 
     def __init__(self, path: Path, *, again: bool = False) -> None:
-        """Open or begin, without a last line that was cut off; `again` forgets everything."""
+        """Open or create, dropping a truncated last line; `again` discards everything."""
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +75,7 @@ class Journal:
             raise self._unwritable(error) from None
 
     def append(self, line: Line) -> None:
-        """Write `line`; on return it is on the disk."""
+        """Write `line`; it is on disk on return."""
         try:
             with self.path.open("ab") as stream:
                 stream.write(json_line(line))

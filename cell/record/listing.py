@@ -1,4 +1,4 @@
-"""The runs in a folder: what each came to, and which may go."""
+"""Listing and pruning of the runs in a folder."""
 
 import re
 import shutil
@@ -20,7 +20,7 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 @dataclass(frozen=True, slots=True)
 class RunRow:
     """One run: `outcome` as recorded, or `under way`, `died`, `broken`; `displacement` [m] and
-    `duration` [s] where known; `size` on the disk [bytes].
+    `duration` [s] where known; `size` on disk [bytes].
     """
 
     folder: Path
@@ -59,10 +59,10 @@ def to_prune(
     keep: int | None = None,
     older_than: timedelta | None = None,
 ) -> tuple[RunRow, ...]:
-    """The runs that may go, oldest first: all but the newest `keep`, or those `older_than` that.
+    """The runs that may be deleted, oldest first: all but the newest `keep`, or those `older_than`.
 
-    With both, a run must be neither new enough nor young enough to stay. A run under way stays.
-    Raises ConfigurationError when neither is given.
+    With both, a run must satisfy both. A run under way stays. Raises ConfigurationError when
+    neither is given.
     """
     if keep is None and older_than is None:
         raise ConfigurationError("prune: say how many runs to keep or how old they may be")
@@ -75,9 +75,9 @@ def to_prune(
 
 
 def remove(rows: Sequence[RunRow]) -> int:
-    """Delete the folders of `rows`; the bytes set free.
+    """Delete the folders of `rows`; returns the bytes freed.
 
-    Raises ConfigurationError for a folder that is no run, or is one under way.
+    Raises ConfigurationError for a folder that is not a run, or is one under way.
     """
     for row in rows:
         if not is_run(row.folder) or is_under_way(row.folder):

@@ -1,4 +1,4 @@
-"""Names by which a run may end, so that a reader can tell an outcome from a slip of the pen."""
+"""Valid names of outcomes, so that readers can refuse misspelt ones."""
 
 GOALS = frozenset({"layer_touch", "path_done", "calibrated"})
 STOPS = frozenset({"interrupted", "preflight_refused", "error", "internal_error", "record", "exam"})

@@ -1,4 +1,4 @@
-"""Parquet tables as they come in: whole, of a schema that is known, of bounded size."""
+"""Reading of Parquet tables: complete, of a known schema, of bounded size."""
 
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ ROWS = 1_000_000
 
 
 class NotWhole(Exception):
-    """The bytes are not a Parquet file, or one that states more than memory should hold."""
+    """The bytes are not a Parquet file, or declare more than memory should hold."""
 
 
 def read_parquet(
@@ -26,7 +26,7 @@ def read_parquet(
 ) -> pa.Table:
     """A Parquet table; ConfigurationError when it is missing, broken or of a newer schema.
 
-    `missing`, `broken` and `newer` are what the error then says.
+    `missing`, `broken` and `newer` are the messages of that error.
     """
     if not path.exists():
         raise ConfigurationError(f"{path}: {missing}")

@@ -1,4 +1,4 @@
-"""A run as it can be read: complete, broken off, or written by hand in a laboratory."""
+"""Reading of a run: complete, interrupted, or written by hand in a laboratory."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ LATEST = 1e9  # s, of an event
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened at `t` [s]: its `kind` and its `facts`."""
+    """An event at `t` [s]: its `kind` and its `facts`."""
 
     t: float
     kind: str
@@ -46,7 +46,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A measured run. `result` is None when the process died before it could write one."""
+    """A recorded run. `result` is None when the process died before it wrote one."""
 
     folder: Path
     header: Header
@@ -65,10 +65,10 @@ class Run:
         return self.result is None and not is_under_way(self.folder)
 
     def events(self) -> tuple[Event, ...]:
-        """What happened, in the order in which it was written; empty in a laboratory's run.
+        """Events in the order of writing; empty in a laboratory's run.
 
-        Events are written on the cell's clock, before anyone knows when measured time will
-        begin; the event `origin` tells, and here all times are counted from there.
+        Events are written on the cell's clock, before the start of measured time is known; the
+        event `origin` states it, and times here are relative to it.
         """
         lines = read_json_lines(self.folder / EVENTS)
         origin = _origin(lines)
@@ -78,11 +78,11 @@ class Run:
         )
 
     def origin(self) -> float:
-        """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
+        """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
         return _origin(read_json_lines(self.folder / EVENTS))
 
     def sights(self) -> Sights:
-        """What each image showed; empty in a laboratory's run."""
+        """Measurements of all images; empty in a laboratory's run."""
         path = self.folder / SIGHTS
         if path.exists():
             return Sights.of(read_parquet(path), str(path))
@@ -91,7 +91,7 @@ class Run:
         return Sights.none()
 
     def costs(self) -> Array:
-        """The computer's own time of each turn of the loop (n,) [s]; empty where not kept."""
+        """Computing time of each cycle of the loop (n,) [s]; empty where not recorded."""
         path = self.folder / TICK_STREAM
         if not path.exists():
             return frozen([])
@@ -99,16 +99,16 @@ class Run:
         return frozen(table["cost"].to_numpy() if "cost" in table.column_names else [])
 
     def calibration(self) -> Calibration | None:
-        """What the camera of the run was calibrated to, where the run kept it."""
+        """The calibration of the run's camera, where the run kept it."""
         path = self.folder / CALIBRATION
         return load_calibration(path) if path.exists() else None
 
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Every image that perception saw, in order; empty in a laboratory's run."""
+        """Every image that perception processed, in order; empty in a laboratory's run."""
         return read_index(self.folder)
 
     def frames(self) -> Iterator[Frame]:
-        """The kept images, each checked against its hash."""
+        """The kept images, each verified against its hash."""
         return read_frames(self.folder)
 
 
@@ -116,7 +116,7 @@ def read_run(folder: Path) -> Run:
     """The run in `folder`; only the four files of a measured run are opened.
 
     A run that died before its tables were written is read from its streams. Raises
-    ConfigurationError for what is missing, broken, or written by a newer version.
+    ConfigurationError for files that are missing, broken, or written by a newer version.
     """
     if not is_run(folder):
         raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
@@ -164,10 +164,10 @@ def _moment(value: object) -> float:
 
 
 def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
-    """The tables of a run that died, and where they are from.
+    """The tables of an interrupted run, and their source.
 
-    A cell's own may have died before its streams were begun. Raises ConfigurationError for a run
-    of anybody else without tables.
+    A run of the cell may have died before its streams were begun. Raises ConfigurationError for any
+    other run without tables.
     """
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
     if not begun and header.config is None:

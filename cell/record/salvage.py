@@ -1,4 +1,4 @@
-"""What can still be read of a run when a part of its folder cannot."""
+"""Reading of a run with broken parts, as far as possible."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True, slots=True)
 class Salvage(Run):
-    """A run whose broken parts are empty; `problems` says in a line each what they were."""
+    """A run whose broken parts are empty; `problems` has a line for each of them."""
 
     problems: tuple[str, ...]
 
     @classmethod
     def of(cls, folder: Path) -> Self:
-        """What there is in `folder`; ConfigurationError only where no run.yaml can be read."""
+        """The readable parts of `folder`; ConfigurationError only where run.yaml cannot be read."""
         if not is_run(folder):
             raise ConfigurationError(f"{folder}: is not a run: it holds no {RUN}")
         header, problems = load(folder / RUN, Header), list[str]()
@@ -51,7 +51,7 @@ class Salvage(Run):
         return cls(folder, header, ticks, profile, result, tuple(dict.fromkeys(problems)))
 
     def broken(self) -> list[str]:
-        """What is wrong with the parts that are read when they are asked for."""
+        """Problems of the parts that are read on demand."""
         said: list[str] = []
         readers: tuple[Callable[[], Any], ...] = (
             lambda: Run.events(self),
@@ -65,31 +65,31 @@ class Salvage(Run):
         return said
 
     def events(self) -> tuple[Event, ...]:
-        """What happened; nothing where that cannot be read."""
+        """Events; none where they cannot be read."""
         return _part(lambda: Run.events(self), lambda: (), [])
 
     def origin(self) -> float:
-        """The cell's clock at t = 0 [s]; 0 where the run does not tell."""
+        """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
         return _part(lambda: Run.origin(self), lambda: 0.0, [])
 
     def sights(self) -> Sights:
-        """What each image showed; nothing where that cannot be read."""
+        """Measurements of all images; none where they cannot be read."""
         return _part(lambda: Run.sights(self), Sights.none, [])
 
     def costs(self) -> Array:
-        """The computer's own time of each turn (n,) [s]; empty where that cannot be read."""
+        """Computing time of each cycle (n,) [s]; empty where it cannot be read."""
         return _part(lambda: Run.costs(self), lambda: frozen([]), [])
 
     def calibration(self) -> Calibration | None:
-        """What the camera was calibrated to, where that can be read."""
+        """The calibration of the run's camera, where it can be read."""
         return _part(lambda: Run.calibration(self), lambda: None, [])
 
     def frame_index(self) -> tuple[FrameNote, ...]:
-        """Every image that perception saw; nothing where that cannot be read."""
+        """Every image that perception processed; none where the index cannot be read."""
         return _part(lambda: Run.frame_index(self), lambda: (), [])
 
     def frames(self) -> Iterator[Frame]:
-        """The kept images that are whole and the ones that were recorded."""
+        """The kept images that are complete and match their hashes."""
         for note in self.frame_index():
             frame = _part(lambda: read_frame(note), lambda: None, [])  # noqa: B023
             if frame is not None:
@@ -104,7 +104,7 @@ NOTHING = Tables(
 
 
 def _table(folder: Path, header: Header, name: str, problems: list[str]) -> tuple[pa.Table, str]:
-    """ticks or profile (`name`) from its table, or else from the streams; and where from."""
+    """Table `name` (ticks or profile), or its rows from the streams; and its source."""
     path, stream = folder / f"{name}.parquet", folder / TICK_STREAM
     try:
         if path.exists():

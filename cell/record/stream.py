@@ -1,4 +1,4 @@
-"""Arrow IPC streams, one row a message: what was written before a kill can be read after it."""
+"""Arrow IPC streams, one row a message: rows written before a crash can be read after it."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -29,7 +29,8 @@ SIGHT_ROWS = pa.schema(
 
 
 class StreamFile:
-    """A stream being written; every row reaches the operating system before `append` returns.
+    """A stream being written; every row has been passed to the operating system when `append`
+    returns.
 
     Raises OSError when the disk refuses.
     """
@@ -40,7 +41,7 @@ class StreamFile:
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:
-        """Add one row, a value for each column."""
+        """Append one row, a value for each column."""
         columns = [pa.array([row[field.name]], field.type) for field in self._schema]
         self._write(pa.record_batch(columns, schema=self._schema).serialize())
 
@@ -63,10 +64,10 @@ class StreamFile:
 
 
 def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
-    """Every whole row of a stream, its columns those of `schema`.
+    """Every complete row of a stream, its columns those of `schema`.
 
-    Without a file, or with one that broke off inside its head, no rows. Raises
-    ConfigurationError for a stream whose columns are others.
+    Empty without a file, or with one truncated inside its header. Raises ConfigurationError for a
+    stream with other columns.
     """
     batches: list[Any] = []
     content = read_bytes(path, STREAM) if path.exists() else b""

@@ -1,4 +1,4 @@
-"""The Parquet tables of a run, made from its streams; the same rows give the same bytes."""
+"""Parquet tables of a run, made from its streams; the same rows give the same bytes."""
 
 import os
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Tables:
 
 
 def assemble(folder: Path) -> Tables:
-    """The tables of a run from its streams, whole or broken off.
+    """The tables of a run from its streams, complete or truncated.
 
     Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
@@ -52,10 +52,10 @@ def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
 
 
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
-    """Rows of the loop with each contact in the row nearest to its image's stamp.
+    """Ticks of the loop, with each contact in the row nearest to its image's stamp.
 
-    A row whose stamp did not advance brings no new measurement and is left out, and so is what
-    the computer's own time would make different from run to run.
+    A row whose stamp did not advance contains no new measurement and is left out, and so are
+    columns of computing time, which differ from run to run.
     """
     t = _numbers(ticks, "t")
     latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
@@ -73,7 +73,7 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
 def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Array]:
     """Contacts and their stamps as columns over `t` (n,), NaN where no image belongs.
 
-    Of two images nearest to one row the nearer stays; one outside the rows is dropped.
+    Of two images nearest to one row the nearer is used; images outside the rows are dropped.
     """
     placed_x, placed_t = np.full(t.size, np.nan), np.full(t.size, np.nan)
     if t.size < 2:
@@ -103,7 +103,7 @@ def profile_table(sights: pa.Table) -> pa.Table:
 
 
 def write_parquet(path: Path, table: pa.Table) -> None:
-    """`table` at `path`, whole or not at all, the schema's number in the file's metadata."""
+    """Write `table` to `path` atomically, with the schema's number in the file's metadata."""
     scratch = path.with_name(path.name + ".part")
     marked = table.replace_schema_metadata({"schema": str(SCHEMA)})
     with scratch.open("wb") as file:  # pyarrow's own opening wants names that are UTF-8
@@ -115,7 +115,7 @@ def write_parquet(path: Path, table: pa.Table) -> None:
 
 
 def write_tables(folder: Path, tables: Tables) -> None:
-    """ticks.parquet, profile.parquet and sights.parquet in `folder`."""
+    """Write ticks.parquet, profile.parquet and sights.parquet into `folder`."""
     write_parquet(folder / SIGHTS, tables.sights)
     write_parquet(folder / PROFILE, tables.profile)
     write_parquet(folder / TICKS, tables.ticks)

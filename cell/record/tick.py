@@ -1,4 +1,4 @@
-"""One turn of the control loop, as it goes into the record."""
+"""One cycle of the control loop, as a row of the record."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -10,9 +10,9 @@ NOT_MEASURED = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """Row of ticks.parquet: measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded
-    `x_cmd`, `z_cmd` [m], force `f_x`, `f_z` [N] on the gripper (NaN where not measured), the
-    `state` of the cell, and `cost`, the computer's own time that the turn took [s].
+    """Row of ticks.parquet: measured `x`, `z` [m] and `pitch` [rad] at `t` [s], commanded `x_cmd`,
+    `z_cmd` [m], force `f_x`, `f_z` [N] on the gripper (NaN where not measured), the `state` of the
+    cell, and `cost`, the computing time of the cycle [s].
     """
 
     t: float

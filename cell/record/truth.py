@@ -1,4 +1,6 @@
-"""truth.yaml: what the plant really did. For reports and tests, never for a controller."""
+"""The file truth.yaml with the plant's true motion, for reports and tests,
+never for a controller.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,11 +12,11 @@ from drivers.settings import SCHEMA, read_yaml
 
 
 def write_truth(folder: Path, truth: Mapping[str, Any]) -> None:
-    """The plant, its true displacement and touch, beside the record of a run on the twin."""
+    """Write the plant, its true displacement and touch, beside the record of a run on the twin."""
     write_document(folder / TRUTH, {"schema": SCHEMA, **truth})
 
 
 def read_truth(folder: Path) -> dict[str, Any] | None:
-    """The truth about a run on the twin, None where it was not written."""
+    """The truth of a run on the twin, None where it was not written."""
     path = folder / TRUTH
     return read_yaml(path) if path.exists() else None

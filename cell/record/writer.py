@@ -1,4 +1,4 @@
-"""Writes the record of one run while it happens."""
+"""Writer of one run's record while it happens."""
 
 import fcntl
 import secrets
@@ -24,11 +24,11 @@ from drivers.types import Frame
 
 
 class RunWriter:
-    """The record of one run, safe against the death of its process at any moment.
+    """The record of one run, safe against a crash of its process at any moment.
 
-    run.yaml is on the disk before anything moves, rows and events reach the operating system
-    one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while
-    the run is under way raises Fault `record`.
+    run.yaml is on disk before anything moves, rows and events are passed to the operating system
+    one by one, tables follow at the end, and result.yaml comes last. A disk that refuses while the
+    run is under way raises Fault `record`.
     """
 
     def __init__(
@@ -76,19 +76,19 @@ class RunWriter:
             ) from None
 
     def describe(self, **facts: Any) -> None:
-        """Add to run.yaml what was only learned after it was written."""
+        """Add facts to run.yaml that were not known at the start."""
         self._header |= facts
         with self._recording():
             write_document(self.folder / RUN, self._header)
 
     def tick(self, tick: Tick) -> None:
-        """Add a turn of the control loop."""
+        """Add one cycle of the control loop."""
         row = {name: getattr(tick, name) for name in TICK_ROWS.names if name != "image_age"}
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 
     def sight(self, sight: StripMeasurement) -> None:
-        """Add what was seen in one image."""
+        """Add the measurement from one image."""
         row = {name: getattr(sight, name) for name in ("stamp", "sequence", "contact_x")}
         row |= {name: getattr(sight, name) for name in ("gap", "gap_x", "contact_confidence")}
         row |= {"profile_confidence": sight.profile_confidence}
@@ -128,7 +128,7 @@ class RunWriter:
         self._events.close()
 
     def close(self) -> None:
-        """Let go of the files; without `finish` before it, the run counts as one that died."""
+        """Close the files; without `finish` before it, the run counts as died."""
         with self._recording():
             try:
                 self._close_streams()
@@ -153,7 +153,7 @@ class RunWriter:
 
 
 def _new_folder(root: Path, strip: str) -> Path:
-    """A folder under `root` that nobody else has; OSError where none can be made."""
+    """A new unique folder under `root`; OSError where none can be made."""
     root.mkdir(parents=True, exist_ok=True)
     moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
     while True:

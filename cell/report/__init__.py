@@ -1,1 +1,1 @@
-"""One page on a run, for people: report.html, readable without anything else."""
+"""The report of a run: report.html, self-contained."""

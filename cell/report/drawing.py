@@ -1,4 +1,4 @@
-"""Matplotlib figures as SVG that takes its ink, paper and type from the page around it."""
+"""Matplotlib figures as SVG that inherits colours and fonts from the page."""
 
 import io
 import re
@@ -60,7 +60,7 @@ def as_svg(figure: Any) -> str:
 
 
 def page_svg(text: str) -> str:
-    """An SVG document as an element of a page: its width, fonts and basic colours left to it."""
+    """An SVG document as an element of a page, with width, fonts and basic colours inherited."""
     svg = text[text.index("<svg") :].strip()
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)

@@ -1,4 +1,4 @@
-"""What a run was made with and what happened in it, as rows of text."""
+"""Facts of a run as rows of text: settings, checks, events."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ Rows = list[tuple[str, str]]
 
 
 def measures(run: Run) -> Rows:
-    """The numbers of the run that one looks for first."""
+    """The main numbers of the run."""
     result, rows = run.result, Rows()
     if result is not None and result.l1 is not None:
         rows.append(("upper layer l1", millimetres(result.l1)))
@@ -41,21 +41,21 @@ def measures(run: Run) -> Rows:
 
 
 def _duration(run: Run) -> float | None:
-    """How long the run took [s], as stated or as far as its record goes."""
+    """Duration of the run [s], as stated or as far as its record goes."""
     if run.result is not None and run.result.duration is not None:
         return run.result.duration
     return float(run.ticks.t[-1]) if run.ticks.t.size else None
 
 
 def facts(run: Run) -> Rows:
-    """How the run was made: the header, nested keys joined by dots; long lists are counted."""
+    """Settings of the run: the header, nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flat(content)]
     return [(key, text) for key, text in rows if text]
 
 
 def checks(run: Run) -> list[tuple[str, str, str]]:
-    """The checks before the motion: name, result, reason; the remedy too where one failed."""
+    """Checks before the motion: name, result, reason; the remedy too where one failed."""
     listed = [event.facts.get("checks") for event in run.events() if event.kind == PREFLIGHT]
     return [
         _check(item)
@@ -67,7 +67,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """What happened: time, kind, facts. A kind that comes with every frame is only counted."""
+    """Events: time, kind, facts. Kinds that come with every frame are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]
@@ -80,7 +80,7 @@ def listed_events(run: Run) -> list[tuple[str, str, str]]:
 
 
 def remains(run: Run) -> Rows:
-    """What a run that died has left behind."""
+    """Files of a run that died."""
     notes = run.frame_index()
     kept = sum(note.file is not None for note in notes)
     source = TICK_STREAM if (run.folder / TICK_STREAM).exists() else "ticks.parquet"
@@ -93,7 +93,7 @@ def remains(run: Run) -> Rows:
 
 
 def advice(run: Run) -> list[str]:
-    """What to do after a run that died."""
+    """Next steps after a run that died."""
     steps = [
         *_steps_at_the_arm(run),
         "A motion is never resumed: start a new run.",

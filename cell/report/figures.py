@@ -1,4 +1,4 @@
-"""The pictures of a run: the strip over time, and the signals under the states."""
+"""Figures of a run: the strip over time, and the signals under the states."""
 
 from itertools import groupby
 from typing import Any
@@ -45,7 +45,7 @@ LANES = {
 
 
 def strip_figure(run: Run) -> str:
-    """The strip as it was seen, coloured by time, and the path of the gripper; SVG."""
+    """The measured strip, coloured by time, and the path of the gripper; SVG."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 

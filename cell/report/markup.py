@@ -1,10 +1,11 @@
-"""HTML of a page that needs nothing else."""
+"""HTML elements of a self-contained page."""
 
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
+from typing import Literal
 
-from cell.report.verdict import Tone
+Tone = Literal["good", "fair", "bad"]
 
 
 def page(title: str, body: Sequence[str]) -> str:
@@ -21,7 +22,7 @@ def page(title: str, body: Sequence[str]) -> str:
 
 
 def masthead(kicker: str, name: str) -> str:
-    """The line above everything: what this is, and of which run."""
+    """The line on top: kind of page, and its run."""
     return f"<header><span>{escape(kicker)}</span><code>{escape(name)}</code></header>"
 
 
@@ -40,7 +41,7 @@ def verdict_box(
 
 
 def section(title: str, *content: str, note: str = "") -> str:
-    """A section; nothing when it has no content."""
+    """A section; empty when it has no content."""
     inside = "".join(content)
     if not inside:
         return ""
@@ -49,7 +50,7 @@ def section(title: str, *content: str, note: str = "") -> str:
 
 
 def drawing(svg: str, says: str) -> str:
-    """A figure; `says` tells those who cannot see it what it shows."""
+    """A figure; `says` is its alternative text."""
     return f'<figure role="img" aria-label="{escape(says)}">{svg}</figure>'
 
 

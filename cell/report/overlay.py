@@ -1,4 +1,4 @@
-"""Key frames with what was seen drawn into them."""
+"""Key frames with the measurements drawn into them."""
 
 import base64
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class KeyPicture:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """The part of an image in which things happen: rows and columns [px]."""
+    """Part of an image that contains the motion: rows and columns [px]."""
 
     top: int
     bottom: int
@@ -44,7 +44,7 @@ class Window:
 def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
     """Up to six kept images, spread over the run, with profile, contact and fold tip drawn in.
 
-    An image that cannot be read is passed over: a report explains what is there.
+    An image that cannot be read is skipped.
     """
     kept = [note for note in run.frame_index() if note.file is not None]
     chosen = np.unique(np.linspace(0, len(kept) - 1, min(SHOWN, len(kept))).round().astype(int))
@@ -62,7 +62,7 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
 
 
 def _fits(image: Image, calibration: Calibration) -> bool:
-    """Whether the calibration speaks of images of this size."""
+    """Whether the calibration is for images of this size."""
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
@@ -99,8 +99,8 @@ def draw_sight(
 
 
 def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
-    """Eighths of pixels (k, 2) of the `points` (m, 2) [m] that are near the image: a line to a
-    wild one, drawn pixel by pixel, would never end.
+    """Eighths of pixels (k, 2) of the `points` (m, 2) [m] near the image: a line to a far outlier,
+    drawn pixel by pixel, would take for ever.
     """
     near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < REACH).all(axis=1)]
     if len(near) == 0:

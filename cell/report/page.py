@@ -1,4 +1,4 @@
-"""The page about a run, put together."""
+"""The HTML page of a run."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -31,9 +31,8 @@ from drivers.errors import ConfigurationError
 def write_report(folder: Path) -> Path:
     """Write report.html into the run's folder and return its path.
 
-    A run that died is explained as far as it goes, and of one that was spoilt what is whole.
-    Raises ConfigurationError for a folder without a run.yaml that can be read, or one that cannot
-    be written.
+    A run that died or is damaged is reported as far as it can be read. Raises ConfigurationError
+    for a folder without a readable run.yaml, or one that cannot be written.
     """
     run = Salvage.of(folder)
     path = folder / REPORT
@@ -45,7 +44,7 @@ def write_report(folder: Path) -> Path:
 
 
 def report(run: Run) -> str:
-    """The page about `run`."""
+    """The page of `run`."""
     return page(f"{run.header.strip} · {run.name}", list(_parts(run)))
 
 
@@ -70,7 +69,7 @@ def _parts(run: Run) -> Iterator[str]:
 
 
 def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
-    """The truth where it can be read, and what of the folder cannot be."""
+    """The truth, if readable, and the problems of the folder."""
     spoilt = list(run.problems) if isinstance(run, Salvage) else []
     try:
         return read_truth(run.folder), spoilt

@@ -1,4 +1,4 @@
-"""How old the images were and how long the loop took."""
+"""Age of images and computing time of the loop."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ WIDE = 30.0  # largest over smallest, from where on a scale is logarithmic
 
 
 def image_ages(run: Run) -> Array:
-    """Age of the newest image on the turns that could use one (n,) [s]."""
+    """Age of the newest image on the cycles that could use one (n,) [s]."""
     ticks = run.ticks
     reading = np.array([state in READING for state in ticks.state], dtype=bool)
     used = reading if reading.any() else np.ones(ticks.t.size, dtype=bool)

@@ -1,23 +1,23 @@
-"""What a run came to, in a sentence or three."""
+"""Verdict on a run, in one to three sentences."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import Result
 from cell.record.run import Run
+from cell.report.markup import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
-Tone = Literal["good", "fair", "bad"]
 LINE = "\n"
 GOOD = 0.020  # m, within this the paper calls a strip folded
 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """One-sigma errors that belong beside every length [m]: of repeats, and of the calibration
-    (None where it is not known).
+    """One-sigma errors of the lengths [m]: of repeats, and of the calibration
+    (None where unknown).
     """
 
     repeatability: float
@@ -31,8 +31,8 @@ class Accuracy:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """`headline` says how it ended, `sentences` the rest, `figure` and `error` the displacement
-    where there is one; `tone` colours it.
+    """`headline` states the outcome, `sentences` the rest, `figure` and `error` the displacement
+    where there is one; `tone` is its colour.
     """
 
     tone: Tone
@@ -44,7 +44,7 @@ class Verdict:
 
 
 def accuracy_of(run: Run) -> Accuracy:
-    """The errors that the run itself states."""
+    """The errors stated by the run itself."""
     calibration = run.calibration()
     if calibration is not None:
         return Accuracy(run.header.sigma.displacement, 1e-3 * calibration.residual_mm)
@@ -53,14 +53,14 @@ def accuracy_of(run: Run) -> Accuracy:
 
 
 def verdict(run: Run) -> str:
-    """The verdict in one line, as far as the record alone carries it."""
+    """The headline verdict, from the record only."""
     said = verdict_of(run, None, is_under_way(run.folder))
     figure = f": {said.figure} ({said.error.replace(LINE, ', ')})" if said.figure else ""
     return f"{run.header.strip}: {said.headline}{figure}"
 
 
 def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = False) -> Verdict:
-    """The verdict on `run`; `truth` is what the plant really did, where that is known."""
+    """The verdict on `run`; `truth` is the plant's true motion, where known."""
     if under_way:
         return Verdict("fair", "Still under way", (_last_seen(run, "so far"),))
     if run.result is None and (run.folder / RESULT).exists():

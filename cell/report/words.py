@@ -1,4 +1,4 @@
-"""Numbers and outcomes in the words of a technician."""
+"""Text of numbers and outcomes for a technician."""
 
 import math
 
@@ -13,7 +13,7 @@ OUTCOMES = {
 
 
 def millimetres(value: float | None, signed: bool = False) -> str:
-    """A length [m] as millimetres with one decimal, with two where that one would say nothing."""
+    """A length [m] as millimetres with one decimal, with two where one would show zero."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
     decimals = 2 if 0 < abs(value) < 5e-5 else 1

@@ -1,1 +1,1 @@
-"""What is measured on strips, and the files that say so."""
+"""Measurement of strips, and strip files made from it."""

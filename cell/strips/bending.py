@@ -1,4 +1,4 @@
-"""Bending length from several photographs of one strip, whatever way it was born."""
+"""Bending length from several photographs of one strip, straight or with a rest curvature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Pooled:
-    """A `value` within [`low`, `high`] at 95 %, and the `scatter` between the measurements.
+    """A `value` with its 95 % interval [`low`, `high`], and the `scatter` between the measurements.
 
-    `scatter` is the standard deviation beyond their own; `agreement` the probability that
-    measurements that differ by their own sigma alone scatter as much.
+    `scatter` is the standard deviation beyond their own; `agreement` the probability of at least
+    this scatter if the measurements' own sigmas were all.
     """
 
     value: float
@@ -53,7 +53,7 @@ def pool(values: Sequence[float], sigmas: Sequence[float]) -> Pooled:
 
 
 def _excess(y: Array, variance: Array, scatter: float) -> float:
-    """Generalised sum of squares over what it is expected to be."""
+    """Generalised sum of squares over its expectation."""
     weight = 1 / (variance + scatter)
     mean = (weight * y).sum() / weight.sum()
     return float((weight * (y - mean) ** 2).sum() - (len(y) - 1))
@@ -75,11 +75,11 @@ Fits = tuple[Fit, ...]
 
 @dataclass(frozen=True, slots=True)
 class Bending:
-    """What the photographs say together.
+    """Result of all photographs.
 
-    `fits` of the strip as it was born, `straight` as if it were born straight; bending lengths [m]
-    pooled over all photographs and for each overhang. `gain` is the log evidence of the birth
-    over a straight one.
+    `fits` are with the best rest-curvature prior, `straight` with a straight strip; bending lengths
+    [m] pooled over all photographs and for each overhang. `gain` is the log evidence of the prior
+    over a straight strip.
     """
 
     fits: Fits
@@ -90,19 +90,19 @@ class Bending:
 
     @property
     def birth(self) -> RestCurvaturePrior:
-        """How the strip was born."""
+        """Prior of the rest curvature."""
         return self.fits[0].birth
 
     @property
     def curl(self) -> Pooled:
-        """The even part of the rest curvature, pooled [1/m]."""
+        """The uniform part of the rest curvature, pooled [1/m]."""
         if self.birth.born is RestCurvature.STRAIGHT:
             return Pooled(0.0, 0.0, 0.0, 0.0, 1.0)
         return pool(*zip(*(each.curl for each in self.fits), strict=True))
 
 
 def measure_bending(photographs: Sequence[Photograph]) -> Bending:
-    """The bending length that fits all photographs, which share how far from straight they are."""
+    """The bending length that fits all photographs, with a common prior of the rest curvature."""
     straight = tuple(fit(each, STRAIGHT) for each in photographs)
     curled = _best(photographs, straight, RestCurvature.CURLED)
     varied = _best(photographs, straight, RestCurvature.SET)
@@ -122,19 +122,19 @@ def measure_bending(photographs: Sequence[Photograph]) -> Bending:
 
 
 def evidence(fits: Sequence[Fit]) -> float:
-    """Log probability of all midlines under their common birth."""
+    """Log probability of all midlines under their common prior of the rest curvature."""
     return sum(each.evidence for each in fits)
 
 
 def pool_lengths(fits: Sequence[Fit]) -> Pooled:
-    """Bending lengths pooled by their logarithms [m]."""
+    """Bending lengths [m], pooled by their logarithms."""
     logs = pool([float(np.log(each.bending_length)) for each in fits], [f.sigma for f in fits])
     value, low, high = np.exp([logs.value, logs.low, logs.high])
     return Pooled(float(value), float(low), float(high), logs.scatter, logs.agreement)
 
 
 def _best(photographs: Sequence[Photograph], start: Fits, born: RestCurvature) -> Fits:
-    """Fits at the spread of rest curvature that makes the midlines most probable."""
+    """Fits at the spread of rest curvature with the largest evidence."""
     tried: list[Fits] = []
     for spread in SPREADS:
         birth = RestCurvaturePrior(born, spread)

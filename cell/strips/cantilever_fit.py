@@ -1,4 +1,4 @@
-"""Bending length from one photograph: the heavy elastica that lies best along the midline."""
+"""Bending length from one photograph: fit of the heavy elastica to the midline."""
 
 from dataclasses import dataclass, replace
 
@@ -21,10 +21,10 @@ DAMPING, FACTOR, STUCK = 1e-3, 8.0, 1e10
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The hanging strip as found: unknowns `values` (p,) and their `covariance` (p, p).
+    """Fitted hanging strip: unknowns `values` (p,) and their `covariance` (p, p).
 
-    `misses` (n,) [m] of the midline across the curve, `evidence` the log of the probability of
-    the midline under `birth` (but for a constant that all births share).
+    `misses` (n,) [m] are the residuals of the midline across the curve, `evidence` the log of the
+    probability of the midline under the prior `birth` (up to a constant common to all priors).
     """
 
     photograph: Photograph
@@ -49,12 +49,12 @@ class Fit:
 
     @property
     def ledge(self) -> float:
-        """How far behind the picture's border the ledge is, along the strip [m]."""
+        """Distance of the ledge behind the picture's border, along the strip [m]."""
         return float(self.values[LEDGE])
 
     @property
     def rms(self) -> float:
-        """Root mean square of the misses [m]."""
+        """Root mean square of the residuals [m]."""
         return float(np.sqrt(np.mean(self.misses**2)))
 
     @property
@@ -79,7 +79,7 @@ class Fit:
 
 
 def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = None) -> Fit:
-    """The most probable strip of this `birth` in the photograph, sought from `start`."""
+    """The most probable strip with the prior `birth` in the photograph, starting from `start`."""
     if start is None:
         start = _find(photograph)
     problem = Problem(photograph, birth)
@@ -91,7 +91,7 @@ def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = N
 
 
 def _find(photograph: Photograph) -> Fit:
-    """A straight-born strip, fitted coarsely from several bending lengths: the best of them."""
+    """A straight strip, fitted coarsely from several bending lengths: the best of them."""
     problem = Problem(replace(photograph, sigma=COARSE * photograph.sigma), STRAIGHT)
     found = []
     for start in STARTS:
@@ -103,7 +103,7 @@ def _find(photograph: Photograph) -> Fit:
 
 
 def _settle(problem: Problem, values: Array) -> Fit:
-    """Descent from `values` after Levenberg and Marquardt."""
+    """Levenberg-Marquardt descent from `values`."""
     here = problem.trial(values)
     damping = DAMPING
     for _ in range(STEPS):
@@ -126,7 +126,7 @@ def _settle(problem: Problem, values: Array) -> Fit:
 
 
 def _descend(problem: Problem, here: Trial, damping: float) -> tuple[Trial | None, float]:
-    """A better trial and the damping to go on with, or None where there is none."""
+    """A better trial and the next damping, or None where there is none."""
     matrix, downhill = problem.normal_equations(here)
     while damping < STUCK:
         step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), downhill)

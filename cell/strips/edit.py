@@ -1,4 +1,4 @@
-"""Changes in strip files, which are written by people: what is not changed stays as it stands."""
+"""Edits of strip files that keep a person's formatting where nothing changes."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 def with_measured(
     content: Mapping[str, Any], key: str, value: float, source: str, note: str
 ) -> dict[str, Any]:
-    """`content` of a strip file with `key` measured; what it was stays in its provenance."""
+    """`content` of a strip file with `key` measured; the old value stays in its provenance."""
     kept = [dict(each) for each in content.get("provenance") or ()]
     for entry in kept:
         if entry.get("key") == key:
@@ -26,7 +26,7 @@ def with_measured(
 
 
 def edited(text: str, content: Mapping[str, Any]) -> str:
-    """`text` of a YAML file made to say `content`: changed keys only, if that can be done."""
+    """`text` of a YAML file changed to `content`: only changed keys are rewritten, if possible."""
     old = yaml.safe_load(text)
     new = text
     for key, value in content.items():
@@ -36,7 +36,7 @@ def edited(text: str, content: Mapping[str, Any]) -> str:
 
 
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
-    """Put `content` into the strip file at `path`, checked, in one step; or ConfigurationError."""
+    """Replace the strip file at `path` by `content`, checked, atomically; or ConfigurationError."""
     parse(content, StripFile, str(path))
     try:
         replace_file(path, edited(path.read_text(encoding="utf-8"), content).encode())
@@ -45,7 +45,7 @@ def rewrite(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
-    """A new strip file at `path`, checked; one that is there already is refused."""
+    """Write a new strip file at `path`, checked; an existing one is refused."""
     parse(content, StripFile, str(path))
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")

@@ -1,4 +1,4 @@
-"""Where a measurement goes: a folder with its pictures and numbers, and the strip's file."""
+"""Files of a measurement: a folder with pictures and numbers, and the strip's file."""
 
 import json
 from datetime import date
@@ -15,7 +15,7 @@ NUMBERS = "measurement.json"
 
 
 def save(measurement: Measurement, folder: Path) -> None:
-    """A picture for each photograph and the numbers, in `folder`; the numbers come last.
+    """Write a picture for each photograph and then the numbers into `folder`.
 
     Raises ConfigurationError where the folder cannot be written.
     """
@@ -36,7 +36,7 @@ def save(measurement: Measurement, folder: Path) -> None:
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:
-    """The measured bending length into the strip file at `path`, with where it comes from."""
+    """Write the measured bending length into the strip file at `path`, with its provenance."""
     pooled = measurement.bending_length
     overhangs = sorted({each.photograph.overhang for each in measurement.bending.fits})
     count = len(measurement.bending.fits)

@@ -1,4 +1,4 @@
-"""What a measurement came to: a line for programs, a text for people, and what spoils it."""
+"""Result of a bending measurement: JSON line, text, warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ LEAST, MOST = 0.002, 0.2  # m, bending lengths of strips
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Bending length of the strip called `strip`, and `warnings` about what spoils it."""
+    """Bending length of the strip called `strip`, and `warnings` about sources of error."""
 
     strip: str
     bending: Bending
@@ -40,7 +40,7 @@ class Measurement:
 
     @property
     def value(self) -> float:
-        """Bending length [m], rounded to what a strip file keeps."""
+        """Bending length [m], rounded to the precision of a strip file."""
         return float(f"{self.bending_length.value:.{KEPT}g}")
 
     def line(self) -> dict[str, Any]:
@@ -84,7 +84,7 @@ class Measurement:
 
 
 def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
-    """The bending length of `strip` from photographs that show it hanging over a ledge."""
+    """The bending length of `strip` from photographs of it hanging over a ledge."""
     bending = measure_bending(photographs)
     for each in bending.fits:
         _refuse(each)
@@ -94,7 +94,7 @@ def measure(strip: str, photographs: Sequence[Photograph]) -> Measurement:
 
 
 def _refuse(fitted: Fit) -> None:
-    """ConfigurationError when what a photograph shows is not a strip over a ledge."""
+    """Raise ConfigurationError when a photograph does not show a strip over a ledge."""
     photograph = fitted.photograph
     if (
         fitted.rms > ASTRAY * photograph.overhang
@@ -114,7 +114,7 @@ def _refuse(fitted: Fit) -> None:
 
 
 def _not_straight(bending: Bending) -> str:
-    """Whether the shape is that of a strip with a set of its own."""
+    """Warning when the strip has a rest curvature."""
     missed = max(each.rms / each.photograph.width for each in bending.straight)
     if bending.birth.born is RestCurvature.STRAIGHT or missed < VISIBLE:
         return ""
@@ -147,7 +147,7 @@ def _disagreement(bending: Bending) -> str:
 
 
 def _overhang(bending: Bending) -> str:
-    """Whether the strip bends too sharply or too little to be seen."""
+    """Warning when the strip bends too sharply or too little to be measured."""
     c = bending.bending_length.value
     radius = [np.sqrt(c**3 / (2 * each.photograph.overhang)) for each in bending.fits]
     sharp = [
@@ -170,7 +170,7 @@ def _overhang(bending: Bending) -> str:
 
 
 def _widths(bending: Bending) -> str:
-    """Whether one overhang makes the strip much thicker than another."""
+    """Warning when the strip appears much wider in one overhang than in another."""
     photographs = [each.photograph for each in bending.fits]
     thin, thick = (pick(photographs, key=lambda each: each.width) for pick in (min, max))
     if thick.width < ALIKE * thin.width:

@@ -28,8 +28,8 @@ END_SIGMA = 4.0  # times less
 class Photograph:
     """Midline `points` (n, 2) x, z at arc lengths `arc` (n,), from the picture's border to the tip.
 
-    Their unit is the metre that they would have if the picture's border were the ledge:
-    `pixel` [m]. `sigma` (n,) [m] across the midline, `width` of the strip [m], `overhang` [m].
+    In metres at a scale of `pixel` [m], as if the picture's border were the ledge. `sigma` (n,) [m]
+    across the midline, `width` of the strip [m], `overhang` [m].
     """
 
     path: Path
@@ -43,12 +43,12 @@ class Photograph:
 
     @property
     def name(self) -> str:
-        """Name of the file, without its ending."""
+        """File name without its suffix."""
         return self.path.stem
 
 
 def read_photographs(paths: Sequence[Path], overhangs: Sequence[float]) -> list[Photograph]:
-    """The pictures at `paths`, each with its overhang [m]; ConfigurationError for bad ones."""
+    """The pictures at `paths`, each with its overhang [m]; ConfigurationError for unusable ones."""
     if not paths:
         raise ConfigurationError("--photo: is missing; give a photograph of the hanging strip")
     if len(paths) != len(overhangs):

@@ -1,4 +1,4 @@
-"""A photograph of a hanging strip with its midline and the strip that was fitted to it."""
+"""Result picture: a photograph of a hanging strip with its midline and the fitted strip."""
 
 import io
 from typing import Any
@@ -17,7 +17,7 @@ SEEN, FITTED, AS_STRAIGHT = "#19c8c8", ORANGE, BLUE
 
 
 def picture(fitted: Fit, straight: Fit) -> bytes:
-    """PNG: the photograph with midline and fits, and how far they miss along the strip."""
+    """PNG: the photograph with midline and fits, and their residuals along the strip."""
     with canvas(10.5, 8.0) as figure:
         figure.set_facecolor("white")
         left, right = figure.subfigures(1, 2, width_ratios=(1.2, 1.0))

@@ -1,4 +1,4 @@
-"""What a hanging strip must explain in one photograph: misses, slopes and cost of its unknowns."""
+"""Least-squares problem of one photograph: residuals, Jacobian and cost of the unknowns."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,10 @@ ROBUST = 2.5  # sigmas from which a miss counts less
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One set of `values` (p,) with what they make of the midline.
+    """Residuals of the midline for one set of `values` (p,).
 
-    `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) how they shrink
-    with the values, `cost` twice the negative log posterior.
+    `misses` (2 n,) across and then along the midline, in sigmas, `slopes` (2 n, p) their negative
+    derivatives by the values, `cost` twice the negative log posterior.
     """
 
     values: Array
@@ -35,11 +35,11 @@ class Trial:
 
 
 class Problem:
-    """One photograph under one birth.
+    """One photograph with one prior of the rest curvature.
 
     The unknowns are ln(bending length / typical), the ledge's arc length behind the picture's
-    border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place,
-    and the deviates of the rest curvature. All but the place have a normal prior.
+    border, the camera's roll, the angle at which the strip leaves the ledge, the ledge's place, and
+    the deviates of the rest curvature. All but the place have a normal prior.
     """
 
     def __init__(self, photograph: Photograph, birth: RestCurvaturePrior) -> None:
@@ -56,7 +56,7 @@ class Problem:
         self._frame = _frame(photograph)
 
     def trial(self, values: Array) -> Trial:
-        """The strip of `values` (p,), and how far the midline is from it. Raises NoRest."""
+        """The strip of `values` (p,), and its distances from the midline. Raises NoRest."""
         seen = self.photograph
         hanging = hang(
             seen.overhang,
@@ -98,7 +98,7 @@ class Problem:
 
 
 class _Along:
-    """A hanging strip at arc lengths `arc` (n,); before the ledge it lies straight."""
+    """A hanging strip sampled at arc lengths `arc` (n,); before the ledge it lies straight."""
 
     def __init__(self, hanging: Hanging, arc: Array, clamp_angle: float) -> None:
         spans = np.diff(hanging.arc)
@@ -113,7 +113,7 @@ class _Along:
         self._swing = self._before * (-straight[1], straight[0])
 
     def at(self, nodes: Array) -> Array:
-        """Values at the nodes (nodes, ...) taken to the arc lengths: (n, ...)."""
+        """Values at the nodes (nodes, ...) interpolated to the arc lengths: (n, ...)."""
         share = self._share.reshape(-1, *[1] * (nodes.ndim - 1))
         return np.asarray((1 - share) * nodes[self._index] + share * nodes[self._index + 1])
 
@@ -125,7 +125,7 @@ class _Along:
 def _frame(photograph: Photograph) -> Array:
     """Normals and tangents (2, n, 2) of the midline, each over its sigma.
 
-    Along the midline all points slip together, by as much as its tip is unsure.
+    Along the midline all points shift together, by the uncertainty of its tip.
     """
     tangents = np.gradient(photograph.points, axis=0)
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)

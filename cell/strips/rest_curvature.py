@@ -1,4 +1,4 @@
-"""How a strip may be born: straight, with a curl, or with a set that differs along it."""
+"""Priors of the rest curvature: none, constant, varying."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -28,10 +28,10 @@ class RestCurvaturePrior:
     spread: float = 0.0
 
     def fields(self, overhang: float, width: float) -> Array:
-        """Rest curvatures (hinges, m) [1/m] whose sum it is, each with deviate 1.
+        """Basis fields (hinges, m) [1/m] of the rest curvature, each with a standard normal
+        coefficient.
 
-        A curl is one even curvature. A set has besides one at each knot, independent of the
-        others: how it waves is left to the picture.
+        A curl is one constant field. A set adds one at each knot, independent of the others.
         """
         arc = hinges(overhang)
         if self.born is RestCurvature.STRAIGHT:

@@ -1,1 +1,1 @@
-"""`cell train`: the feedback policy trained here or on a cluster, and judged on both engines."""
+"""`cell train`: training here or on a cluster, and evaluation on both engines."""

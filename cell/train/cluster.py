@@ -1,4 +1,4 @@
-"""Workers on a Dask cluster that the user started; the same pieces go through its executor."""
+"""Workers on a Dask cluster that the user started; it provides the same executor."""
 
 import logging
 from collections.abc import Iterator
@@ -20,8 +20,8 @@ PACKAGES = ("folding-cell", "numpy", "torch", "numba")  # that decide the number
 def cluster(address: str) -> Iterator[Executor]:
     """An executor over the cluster whose scheduler is at `address`, as tcp://HOST:PORT.
 
-    The scheduler gives the work of a worker that died to another. Raises ConfigurationError for
-    an address where no usable cluster is, WorkersLost when the cluster is gone.
+    The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
+    without a usable cluster, WorkersLost when the cluster is gone.
     """
     try:
         from distributed import Client, KilledWorker
@@ -40,7 +40,7 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 def versions() -> dict[str, str]:
-    """Versions here of what decides the numbers."""
+    """Local versions of libraries that affect the numbers."""
     return {package: version(package) for package in PACKAGES}
 
 
@@ -55,7 +55,7 @@ def _connected(connect: "type[Client]", address: str) -> "Client":
 
 
 def _check(client: "Client", address: str) -> None:
-    """Refuse a cluster without workers, and workers whose numbers may differ."""
+    """Refuse a cluster without workers, or with workers of other versions."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
@@ -81,7 +81,7 @@ def _difference(here: dict[str, str], there: object) -> str:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """What Dask logs about lost workers and connections, a command says in its own words."""
+    """Silence Dask's log of lost workers and connections, which the command reports itself."""
     loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
     before = [logger.level for logger in loggers]
     for logger in loggers:

@@ -1,4 +1,4 @@
-"""A training of the critic of `adaptive`: begun or gone on with, judged on both engines."""
+"""Training of the critic of `adaptive`: started or resumed, evaluated on both engines."""
 
 import json
 from concurrent.futures import Executor, as_completed
@@ -30,7 +30,7 @@ from policies.sensing import IMAGES
 
 @dataclass(frozen=True, slots=True)
 class TrainedCritic:
-    """Where the weights are, how they were made and how good they are."""
+    """Result of a training: path, settings and evaluation of the weights."""
 
     checkpoint: Path
     settings: CriticSettings
@@ -55,9 +55,9 @@ def train_critic(
     side: int,
     console: Console,
 ) -> TrainedCritic:
-    """Train in `folder`, where an interrupted training of the same settings goes on.
+    """Train in `folder`, where an interrupted training of the same settings is resumed.
 
-    The weights are judged on a grid of `side` x `side` strips. Raises ConfigurationError for a
+    The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
     folder that cannot be used, WorkersLost when the workers are gone.
     """
     with alone_in(folder), workers as executor:

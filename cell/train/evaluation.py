@@ -1,4 +1,4 @@
-"""How good trained weights are on strips that were not trained on, in rod and chain."""
+"""Evaluation of trained weights on strips outside the training set, in rod and chain."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
@@ -22,7 +22,9 @@ SUBSTEPS = 4  # between decisions: 4.2 ms, which the chain takes in one part
 
 
 class Engine(StrEnum):
-    """Who folds: the model that trained, and the plant, which shares no code with it."""
+    """Engine of the evaluation: the rod of the training, or the chain, whose physics is written
+    separately.
+    """
 
     ROD = "rod"
     CHAIN = "chain"
@@ -45,7 +47,7 @@ class Evaluation:
 
     @property
     def most(self) -> float:
-        """The |d| [m] that 95 % of the strips stay below."""
+        """The 95 % quantile of |d| [m]."""
         return float(np.quantile(self.miss, 0.95))
 
     @property
@@ -81,8 +83,8 @@ def evaluate(
 ) -> tuple[Evaluation, ...]:
     """Fold the `side` x `side` grid on each engine, a row of strips a piece over `executor`.
 
-    `weights` are (p,). Engines meet the same noise and delays. `watch` hears how many pieces of
-    how many are done.
+    `weights` are (p,). Engines get the same noise and delays. `watch` is called with the number of
+    pieces done and their total.
     """
     wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
     waiting = {executor.submit(fold_row, weights, settings, side, *w): w for w in wanted}
@@ -107,5 +109,5 @@ def fold_row(
 
 
 def made(engine: Engine) -> Stepper:
-    """A stepper of that kind."""
+    """A stepper of that engine."""
     return Rod(FINE, strict=False) if engine is Engine.ROD else Chain(LINKS)

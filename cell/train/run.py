@@ -1,4 +1,4 @@
-"""A whole training: begun or gone on with, its weights judged, everything in one folder."""
+"""A whole training: started or resumed, its weights evaluated, everything in one folder."""
 
 import fcntl
 import json
@@ -23,7 +23,7 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Where the weights are, how they were made and how good they are."""
+    """Result of a training: path, settings and evaluation of the weights."""
 
     checkpoint: Path
     settings: TrainingSettings
@@ -46,9 +46,9 @@ def train(
     side: int,
     console: Console,
 ) -> Trained:
-    """Train in `folder`, where an interrupted training of the same settings goes on.
+    """Train in `folder`, where an interrupted training of the same settings is resumed.
 
-    The weights are judged on a grid of `side` x `side` strips. Raises ConfigurationError for a
+    The weights are evaluated on a grid of `side` x `side` strips. Raises ConfigurationError for a
     folder that cannot be used, WorkersLost when the workers are gone.
     """
     with alone_in(folder):
@@ -80,7 +80,7 @@ def _keep(trained: Trained, path: Path) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Make `folder` and keep other trainings out of it until left; ConfigurationError if not."""
+    """Create and lock `folder` against other trainings; ConfigurationError if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)

@@ -1,4 +1,4 @@
-"""A training on the screen: a bar while it runs, a table at its end."""
+"""A training in the terminal: a bar while it runs, a table at its end."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
 class Meter:
-    """Follows a training of `generations`, of which `known` were done before."""
+    """Progress of a training of `generations`, of which `known` were done before."""
 
     def __init__(self, console: Console, generations: int, known: int) -> None:
         self._console = console
@@ -37,7 +37,7 @@ class Meter:
         self._bar.start()
 
     def trained(self, step: Progress) -> None:
-        """One generation more."""
+        """One generation is done."""
         self._took.append(step.seconds)
         if step.validated is not None:
             self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
@@ -57,7 +57,7 @@ class Meter:
         self._bar.update(self._task, total=pieces, completed=done, description=told)
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._bar.stop()
 
     def _is_told(self, done: int) -> bool:
@@ -74,7 +74,7 @@ def clock(seconds: float) -> str:
 
 
 def show(evaluations: Sequence[Evaluation], console: Console) -> None:
-    """The table of the final evaluation."""
+    """Print the table of the final evaluation."""
     side = len(evaluations[0].displacement)
     table = Table(title=f"|d| over {side} x {side} strips of the paper's range")
     table.add_column("folded on")

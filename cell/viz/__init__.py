@@ -1,1 +1,1 @@
-"""The view in Rerun: what a run shows, live, saved, or rebuilt from its record."""
+"""Visualisation in Rerun: live, saved, or rebuilt from the record."""

@@ -1,4 +1,4 @@
-"""The strip as its model has it, led by the measured gripper: what one would expect to see."""
+"""Prediction of the strip by its model, driven by the measured gripper."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ LOST = np.empty((0, 2))
 
 
 class Shadow:
-    """The rod beside the real strip, from t = 0, where both lie flat and still."""
+    """The rod driven beside the real strip, from t = 0, where both lie flat and still."""
 
     def __init__(self, strip: StripFile) -> None:
         self._rod = Rod(SEGMENTS)
@@ -27,9 +27,9 @@ class Shadow:
             self._lost = True
 
     def follow(self, t: float, pose: Array) -> Array:
-        """Midline (nodes, 2) [m] at `t` [s], the gripper now at `pose` (3,); times must grow.
+        """Midline (nodes, 2) [m] at `t` [s], the gripper now at `pose` (3,); times must increase.
 
-        Empty once the model can follow no longer: what is seen does not depend on it.
+        Empty once the model has diverged; the rest of the view goes on without it.
         """
         if self._lost:
             return LOST

@@ -1,4 +1,4 @@
-"""What is shown of a run: one tick, or one line of words."""
+"""A run as a sequence of ticks and log lines for display."""
 
 import heapq
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ class LogLine:
 
 
 def told(kind: str, facts: dict[str, object]) -> str:
-    """An event as a line of words."""
+    """An event as a line of text."""
     if set(facts) == {"state", "event"}:
         return f"{facts['state']}, after {facts['event']}"
     text = ", ".join([kind, *(f"{key} {value}" for key, value in facts.items())])
@@ -46,7 +46,7 @@ def told(kind: str, facts: dict[str, object]) -> str:
 
 
 def moments_of(run: Run) -> Iterator[TickView | LogLine]:
-    """Ticks, with the kept images and what was seen in them, and events, in the order of time."""
+    """Ticks, with kept images and their measurements, and events, in the order of time."""
     origin = run.origin()
     words: Iterator[TickView | LogLine] = (
         LogLine(
@@ -87,7 +87,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
 
 
 def _sights(run: Run) -> list[StripMeasurement]:
-    """What was seen, image by image; of a laboratory's run only the curves."""
+    """Measurements, image by image; of a laboratory's run only the curves."""
     sights, curves = run.sights(), run.profile.curves()
     if sights.stamp.size == 0:
         return [_bare(t, points) for t, points in curves]

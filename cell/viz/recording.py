@@ -1,4 +1,4 @@
-"""A run in Rerun: what is drawn where, into a file, for a viewer, or again from the record."""
+"""Rerun recording of a run: to a file, to a viewer, or rebuilt from the record."""
 
 import math
 import os
@@ -50,10 +50,10 @@ STATES = {
 def viz_from_run(folder: Path) -> Path:
     """Write the recording of a run again from its record, and return its path.
 
-    A run.rrd that is there stays: it was recorded during the fold, from every image, of which
-    the record keeps a few; the new one lies beside it. Broken parts of the record are left out.
-    Raises ConfigurationError for a folder that cannot be read as a run, or not be written, and
-    for a run under way, which writes its own.
+    An existing run.rrd stays: it was recorded during the fold, from every image, of which the
+    record keeps a few; the new one lies beside it. Broken parts of the record are left out. Raises
+    ConfigurationError for a folder that cannot be read as a run or cannot be written, and for a run
+    under way, which writes its own.
     """
     run = Salvage.of(folder)
     if is_under_way(folder):
@@ -73,7 +73,7 @@ def viz_from_run(folder: Path) -> Path:
 
 
 def blueprint() -> Any:
-    """Camera and side view on the left; states, signals and log on the right."""
+    """Layout: camera and side view on the left; states, signals and log on the right."""
     eye = rrb.EyeControls3D(position=(0.3, -0.75, 0.2), look_target=(0.3, 0.0, 0.14))
     side = rrb.Spatial3DView(
         origin="/",
@@ -105,10 +105,10 @@ def open_recording(
     live: bool = False,
     viewer: Callable[[str], None] | None = None,
 ) -> Iterator[rr.RecordingStream]:
-    """A recording into the file `name` of `folder`, whole when this ends; `live` serves it too.
+    """A recording into the file `name` of `folder`, complete when this ends; `live` serves it too.
 
-    `viewer` opens a viewer on the address that is served. Raises OSError, RuntimeError or
-    ValueError when the file cannot be written.
+    `viewer` opens a viewer on the served address. Raises OSError, RuntimeError or ValueError when
+    the file cannot be written.
     """
     recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
     sinks: list[Any] = [rr.FileSink(folder / name)]
@@ -127,7 +127,7 @@ def open_recording(
 
 
 def open_viewer(address: str) -> None:
-    """Start Rerun's viewer on `address` and leave it alone, whatever becomes of it."""
+    """Start Rerun's viewer on `address` as an independent process."""
     command = [sys.executable, "-m", "rerun_cli", "--connect", address, "--memory-limit"]
     subprocess.Popen(  # noqa: S603  nothing here comes from outside
         [*command, VIEWER_MEMORY],
@@ -140,7 +140,7 @@ def open_viewer(address: str) -> None:
 
 
 class Screen:
-    """Draws moments and words into a recording; the only place that knows its entities."""
+    """Draws ticks and log lines into a recording; the only user of its entity paths."""
 
     def __init__(
         self,
@@ -148,7 +148,9 @@ class Screen:
         calibration: Calibration | None,
         strip: StripFile | None,
     ) -> None:
-        """Without `calibration` nothing is drawn into images, without `strip` none is simulated."""
+        """Without `calibration` nothing is drawn into images, without `strip`
+        no model is simulated.
+        """
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
@@ -177,7 +179,7 @@ class Screen:
             self._motion(item)
 
     def finish(self) -> None:
-        """Send the signals that were still held back."""
+        """Send the buffered signals."""
         rows, seen = self._rows, self._seen
         self._rows, self._seen = [], []
         self._send(rows, HAND_SIGNALS)
@@ -216,7 +218,7 @@ class Screen:
         self._to.log("strip/measured", _curve(sight.profile, SEEN, 0.002))
 
     def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
-        """An image, and what was seen in this very one."""
+        """An image, and the measurement from it."""
         self._to.log("camera/image", jpeg(image))
         if sight is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
@@ -265,7 +267,7 @@ def jpeg(image: Image) -> Any:
 
 
 def free_port() -> int:
-    """A port of the loopback that nobody listens on."""
+    """A free port of the loopback."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""Watches a run for the view in Rerun, from a thread of its own."""
+"""Observer of a run for Rerun, with its own thread."""
 
 import math
 import threading
@@ -26,11 +26,11 @@ PATIENCE = 30.0  # s, for what still waits when the run is over
 
 
 class Viz:
-    """Takes over what a run shows: never blocks it, drops the oldest when it lags.
+    """Shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
 
     `save` writes run.rrd into the run's folder; `live` also serves it on loopback and opens a
-    viewer there. We serve and the viewer comes to us, so that one that hangs or dies cannot hold
-    anything up. `failure` tells why nothing is recorded any more, `dropped` what was passed over.
+    viewer there. The viewer connects to us, so that one that hangs or dies cannot block anything.
+    `failure` is the reason why nothing is recorded any more, `dropped` counts what was skipped.
     """
 
     def __init__(
@@ -40,9 +40,11 @@ class Viz:
         strip: StripFile,
         viewer: Callable[[str], None] | None = None,
     ) -> None:
-        """The run's calibration is read from its folder; without one, images stay bare.
+        """The run's calibration is read from its folder; without one, images are shown without
+        overlays.
 
-        `viewer` opens a viewer on an address; by default Rerun's own."""
+        `viewer` opens a viewer on an address; by default Rerun's own.
+        """
         self.dropped = 0
         self.failure = ""
         self._waiting: deque[TickView | LogLine] = deque()
@@ -54,7 +56,7 @@ class Viz:
         self._thread.start()
 
     def see(self, snapshot: Snapshot) -> None:
-        """Take over one tick."""
+        """Queue one tick."""
         sight = snapshot.view.measurement
         if sight is not None and sight.sequence == self._sequence:
             sight = None
@@ -74,7 +76,7 @@ class Viz:
         )
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Take over one event; the lift begins measured time."""
+        """Queue one event; the lift begins measured time."""
         if kind == "state" and str(facts.get("state")) == "LIFT":
             self._origin = time
         self._put(LogLine(time, told(kind, facts), kind == "fault", time - self._origin))
@@ -86,7 +88,7 @@ class Viz:
         self._thread.join(timeout)
 
     def _image(self, snapshot: Snapshot) -> Image | None:
-        """The newest image, if it is time for one and the thread keeps up."""
+        """The newest image, if one is due and the thread keeps up."""
         if (
             not snapshot.view.fresh
             or snapshot.view.frame is None
@@ -114,7 +116,9 @@ class Viz:
         strip: StripFile,
         viewer: Callable[[str], None] | None,
     ) -> None:
-        """Draw what waits until the run is over. Rerun is imported here, beside the run."""
+        """Draw the queue until the run is over. Rerun is imported here, in
+        parallel with the run.
+        """
         from cell.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION
@@ -138,7 +142,7 @@ class Viz:
 
 @contextmanager
 def watching(mode: Mode | Literal["off"]) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
-    """Makes the watchers of folds, none when `off`, and waits for them at the end."""
+    """Makes the Rerun observers of folds, none when `off`, and waits for them at the end."""
     watchers: list[Viz] = []
 
     def watch(folder: Path, strip: StripFile) -> tuple[Viz, ...]:

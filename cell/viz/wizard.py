@@ -1,4 +1,4 @@
-"""A calibration in Rerun: the image with what was seen in it, what is covered, what is wanted."""
+"""A calibration in Rerun: the image with its measurements, the coverage, the next request."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -20,7 +20,7 @@ CORNERS, FITTED, HELD_OUT, WANTED = 0x6ED25AFF, 0x6ED25AFF, 0x2882FFFF, 0xFFAA32
 def watched(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
-    """Draws into wizard.rrd of `folder`, which must exist when the first news come.
+    """Draws into wizard.rrd of `folder`, which must exist when the first news arrive.
 
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
@@ -41,14 +41,14 @@ def watched(
 
 
 class WizardScreen:
-    """Draws the news of a wizard; the only place that knows its entities."""
+    """Draws the news of a wizard; the only user of its entity paths."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._to = recording
         self._count = 0
 
     def __call__(self, news: ViewNews | TouchNews) -> None:
-        """Draw what is new."""
+        """Draw the news."""
         self._count += 1
         self._to.set_time("step", sequence=self._count)
         if news.frame is not None:
@@ -59,7 +59,7 @@ class WizardScreen:
             self._touches(news)
 
     def verdict(self, words: str) -> None:
-        """The verdict, as the last words."""
+        """Log the verdict."""
         self._to.log("wizard/log", rr.TextLog(words))
         self._to.log("wizard/words", rr.TextDocument(words))
 

@@ -1,1 +1,3 @@
-"""A Franka arm through its own network interface: a process that owns the 1 kHz loop, and hand."""
+"""Driver of a Franka arm and hand over the Franka Control Interface, with a process for the 1 kHz
+loop.
+"""

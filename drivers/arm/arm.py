@@ -17,15 +17,15 @@ ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
 class FciArm:
     """Satisfies `drivers.protocols.Arm` through a process that owns the robot.
 
-    In lock-step the robot makes one tick for each millisecond of the cell's clock, whenever the
-    cell asks for its state or gives an order: only the clock's time counts, so that runs repeat
-    byte for byte. Against a robot whose time runs by itself states are stamped as they arrive.
+    In lock-step the robot makes one tick for each millisecond of the cell's clock whenever the cell
+    reads its state or sends a command, so runs repeat byte for byte. Against a robot on its own
+    clock, states are stamped on arrival.
     """
 
     def __init__(
         self, start: Callable[[], Bridge], clock: Clock, installation: Installation
     ) -> None:
-        """An arm on `clock` of which `start` takes hold."""
+        """An arm on `clock`; `start` connects to the robot."""
         self._start = start
         self._clock = clock
         self._installation = installation
@@ -35,12 +35,12 @@ class FciArm:
         self._closed = False
 
     def connect(self) -> None:
-        """Take hold of the arm, at rest; allowed twice, refused once closed."""
+        """Connect and hold the arm at rest; allowed twice, refused with a Fault once closed."""
         self.hold()
         self._connected = True
 
     def hold(self) -> None:
-        """Hold the arm still where it is."""
+        """Hold the arm at its present pose; raises Fault `arm_closed` after `close`."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if self._bridge is None:
@@ -48,7 +48,9 @@ class FciArm:
             self._begun = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and bring it to the clock's time, for what moves in the robot's time."""
+        """Hold the arm and advance it to the clock's time, for devices that follow the robot's
+        time.
+        """
         self.hold()
         self.catch_up()
 
@@ -85,13 +87,13 @@ class FciArm:
             self._caught_up().order(Kind.HOLD)
 
     def close(self) -> None:
-        """Brake and let go; allowed twice."""
+        """Brake and disconnect; calling it twice is allowed."""
         self._closed = True
         if self._bridge is not None:
             self._bridge.close()
 
     def catch_up(self) -> tuple[float, Pose] | None:
-        """The arm's stamp [s] and pose at the clock's time; None while nobody holds it."""
+        """The arm's stamp [s] and pose at the clock's time; None while it is not connected."""
         if self._bridge is None or self._closed:
             return None
         self._advance(self._bridge)
@@ -100,11 +102,11 @@ class FciArm:
 
     @property
     def timing(self) -> dict[str, object]:
-        """How evenly the robot's states came, once it is closed; empty in lock-step."""
+        """Histogram of intervals between the robot's states, once closed; empty in lock-step."""
         return {} if self._bridge is None else self._bridge.timing
 
     def _caught_up(self) -> Bridge:
-        """The bridge, with the robot at the clock's time."""
+        """The bridge, after advancing the robot to the clock's time."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         if self._bridge is None or not self._connected:
@@ -114,7 +116,7 @@ class FciArm:
         return self._bridge
 
     def _advance(self, bridge: Bridge) -> None:
-        """In lock-step, have the robot come up to the clock's time."""
+        """In lock-step, advance the robot to the clock's time."""
         if not bridge.lock_step:
             return
         due = int((self._clock.now() - self._begun) / TICK + ROUNDING)

@@ -1,4 +1,4 @@
-"""The cell's end of the arm: starts the process that owns the robot, watches it, and ends it."""
+"""Connection to the process that owns the robot: starts it, supervises it, ends it."""
 
 from contextlib import suppress
 from multiprocessing import get_context
@@ -14,10 +14,10 @@ ENDING = 1.5  # s for the arm to come to rest and the process to end
 
 
 class Bridge:
-    """One process, one robot. Whatever it waits for, it waits for a stated time and no longer.
+    """One process that owns one robot; every wait has a timeout.
 
-    A process that does not answer is killed: its connection closes, and the robot stops by itself.
-    After a failure every call raises the same Fault.
+    A process that does not answer is killed: its connection closes and the robot stops. After a
+    failure every call raises the same Fault.
     """
 
     def __init__(self, task: Task) -> None:
@@ -48,23 +48,23 @@ class Bridge:
 
     @property
     def process(self) -> int | None:
-        """Number of the process that owns the robot."""
+        """Process ID of the process that owns the robot."""
         return self._process.pid
 
     def order(self, kind: Kind, a: float = 0.0, b: float = 0.0, c: float = 0.0) -> None:
-        """Replace the order that the loop follows."""
+        """Replace the command that the loop follows."""
         self.check()
         last = self._order
         self._order = Order(last.number + 1, kind, last.beat + 1, a, b, c)
         self._orders.write(self._order)
 
     def beat(self) -> None:
-        """Say that the cell is alive."""
+        """Send the heartbeat of the cell."""
         self._order = self._order._replace(beat=self._order.beat + 1)
         self._orders.write(self._order)
 
     def advance(self, until: int) -> None:
-        """In lock-step, have the robot make all ticks up to number `until`."""
+        """In lock-step, run all ticks of the robot up to number `until`."""
         self.check()
         with suppress(OSError):  # it has ended, and the answer will say so
             self._pipe.send_bytes(encoded({"until": until}))
@@ -72,7 +72,7 @@ class Bridge:
         self.ticks = until
 
     def report(self) -> tuple[Report, bool]:
-        """The newest state, and whether the newest order still waits to be taken."""
+        """The newest state, and whether the newest command has not been taken yet."""
         self.check()
         report = self._reports.read()
         return report, report.number != self._order.number
@@ -98,7 +98,7 @@ class Bridge:
         self._pipe.close()
 
     def _answer(self, patience: float) -> None:
-        """Take one answer of the process, which has `patience` [s] to give it."""
+        """Receive one answer of the process within `patience` [s]."""
         try:
             if not self._pipe.poll(patience):
                 self._fail(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")

@@ -1,4 +1,4 @@
-"""Why the robot stopped: every error of its library as one type, told apart by class and state."""
+"""Causes of a robot stop: every library error as one type, classified by class and robot state."""
 
 import json
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from drivers.errors import Fault
 
 
 class Cause(StrEnum):
-    """Names under which a failure of the arm goes into the record."""
+    """Names of arm failures in the record."""
 
     REFLEX = "arm_reflex"
     USER_STOP = "arm_user_stop"
@@ -22,6 +22,7 @@ class Cause(StrEnum):
     LIBRARY = "arm_library"
     SILENT = "arm_silent"
     UNHEARD = "arm_cell_silent"
+    REACH = "arm_out_of_reach"
     NOT_FINITE = "arm_pose_not_finite"
     LOST = "arm_driver_lost"
     PLACE = "arm_out_of_place"
@@ -38,6 +39,7 @@ REMEDY = {
     Cause.COMMAND: "this is an error of the cell; keep the record",
     Cause.LIBRARY: "keep the record; the library's own words are above",
     Cause.SILENT: "check robot and network, then start again",
+    Cause.REACH: "stay nearer to the robot: see `cell fold --dry-run --arm fci`",
     Cause.NOT_FINITE: "keep the record and look for an update of the robot",
     Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
     Cause.LOST: "start again; the motion ended with the process",
@@ -47,7 +49,9 @@ REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A `cause`, the robot's own `errors` by the names of its flags, and words for the operator."""
+    """A `cause`, the robot's own `errors` by the names of its flags, and a text
+    for the operator.
+    """
 
     cause: Cause
     words: str
@@ -59,17 +63,17 @@ class Failure:
         return Fault(self.cause, f"{self.words}{flags}; {REMEDY[self.cause]}")
 
     def content(self) -> dict[str, Any]:
-        """As plain values."""
+        """Plain values for the message between processes."""
         return {"cause": self.cause, "words": self.words, "errors": list(self.errors)}
 
     @classmethod
     def of(cls, content: dict[str, Any]) -> Self:
-        """From plain values."""
+        """The failure from plain values, the inverse of `content`."""
         return cls(Cause(content["cause"]), str(content["words"]), tuple(content["errors"]))
 
 
 class Failed(Exception):
-    """A failure on its way out of the loop."""
+    """Exception that carries a Failure out of the loop."""
 
     def __init__(self, failure: Failure) -> None:
         super().__init__(failure.words)
@@ -77,16 +81,16 @@ class Failed(Exception):
 
 
 def encoded(content: dict[str, Any]) -> bytes:
-    """A message between the two processes."""
+    """A message between the two processes as bytes."""
     return json.dumps(content).encode()
 
 
 def decoded(message: bytes) -> dict[str, Any]:
-    """What `encoded` made a message of."""
+    """The message that `encoded` turned into bytes."""
     content: dict[str, Any] = json.loads(message)
     return content
 
 
 def one_line(error: BaseException) -> str:
-    """What an error says, for a person; nothing is ever decided by it."""
+    """Text of an error for a person; no decision depends on it."""
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -1,4 +1,4 @@
-"""The Franka Hand: fingers that are told and asked without ever waiting for them."""
+"""Franka Hand driver with non-blocking commands and states."""
 
 import socket
 from collections.abc import Callable
@@ -19,8 +19,8 @@ STALE = 64  # datagrams taken at once
 class FciHand:
     """Satisfies `drivers.protocols.Hand` over the hand's own protocol.
 
-    Connects when it is first used, after `ready` was called: in lock-step the fingers move in the
-    arm's time. A motion under way is stopped before another begins.
+    Connects at first use, after `ready` was called: in lock-step the fingers move in the arm's
+    time. A motion under way is stopped before another begins.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class FciHand:
         self._begin(lambda n: wire.move(n, self._settings.opening, self._settings.speed))
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge; nothing to do while it is held."""
+        """Start to close on the strip's edge; does nothing while it is held."""
         self._hear()
         if not self._fingers.grasped:
             s = self._settings
@@ -67,18 +67,20 @@ class FciHand:
         )
 
     def stop(self) -> None:
-        """Hold the fingers where they are; what they hold stays held."""
+        """Hold the fingers where they are; a held object stays held."""
         self._hear()
         if self._motion is not None:
             self._send(lambda n: wire.request(wire.Command.STOP, n))
 
     @property
     def _moving(self) -> bool:
-        """Until a state shows what came of a motion: replies are told at once, states are not."""
+        """Whether a motion is under way, until a state shows its result: replies come before
+        states.
+        """
         return self._motion is not None or self._fingers.number == self._ended
 
     def close(self) -> None:
-        """Let go of the device; allowed twice."""
+        """Disconnect; calling it twice is allowed."""
         for link in (self._tcp, self._udp):
             if link is not None:
                 link.close()
@@ -98,7 +100,7 @@ class FciHand:
         return self._number
 
     def _hear(self) -> None:
-        """Take in all that the hand has said so far."""
+        """Read all replies and states that have arrived."""
         self._ready()
         tcp, udp = self._links()
         for _ in range(STALE):
@@ -141,7 +143,7 @@ class FciHand:
 
 
 def _connected(address: str) -> tuple[socket.socket, socket.socket]:
-    """Both links to the hand at `address`, after its first state."""
+    """Connections (TCP and UDP) to the hand at `address`, after its first state."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tcp = socket.create_connection((address, wire.PORT), PATIENCE)
     with suppress(OSError):

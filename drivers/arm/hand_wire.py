@@ -1,7 +1,7 @@
-"""The hand's own protocol, version 3: packed, little-endian, over TCP; states by UDP.
+"""The hand's protocol, version 3: packed, little-endian; commands over TCP, states over UDP.
 
 The library's client blocks its whole process while the fingers move and cannot be interrupted, so
-the cell speaks to the hand itself.
+the cell implements the protocol itself.
 """
 
 import struct
@@ -15,7 +15,7 @@ STATE = struct.Struct("<IddBH")
 
 
 class Command(IntEnum):
-    """What can be asked of the hand."""
+    """Commands of the hand."""
 
     CONNECT = 0
     HOMING = 1
@@ -45,7 +45,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """A state of the hand: `width` between the fingers [m] and whether they hold something."""
+    """State of the hand: `width` between the fingers [m] and whether they hold something."""
 
     number: int
     width: float
@@ -54,12 +54,12 @@ class Fingers:
 
 
 def request(command: Command, number: int, payload: bytes = b"") -> bytes:
-    """A command on the wire."""
+    """A command as bytes."""
     return HEADER.pack(command, number, HEADER.size + len(payload)) + payload
 
 
 def connect(number: int, port: int) -> bytes:
-    """Ask to be connected, states to be sent to `port`."""
+    """Request to connect, with states sent to UDP `port`."""
     return request(Command.CONNECT, number, struct.pack("<HH", VERSION, port))
 
 
@@ -69,13 +69,13 @@ def move(number: int, width: float, speed: float) -> bytes:
 
 
 def grasp(number: int, thinnest: float, thickest: float, speed: float, force: float) -> bytes:
-    """Close with `force` [N] on what is `thinnest` to `thickest` [m] thick."""
+    """Close with `force` [N] on an object `thinnest` to `thickest` [m] thick."""
     width, slack = (thinnest + thickest) / 2, (thickest - thinnest) / 2
     return request(Command.GRASP, number, struct.pack("<5d", width, slack, slack, speed, force))
 
 
 def replies(received: bytearray) -> list[Reply]:
-    """Whole replies, taken from the front of what was `received`."""
+    """Complete replies, removed from the front of `received`."""
     found: list[Reply] = []
     while len(received) >= HEADER.size + 2:
         command, number, size = HEADER.unpack_from(received)
@@ -89,7 +89,7 @@ def replies(received: bytearray) -> list[Reply]:
 
 
 def state(packet: bytes) -> Fingers | None:
-    """The state in a datagram; None when it is none."""
+    """The state in a datagram; None when the datagram is not a state."""
     if len(packet) != STATE.size:
         return None
     number, width, widest, grasped, _ = STATE.unpack(packet)

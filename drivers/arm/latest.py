@@ -1,4 +1,4 @@
-"""The latest value that one process publishes to another: no locks, no torn reads."""
+"""Lock-free publication of the latest value from one process to another, without torn reads."""
 
 import ctypes
 import struct
@@ -14,16 +14,16 @@ V = TypeVar("V", bound=NamedTuple)
 
 
 def allocate(layout: str, context: BaseContext) -> Any:
-    """Shared memory for a `Latest` of `layout`, to be handed to a process that `context` starts."""
+    """Shared memory for a `Latest` of `layout`, passed to a process that `context` starts."""
     return context.RawArray(ctypes.c_uint64, 1 + 2 * _words(layout))
 
 
 class Latest(Generic[V]):
-    """One writer, any readers, two slots: the writer fills the hidden one, then shows it.
+    """One writer, any readers, two slots: the writer fills the hidden slot, then publishes it.
 
-    A reader tries again only when the writer has come round to its slot meanwhile, so that a
-    writer that dies in the middle of a write holds nobody up. Relies on stores that become visible
-    in their order, as on x86-64, the only machine that the robot's library is built for.
+    A reader retries only when the writer has reused its slot meanwhile, so that a writer that dies
+    in mid write blocks nobody. Relies on stores that become visible in order, as on x86-64, the
+    only machine that the robot's library is built for.
     """
 
     def __init__(self, memory: Any, kind: type[V], layout: str) -> None:
@@ -47,7 +47,9 @@ class Latest(Generic[V]):
         self._count[0] = after
 
     def read(self) -> V:
-        """The newest value; all zeros before the first write."""
+        """The newest value, all zeros before the first write; raises Fault `arm_memory` after too
+        many retries.
+        """
         for _ in range(TRIES):
             before = self._count[0]
             content = bytes(self._slots[before & 1])

@@ -1,4 +1,4 @@
-"""The 1 kHz loop: ruckig at each tick from the newest order, the robot's answer to each command."""
+"""The 1 kHz loop: at each tick a ruckig setpoint from the newest command, sent to the robot."""
 
 from collections import deque
 from collections.abc import Callable
@@ -6,6 +6,7 @@ from math import degrees, hypot, isfinite
 from typing import Any, Protocol
 
 from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.guard import ReachGuard
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
@@ -15,12 +16,14 @@ from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
+FIRST = 20  # commands at most until the robot has heard one
+LOOK = 10  # ticks between looks ahead
 SPAN = 8  # ticks over which the velocity is measured
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
 class Driven(Protocol):
-    """A robot in which a motion of the hand can be run; `drivers.arm.robot.Robot` is one."""
+    """Interface of a robot that runs a motion of the hand, such as `drivers.arm.robot.Robot`."""
 
     def start_poses(self) -> Any:
         """Start the motion."""
@@ -31,15 +34,15 @@ class Driven(Protocol):
         ...
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
-        """The answer to it."""
+        """Send the command for this tick."""
         ...
 
 
 class Loop:
-    """One motion that follows orders in the strip's plane until it is told to end.
+    """One motion that follows commands in the strip's plane until it is told to end.
 
-    A `step` answers the state at hand with a command and waits for the next state, whatever
-    drives it: the robot's clock or, in lock-step, the cell's.
+    `step` answers the current state with a command and waits for the next state, on the robot's
+    clock or, in lock-step, on the cell's.
     """
 
     def __init__(
@@ -64,7 +67,7 @@ class Loop:
         self._path: deque[tuple[float, float, float]] = deque(maxlen=SPAN + 1)
 
     def begin(self) -> None:
-        """Take the arm over where it is, at rest; Failed when it is out of the strip's plane."""
+        """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
         pose = state.O_T_EE_c
@@ -73,11 +76,23 @@ class Loop:
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
-        self._publish(state)
+        self._guard = ReachGuard(self._plane, limits, state.q)
+        self._publish(self._heard(pose, state))
+
+    def _heard(self, pose: list[float], state: Any) -> Any:
+        """The state once the robot follows commands; until then it is told to stay at `pose`."""
+        for _ in range(FIRST):
+            self._robot.write_pose(self._motion, pose)
+            state = self._robot.read(self._motion)
+            if state.control_command_success_rate > 0:
+                break
+        return state
 
     def step(self) -> None:
         """One tick of the robot's time; Failed when the robot has stopped."""
         self._obey(self._orders.read())
+        if self.ticks % LOOK == 0:
+            self._look_ahead()
         command = self._profile.tick()
         self._robot.write_pose(self._motion, self._plane.command(*command))
         state = self._robot.read(self._motion)
@@ -86,7 +101,7 @@ class Loop:
         self._feel(state)
 
     def end(self) -> None:
-        """Brake to rest and end the motion; no order is taken any more."""
+        """Brake to rest and end the motion; later commands are ignored."""
         self._taken = -1
         self._profile.stop()
         while self._profile.moving:
@@ -95,11 +110,13 @@ class Loop:
 
     @property
     def halted(self) -> Failure | None:
-        """Why the arm has braked by itself for good, once it rests."""
+        """Why the arm braked for good by itself, once it is at rest."""
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
-        """Take a new order, unless the arm has braked for good; brake when the cell is silent."""
+        """Take a new command, unless the arm has braked for good; brake when
+        the heartbeat stops.
+        """
         if self._taken < 0 or self._reason is not None:
             return
         self._unheard = 0 if order.beat != self._beat else self._unheard + 1
@@ -125,14 +142,23 @@ class Loop:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
     def _feel(self, state: Any) -> None:
-        """Brake for a force on the gripper over the guard's limit."""
+        """Brake when the force on the gripper exceeds the guard's limit."""
         force = hypot(*state.O_F_ext_hat_K[:3])
         limit = self._settings.guard
         if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
 
+    def _look_ahead(self) -> None:
+        """Brake while the arm still can, before it comes where it could not follow."""
+        if not self._profile.moving:
+            return
+        reason = self._guard.objection(self._profile.pose, self._profile.velocity)
+        if reason:
+            pose = self._profile.pose
+            self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
+
     def _halt(self, cause: Cause, words: str) -> None:
-        """Brake for good, for the first reason that there was."""
+        """Brake for good and keep the first reason."""
         if self._reason is None:
             self._reason = Failure(cause, words)
             self._profile.stop()
@@ -177,7 +203,9 @@ class Loop:
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane with the hand turned in it as it is at `pose`; Failed where it is not."""
+    """The strip's plane for the hand's orientation at `pose`; raises Failed when the hand is not in
+    it.
+    """
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda plane: plane.aside(pose)[1])

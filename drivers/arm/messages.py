@@ -1,11 +1,11 @@
-"""What passes between the cell and the process that owns the robot's 1 kHz loop."""
+"""Messages between the cell and the process that owns the robot's 1 kHz loop."""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 
 class Kind(IntEnum):
-    """What an order asks for."""
+    """Kinds of commands."""
 
     HOLD = 0
     FOLLOW = 1
@@ -13,9 +13,10 @@ class Kind(IntEnum):
 
 
 class Order(NamedTuple):
-    """The newest order: `a`, `b`, `c` are a velocity or a pose; `beat` rises while the cell lives.
+    """The newest command: `a`, `b`, `c` are a velocity or a pose; `beat` is the cell's heartbeat
+    counter.
 
-    `number` rises with each order; the loop acts once on each.
+    `number` rises with each command; the loop executes each once.
     """
 
     number: int
@@ -29,9 +30,9 @@ class Order(NamedTuple):
 class Report(NamedTuple):
     """The newest state: after `ticks` of the motion, at `arrival` [s] of the shared clock.
 
-    Pose and velocity measured and pose commanded in the cell frame; `fx`, `fz` the force on the
-    gripper [N]; `off_plane` how far it stands beside the strip's plane [m]; `success` the robot's
-    own share of commands in time; the rest are truth values and the `number` of the order taken.
+    Measured pose and velocity and commanded pose in the cell frame; `fx`, `fz` force on the gripper
+    [N]; `off_plane` distance from the strip's plane [m]; `success` the robot's own rate of commands
+    received in time; the rest are flags and the `number` of the last command taken.
     """
 
     ticks: int

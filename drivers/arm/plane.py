@@ -1,4 +1,4 @@
-"""The plane of the strip in the robot's frame, and the hand in it."""
+"""The plane of the strip in the robot's frame, and poses of the hand in it."""
 
 from math import atan2, cos, pi, sin
 
@@ -13,11 +13,11 @@ LEANING = 0.05  # rad out of it, likewise
 
 
 class StripPlane:
-    """Gripper poses in the cell frame as poses of the hand in the robot's base, and back.
+    """Transform between gripper poses in the cell frame and hand poses in the robot's base.
 
-    The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned` has the hand
-    turned by half a turn about that axis, which grasps as well and leaves other room to the wrist.
-    What little the hand stood beside the plane when it was taken over stays as it is.
+    The hand's approach axis lies in the plane: at pitch pi/2 it points down. `turned` rotates the
+    hand by half a turn about that axis, an equivalent grasp that uses other wrist angles. The small
+    offset from the plane at `take_over` is kept.
     """
 
     def __init__(self, cell_in_robot: CellInRobot, *, turned: bool = False) -> None:
@@ -33,12 +33,12 @@ class StripPlane:
         self._rest: Array | None = None
 
     def take_over(self, pose: Numbers) -> None:
-        """Keep what `pose` stands out of the plane, so that it is the first command."""
+        """Keep the offset of `pose` from the plane, so that the first command equals it."""
         rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         self._rest = np.asarray(rest, dtype=np.float64)
 
     def command(self, x: float, z: float, pitch: float) -> Numbers:
-        """The hand's pose in the base, 16 numbers by columns, as the robot takes them."""
+        """The hand's pose in the base as 16 numbers, column-major, as the robot takes it."""
         pose = self.matrix(x, z, pitch)
         if self._rest is not None:
             pose = pose @ self._rest
@@ -56,19 +56,19 @@ class StripPlane:
         return np.array([*pose, (0.0, 0.0, 0.0, 1.0)])
 
     def to_cell(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] of a hand's pose in the base, 16 numbers by columns."""
+        """x, z [m] and pitch [rad] of a hand's pose in the base, 16 numbers, column-major."""
         x, _, z = self.place(pose)
         along, up = (_dot(row, pose[8:11]) for row in (self._rows[0], self._rows[2]))
         return x, z, _pitch(along, up)
 
     def place(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, y, z [m] in the cell frame of a hand's pose, 16 numbers by columns."""
+        """x, y, z [m] in the cell frame of a hand's pose, 16 numbers, column-major."""
         point = pose[12:15]
         x, y, z = (_dot(row, point) + row[3] for row in self._rows)
         return x, y, z
 
     def aside(self, pose: Numbers) -> tuple[float, float]:
-        """How far beside the plane [m], and by what angle out of it [rad], a hand's pose stands."""
+        """Distance from the plane [m] and angle out of it [rad] of a hand's pose."""
         off = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         angle = float(np.arccos(np.clip((np.trace(off[:3, :3]) - 1) / 2, -1.0, 1.0)))
         return float(np.linalg.norm(off[:3, 3])), angle
@@ -79,7 +79,7 @@ class StripPlane:
 
 
 def _pitch(along: float, up: float) -> float:
-    """Pitch of an approach axis with these parts in the cell: -x is 0, down pi/2, +x pi."""
+    """Pitch of an approach axis with these components in the cell: -x is 0, down pi/2, +x pi."""
     pitch = atan2(-up, -along)
     return pitch + 2 * pi if pitch < -pi / 2 else pitch
 
@@ -89,5 +89,5 @@ def _dot(a: Numbers, b: Numbers) -> float:
 
 
 def matrix(columns: Numbers) -> Array:
-    """Pose (4, 4) of 16 numbers by columns."""
+    """Pose (4, 4) from 16 numbers, column-major."""
     return np.array(columns).reshape(4, 4).T

@@ -1,4 +1,4 @@
-"""The process that owns the robot: it holds the connection, and with it ends the motion."""
+"""The process that owns the robot's connection; when it ends, the motion ends."""
 
 import gc
 import signal
@@ -19,7 +19,7 @@ from drivers.installation import Installation
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What the process is told when it starts."""
+    """Arguments of the process."""
 
     address: str
     settings: FciSettings
@@ -69,7 +69,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 
 
 def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock) -> None:
-    """Step as far as the cell allows, tell that it is done; until it closes or dies."""
+    """Step as far as the cell allows and confirm each time, until the cell closes or dies."""
     while (message := _received(pipe)) is not None and "until" in message:
         while loop.ticks < message["until"]:
             loop.step()
@@ -79,7 +79,7 @@ def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClo
 
 
 def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -> None:
-    """Step by the robot's clock until the cell closes or dies."""
+    """Step on the robot's clock until the cell closes or dies."""
     while loop.halted is None and not pipe.poll():
         loop.step()
         timing.tell(clock.now())

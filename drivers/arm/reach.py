@@ -1,4 +1,4 @@
-"""Whether the arm can follow a path of the gripper: joints, margins, rates, before it moves."""
+"""Check before a motion whether the arm can follow a gripper path: joint limits, margins, rates."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ ELBOWS = tuple(np.linspace(-1.2, 1.2, 9).tolist())  # rad, angles of joint 3 tha
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Where (x, z [m], pitch [rad]) and why the arm cannot follow."""
+    """Pose (x, z [m], pitch [rad]) that the arm cannot follow, and the reason."""
 
     x: float
     z: float
@@ -32,7 +32,7 @@ class Problem:
     reason: str
 
     def __str__(self) -> str:
-        """For the operator."""
+        """Text for the operator."""
         place = f"x {1e3 * self.x:.0f} mm, z {1e3 * self.z:.0f} mm"
         return f"{place}, pitch {np.degrees(self.pitch):.0f} deg: {self.reason}"
 
@@ -40,8 +40,8 @@ class Problem:
 @dataclass(frozen=True, slots=True)
 class Reach:
     """How the arm follows a path: hand `turned` or not, `start` joints (7,) [rad] at its first
-    pose, the smallest joint margin [rad] and whose, how many poses were `followed`, and the first
-    problems in the path's order.
+    pose, smallest joint margin [rad] and its joint, number of poses `followed`, and the first
+    problems in path order.
     """
 
     turned: bool
@@ -58,10 +58,11 @@ class Reach:
 
 
 def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
-    """The best of the ways in which the arm can follow `path` (n, 3) at `speeds` (n,) [m/s].
+    """The best posture sequence with which the arm follows `path` (n, 3) at `speeds` (n,) [m/s].
 
-    The elbow keeps its angle on the whole path. Both sides of the hand and several elbows are
-    tried; the way with no problem and the largest margin wins, else the one that leads furthest.
+    The elbow angle is constant on the whole path. Both hand orientations and several elbow angles
+    are tried; the one without problems and with the largest margin wins, else the one that gets
+    furthest.
     """
     ways = [way for turned in (False, True) for way in _ways(installation, path, speeds, turned)]
     if not ways:
@@ -73,7 +74,7 @@ def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
 
 def _ways(installation: Installation, path: Array, speeds: Array, turned: bool) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
-    poses, times = _dense(path, speeds)
+    poses, times = dense(path, speeds)
     for elbow in ELBOWS:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
@@ -132,7 +133,7 @@ def _objection(joints: Array, there: Array, time: float) -> str:
     return ""
 
 
-def _dense(path: Array, speeds: Array) -> tuple[Array, Array]:
+def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     """Poses (m, 3) along `path` at most STEP apart, and the time [s] from each to the next."""
     poses, times = [path[:1]], [np.array([1.0])]
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):

@@ -1,4 +1,4 @@
-"""The robot through its maker's library: connect, configure, one motion at a time."""
+"""The robot through libfranka's Python client: connect, configure, one motion at a time."""
 
 import os
 import socket
@@ -39,15 +39,15 @@ class Motion(Protocol):
         ...
 
     def writeOnce(self, command: Any) -> None:  # noqa: N802
-        """The answer to it."""
+        """Send the command for this tick."""
         ...
 
 
 class Robot:
-    """One connection; every error comes out as Failed."""
+    """One connection to a robot; every library error is raised as Failed."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect, as the real-time mode of `settings` says, and set what must be set at rest."""
+        """Connect in the real-time mode of `settings` and configure what requires standstill."""
         enforce = settings.realtime == "enforce"
         mode = franka.RealtimeConfig.kEnforce if enforce else franka.RealtimeConfig.kIgnore
         with _named(lambda _: _mismatch(address)), _scheduler_kept(restore=not enforce):
@@ -55,13 +55,13 @@ class Robot:
         self._settings = settings
 
     def state(self) -> Any:
-        """A fresh state: the first after a pause has waited in the buffer."""
+        """A fresh state; the first one after a pause is discarded as stale."""
         with _named(self._stopped):
             self._robot.read_once()
             return self._robot.read_once()
 
     def require_ready(self) -> None:
-        """Refuse, as Failed, a robot that could not move."""
+        """Raise Failed for a robot that cannot move."""
         state = self.state()
         failure = failure_in(state)
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
@@ -71,7 +71,7 @@ class Robot:
             raise Failed(failure)
 
     def configure(self, collision: CollisionSettings) -> None:
-        """Thresholds of the reflexes; refused by the robot in motion."""
+        """Set the thresholds of the reflexes; the robot refuses it in motion."""
         lower, upper = [collision.torque_lower] * 7, [collision.torque_upper] * 7
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
@@ -79,12 +79,12 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def recover(self) -> None:
-        """Ask the robot to leave its reflex."""
+        """Recover from a reflex."""
         with _named(self._stopped):
             self._robot.automatic_error_recovery()
 
     def start_poses(self) -> Motion:
-        """A motion that is given poses of the hand."""
+        """Start a motion commanded by poses of the hand."""
         with _named(self._stopped):
             motion: Motion = self._robot.start_cartesian_pose_control(
                 franka.ControllerMode.JointImpedance
@@ -92,7 +92,7 @@ class Robot:
         return motion
 
     def start_joints(self) -> Motion:
-        """A motion that is given positions of the joints."""
+        """Start a motion commanded by joint positions."""
         with _named(self._stopped):
             motion: Motion = self._robot.start_joint_position_control(
                 franka.ControllerMode.JointImpedance
@@ -105,7 +105,7 @@ class Robot:
             return motion.readOnce()[0]
 
     def write_pose(self, motion: Motion, pose: list[float], *, last: bool = False) -> None:
-        """Command the hand's pose, 16 numbers by columns; `last` ends the motion there."""
+        """Command the hand's pose, 16 numbers, column-major; `last` ends the motion there."""
         with _named(self._stopped):
             command = franka.CartesianPose(pose)
             command.motion_finished = last
@@ -119,12 +119,12 @@ class Robot:
             motion.writeOnce(command)
 
     def _stopped(self, cause: Cause) -> Failure | None:
-        """What the robot's state says of why it stopped; None where it says nothing."""
+        """Reason for the stop in the robot's state; None where the state has none."""
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
 
 def failure_in(state: Any) -> Failure | None:
-    """Why a robot in `state` does not move; None when it could."""
+    """Why a robot in `state` cannot move; None when it can."""
     flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
     errors = tuple(name for name in ERRORS if getattr(flagged, name))
     if state.robot_mode == franka.RobotMode.UserStopped:
@@ -136,7 +136,9 @@ def failure_in(state: Any) -> Failure | None:
 
 @contextmanager
 def _named(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
-    """The library's errors as Failed: by their class, and by the robot's state if it tells more."""
+    """Raise library errors as Failed, classified by their class, or by the robot's state if that is
+    more specific.
+    """
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
@@ -152,7 +154,7 @@ def _named(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
 
 @contextmanager
 def _scheduler_kept(*, restore: bool) -> Iterator[None]:
-    """Undo the library's real-time priority, which without a real-time kernel only harms."""
+    """Undo the library's real-time priority, which is harmful without a real-time kernel."""
     policy, priority = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         yield
@@ -162,7 +164,7 @@ def _scheduler_kept(*, restore: bool) -> Iterator[None]:
 
 
 def _mismatch(address: str) -> Failure | None:
-    """The failure that both versions explain, if that is why the robot refused to connect."""
+    """The failure that names both versions, if that is why the robot refused to connect."""
     spoken = robot_version(address)
     if spoken is None or spoken == LIBRARY_VERSION:
         return None
@@ -174,7 +176,7 @@ def _mismatch(address: str) -> Failure | None:
 
 
 def robot_version(address: str) -> int | None:
-    """Version of the interface that a robot answers with; None when it does not answer."""
+    """Interface version that a robot answers with; None when it does not answer."""
     request = struct.pack("<IIIHH", 0, 1, 16, LIBRARY_VERSION, 0)
     with suppress(OSError), socket.create_connection((address, PORT), PROBE) as link:
         link.settimeout(PROBE)

@@ -1,4 +1,4 @@
-"""How the cell drives a Franka arm and its hand."""
+"""Settings of a Franka arm and its hand."""
 
 from typing import Annotated, Literal
 
@@ -12,7 +12,8 @@ Force = Annotated[float, Field(gt=0, le=100)]
 
 
 class CollisionSettings(Settings):
-    """Thresholds of the robot's own reflexes: contact is reported at `lower`, stops at `upper`.
+    """Thresholds of the robot's own reflexes: contact is reported at `lower`, motion stops at
+    `upper`.
 
     Torques [N m] hold for each joint, forces [N] for each axis, moments [N m] about each.
     """
@@ -26,7 +27,7 @@ class CollisionSettings(Settings):
 
 
 class HandLimits(Settings):
-    """Of the Franka Hand: widths [m], speed [m/s], force [N] of the grasp."""
+    """Settings of the Franka Hand: widths [m], speed [m/s], grasp force [N]."""
 
     opening: float = Field(0.04, ge=0.01, le=0.08)
     speed: float = Field(0.08, gt=0, le=0.1)
@@ -36,21 +37,21 @@ class HandLimits(Settings):
 
 
 REACHABLE = MotionLimits(
-    x=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
-    z=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
-    pitch=AxisLimits(velocity=2.45, acceleration=5.0, jerk=1000.0),
+    x=AxisLimits(velocity=0.2, acceleration=0.8, jerk=100.0),
+    z=AxisLimits(velocity=0.2, acceleration=0.8, jerk=100.0),
+    pitch=AxisLimits(velocity=2.5, acceleration=4.0, jerk=1000.0),
 )
 
 
 class FciSettings(Settings):
-    """Where the robot is and how it is driven; times [s].
+    """Address and control settings of the robot; times [s].
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
-    with one, only a twin that was started so can be driven in lock-step.
-    `realtime` enforce demands a real-time kernel, as the robot's makers do; ignore goes without.
-    The arm brakes at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where
-    they are lower than the cell's: the robot's joints accelerate at 10 rad/s^2 at most, which
-    bounds the gripper, the more so where the arm is stretched.
+    with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
+    requires a real-time kernel, as the manufacturer does; ignore does not. The arm brakes at
+    `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
+    than the cell's: the joints accelerate at 10 rad/s^2 at most, which bounds the gripper most
+    where the arm is stretched.
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
@@ -60,13 +61,13 @@ class FciSettings(Settings):
     limits: MotionLimits = REACHABLE
     silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes
     answer: float = Field(1.6, ge=1.2, le=1.8)  # of the robot, after which it is given up
-    start: float = Field(10.0, ge=2.0, le=60.0)  # to connect, all in all
+    start: float = Field(30.0, ge=2.0, le=60.0)  # to connect, all in all
     collision: CollisionSettings = CollisionSettings()
     hand: HandLimits = HandLimits()
 
     @property
     def in_lock_step(self) -> bool:
-        """Whether the cell's clock drives the robot's time, as only a twin's can be."""
+        """Whether the cell's clock drives the robot's time; possible with a twin only."""
         return self.address is None if self.lock_step is None else self.lock_step
 
     def installed(self, installation: Installation) -> Installation:

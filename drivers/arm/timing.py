@@ -1,4 +1,4 @@
-"""How evenly the robot's states came: a histogram of the time between them."""
+"""Jitter of the robot's states: a histogram of the intervals between them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ class Timing:
     last: float | None = None
 
     def tell(self, now: float) -> None:
-        """A state came at `now` [s]."""
+        """Record a state that arrived at `now` [s]."""
         if self.last is not None:
             interval = now - self.last
             self.longest = max(self.longest, interval)
@@ -24,7 +24,7 @@ class Timing:
         self.last = now
 
     def content(self) -> dict[str, Any]:
-        """As plain values."""
+        """Plain values for the record."""
         return {"edges_ms": list(EDGES_MS), "counts": self.counts, "longest_ms": 1e3 * self.longest}
 
 

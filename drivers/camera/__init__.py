@@ -1,1 +1,1 @@
-"""The real camera: Video4Linux2 by ioctl, mmap and poll, with every frame's age and losses."""
+"""Video4Linux2 camera driver by ioctl, mmap and poll, which tracks age and loss of frames."""

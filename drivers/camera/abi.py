@@ -10,7 +10,7 @@ ANY_FIELD, PROGRESSIVE = 0, 1
 
 
 class Capability(Structure):
-    """struct v4l2_capability: who the device is and what it can do."""
+    """struct v4l2_capability: identity and capabilities of the device."""
 
     _fields_ = (
         ("driver", c_char * 16),
@@ -247,7 +247,7 @@ class Request(IntEnum):
 
 
 class Can(IntFlag):
-    """Capabilities of a device that matter here."""
+    """Device capabilities that the driver checks."""
 
     VIDEO_CAPTURE = 0x00000001
     STREAMING = 0x04000000
@@ -255,7 +255,7 @@ class Can(IntFlag):
 
 
 class BufferFlag(IntFlag):
-    """Flags of a dequeued buffer that matter here."""
+    """Flags of a dequeued buffer that the driver checks."""
 
     ERROR = 0x0040
     TIMESTAMP_MASK = 0xE000
@@ -265,7 +265,7 @@ class BufferFlag(IntFlag):
 
 
 class ControlFlag(IntFlag):
-    """Why a control cannot be set, and how the next one is asked for."""
+    """Reasons why a control cannot be set, and the flag that asks for the next control."""
 
     DISABLED = 0x0001
     GRABBED = 0x0002
@@ -276,7 +276,7 @@ class ControlFlag(IntFlag):
 
 
 class ControlType(IntEnum):
-    """Types of controls that hold one 32-bit number; others are not offered."""
+    """Types of controls that hold one 32-bit number; other types are not supported."""
 
     INTEGER = 1
     BOOLEAN = 2

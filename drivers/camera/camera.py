@@ -1,4 +1,4 @@
-"""The real camera behind the cell's seam."""
+"""The V4L2 camera as a `drivers.protocols.Camera`."""
 
 from drivers.camera.drain import Arrived, Drain
 from drivers.camera.frame import CameraFrame, Counts
@@ -12,11 +12,11 @@ SOURCE = "v4l2 camera"
 
 
 class V4l2Camera:
-    """Satisfies `drivers.protocols.Camera` for a device of the kernel.
+    """Satisfies `drivers.protocols.Camera` for a V4L2 device.
 
-    A thread of its own keeps the newest frame; decoding happens in `read`, for frames that are
-    wanted. Stamps are the middle of the exposure in the time of `clock`, which must run with the
-    wall. `kernel` stands in for the system calls.
+    A thread keeps the newest frame; `read` decodes the frames that are used. Stamps are the middle
+    of the exposure in the time of `clock`, which must run at wall-clock speed. `kernel` makes the
+    system calls and can be replaced in tests.
     """
 
     def __init__(self, settings: V4l2Settings, clock: Clock, kernel: Kernel | None = None) -> None:
@@ -29,24 +29,24 @@ class V4l2Camera:
 
     @property
     def rate(self) -> float:
-        """Frames per second [Hz] that it delivers; before `connect` those that it is asked for."""
+        """Frames per second [Hz]: measured after `connect`, requested before it."""
         return self._settings.rate if self._setup is None else self._setup.picture.rate
 
     @property
     def setup(self) -> Setup | None:
-        """What the camera made of its settings; None before the first `connect`."""
+        """Settings as the camera accepted them; None before the first `connect`."""
         return self._setup
 
     @property
     def counts(self) -> Counts:
-        """What happened to the frames since `connect`."""
+        """Counts of frames since `connect`, by what happened to them."""
         return Counts() if self._drain is None else self._drain.counts
 
     def connect(self) -> None:
-        """Open, set up, lock and start; nothing when that was done.
+        """Open, configure, lock the controls and start; does nothing when already connected.
 
-        Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that the
-        camera does not take.
+        Raises CameraLost, CameraBusy, CameraFaulty, or CameraRefused for a setting that the camera
+        does not accept.
         """
         if self._drain is not None:
             return
@@ -71,13 +71,13 @@ class V4l2Camera:
         return self._newest if self._newest and self._newest.stamp > after else None
 
     def close(self) -> None:
-        """Stop and let go of the device; allowed twice."""
+        """Stop and release the device; calling it twice is allowed."""
         if self._drain is not None:
             self._drain.close()
             self._drain = None
 
     def _decoded(self, arrived: Arrived, counts: Counts) -> CameraFrame | None:
-        """The frame, or None where its bytes turn out not to be a picture."""
+        """The decoded frame, or None where its bytes are not a picture."""
         image = arrived.picture.decode(arrived.capture.content)
         if image is None:
             counts.corrupt += 1

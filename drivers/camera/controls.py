@@ -1,4 +1,4 @@
-"""Controls of a camera: what there is, automatics switched off, values locked and read back."""
+"""Controls of a camera: listing, automatics switched off, values locked and read back."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -42,7 +42,9 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """One control; `entries` are the values of a menu by number. `value` None: not readable."""
+    """One control; `entries` are the values of a menu by number. `value` is
+    None if not readable.
+    """
 
     number: int
     name: str
@@ -57,12 +59,12 @@ class CameraControl:
 
     @property
     def obstacle(self) -> str | None:
-        """Why it cannot be set now, or None."""
+        """Why the control cannot be set now, or None."""
         return next((why for flag, why in LOCKED_OUT.items() if flag & self.flags), None)
 
     @property
     def allowed(self) -> str:
-        """The values that it takes, for a person."""
+        """Allowed values, as text for the operator."""
         if self.entries:
             return ", ".join(f"{number} ({text})" for number, text in self.entries.items())
         return f"{self.low} to {self.high} in steps of {self.step}"
@@ -156,5 +158,5 @@ def _value(device: Device, number: int) -> int:
 
 
 def spelled(name: str) -> str:
-    """A control's name as v4l2-ctl spells it: "White Balance, Automatic" has no comma there."""
+    """A control's name as v4l2-ctl spells it: "White Balance, Automatic" loses its comma."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")

@@ -1,4 +1,4 @@
-"""An open V4L2 device: requests with named errors, and what it says of itself."""
+"""An open V4L2 device: ioctl requests with named errors, identity, formats."""
 
 import errno
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ NO_MORE = frozenset({errno.EINVAL, errno.ENOTTY})
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who the device says that it is."""
+    """Identity of the device: driver, card, bus."""
 
     driver: str
     card: str
@@ -26,7 +26,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """A capture device that is open at `path`."""
+    """A capture device opened at `path`."""
 
     kernel: Kernel
     path: str
@@ -35,7 +35,7 @@ class Device:
 
     @classmethod
     def open(cls, kernel: Kernel, path: str) -> Self:
-        """Open `path`; raises CameraLost, CameraBusy or CameraRefused when that cannot be."""
+        """Open `path`; raises CameraLost, CameraBusy or CameraRefused when that fails."""
         try:
             fd = kernel.open(path)
         except OSError as error:
@@ -47,7 +47,9 @@ class Device:
             raise
 
     def call(self, request: Request, argument: A, doing: str) -> A:
-        """Carry out `request`; the filled `argument`. Raises what `named` names."""
+        """Execute `request` and return the filled `argument`; raises the error
+        that `named` gives.
+        """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:
@@ -56,9 +58,9 @@ class Device:
         return argument
 
     def supports(self, request: Request, argument: Argument) -> bool:
-        """Carry out `request`; False where the device says that there is no such thing.
+        """Execute `request`; False where the device answers that it is not supported.
 
-        Raises what `named` names for any other error.
+        Raises the error that `named` gives for any other failure.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
@@ -69,7 +71,7 @@ class Device:
         return True
 
     def listed(self, request: Request, at: Callable[[int], A]) -> Iterator[A]:
-        """Entries of a list that is asked for by index, until the device has no more."""
+        """Entries of an enumeration by index, until the device has no more."""
         index = 0
         while self.supports(request, entry := at(index)):
             yield entry
@@ -89,7 +91,7 @@ class Device:
             return False
 
     def close(self) -> None:
-        """Let go of the device; what the system says of one that is gone does not matter."""
+        """Release the device; errors of an unplugged one are ignored."""
         try:
             self.kernel.close(self.fd)
         except OSError:

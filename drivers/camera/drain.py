@@ -1,4 +1,4 @@
-"""The thread that empties the kernel's queue, so that the newest frame is a fresh one."""
+"""Thread that empties the kernel's queue, so that the newest frame is never stale."""
 
 import math
 import threading
@@ -24,7 +24,7 @@ NAME = "v4l2 camera"
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """A whole buffer of a `picture`, with its place in time; times in the cell's clock [s]."""
+    """A complete buffer of a `picture` with its times; times on the cell's clock [s]."""
 
     capture: Capture
     picture: Picture
@@ -36,11 +36,11 @@ class Arrived:
 
 
 class Drain:
-    """Takes every frame of a session and keeps the newest; recovers the device after trouble.
+    """Takes every frame of a session and keeps the newest; recovers the device after a failure.
 
-    Trouble is told by the next `newest`, at least once, and as long as no frame has arrived after
-    it. A stalled or faulty stream is stopped and started; a lost device is opened anew once its
-    link is there again, and set up as before.
+    A failure is raised by the next `newest`, at least once, and until a frame has arrived after it.
+    A stalled or faulty stream is restarted; a lost device is reopened once its link exists again,
+    and configured as before.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Drain:
     def newest(self, after: float, timeout: float) -> Arrived | None:
         """The newest frame stamped later than `after`, waiting up to `timeout` [s] for one.
 
-        Raises the error that the device is in, or was in since the last call.
+        Raises the error of the device if it is failing or has failed since the last call.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._trouble or self._fresh(after), timeout)
@@ -79,7 +79,7 @@ class Drain:
             return self._newest if self._fresh(after) else None
 
     def close(self) -> None:
-        """Stop the thread, which lets go of the device."""
+        """Stop the thread, which releases the device."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -97,7 +97,7 @@ class Drain:
             self._let_go()
 
     def _turn(self) -> None:
-        """Take frames until trouble comes, tell it, and make the session whole or let it go."""
+        """Take frames until a failure, report it, and restart or release the session."""
         try:
             if self._current is None:
                 self._current = Session.open(self._kernel, self._settings)
@@ -113,7 +113,7 @@ class Drain:
             self._kernel.wait(None, PAUSE)
 
     def _pump(self, session: Session) -> None:
-        """Take frames until the camera is closed; raises what ends the session."""
+        """Take frames until the camera is closed; raises the error that ends the session."""
         while not self._closing:
             capture = session.wait(TICK)
             if capture is not None:
@@ -148,7 +148,9 @@ class Drain:
             self._changed.notify_all()
 
     def _placed(self, session: Session, capture: Capture) -> Arrived:
-        """The capture in the cell's clock; stamps only grow, and none lies after its arrival."""
+        """The capture with times on the cell's clock; stamps increase and never lie after the
+        arrival.
+        """
         shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP

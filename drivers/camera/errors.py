@@ -1,4 +1,4 @@
-"""What can go wrong with a camera, by name, with what to do about it."""
+"""Named camera errors, each with its remedy."""
 
 import errno
 
@@ -8,7 +8,7 @@ GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 
 
 class CameraLost(Fault):
-    """The device is not there, or was unplugged."""
+    """The device does not exist or was unplugged."""
 
     def __init__(self, device: str, found: str) -> None:
         super().__init__(
@@ -18,7 +18,7 @@ class CameraLost(Fault):
 
 
 class CameraStalled(Fault):
-    """The device is there but delivers no frames."""
+    """The device exists but delivers no frames."""
 
     def __init__(self, device: str, seconds: float) -> None:
         super().__init__(
@@ -36,7 +36,7 @@ class CameraBusy(Fault):
 
 
 class CameraFaulty(Fault):
-    """The device is there but fails, or delivers only corrupt frames."""
+    """The device exists but fails, or delivers only corrupt frames."""
 
     def __init__(self, device: str, found: str) -> None:
         super().__init__(
@@ -47,14 +47,14 @@ class CameraFaulty(Fault):
 
 
 class CameraRefused(ConfigurationError):
-    """The device cannot do what the cell file asks; nothing was changed in silence."""
+    """The device does not support what the cell file requests; no substitute is made silently."""
 
     def __init__(self, device: str, key: str, problem: str) -> None:
         super().__init__(f"{device}: {key}: {problem}")
 
 
 def named(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
-    """The error of this driver for what the system said while `doing` something."""
+    """The driver's error for an OSError raised while `doing` something."""
     reason = error.strerror or str(error)
     if error.errno in GONE:
         return CameraLost(device, f"{reason} while {doing}")

@@ -1,4 +1,4 @@
-"""The picture that is asked for: agreed with the device and read back, decoded to BGR."""
+"""Picture format: negotiated with the device, read back, decoded to BGR."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ READ = frozenset({*RAW, "MJPG"})
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """What the device delivers, as it said itself; `line` and `size` in bytes, `rate` in Hz."""
+    """Format that the device delivers, as read back; `line` and `size` in bytes, `rate` in Hz."""
 
     format: str
     width: int
@@ -60,9 +60,10 @@ class Picture:
     rate: float
 
     def whole(self, content: Image) -> bool:
-        """Whether a buffer's bytes (n,) are as long as a picture, or begin and end as a JPEG does.
+        """Whether a buffer's bytes (n,) have the length of a picture, or the markers of a complete
+        JPEG.
 
-        A JPEG that ends early decodes to a grey patch without an error.
+        A truncated JPEG decodes to a grey area without an error.
         """
         if self.format != "MJPG":
             return content.size >= self.line * self.height
@@ -73,7 +74,9 @@ class Picture:
         )
 
     def decode(self, content: Image) -> Image | None:
-        """(height, width, 3) BGR of a buffer's bytes (n,); None where they are no whole picture."""
+        """(height, width, 3) BGR of a buffer's bytes (n,); None where they are not a complete
+        picture.
+        """
         if not self.whole(content):
             return None
         if self.format == "MJPG":
@@ -87,9 +90,9 @@ class Picture:
 
 
 def agree(device: Device, settings: V4l2Settings) -> Picture:
-    """Set format, size and rate, and hold what the device made of them against `settings`.
+    """Set format, size and rate, and compare what the device accepted with `settings`.
 
-    Raises CameraRefused, naming what it offers, where they differ; CameraBusy while another
+    Raises CameraRefused with the supported modes where they differ; CameraBusy while another
     program streams.
     """
     asked = Format(type=CAPTURE)

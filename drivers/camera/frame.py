@@ -8,9 +8,9 @@ from drivers.types import Frame
 
 @dataclass(frozen=True, slots=True)
 class CameraFrame(Frame):
-    """A frame with `gap` frames missing since the last that arrived, and what its stamp rests on.
+    """A frame with the number `gap` of frames lost before it and the source of its stamp.
 
-    `flags` are the kernel's. A frame that the kernel marks as corrupt never becomes one of these.
+    `flags` are the kernel's. Frames that the kernel marks as corrupt are dropped.
     """
 
     gap: int

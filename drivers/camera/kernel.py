@@ -1,4 +1,4 @@
-"""The system calls of the driver, in one place, so that tests can stand in for the kernel."""
+"""System calls of the camera driver behind one protocol, so that tests can replace the kernel."""
 
 import fcntl
 import mmap
@@ -17,34 +17,34 @@ TROUBLE = select.POLLERR | select.POLLHUP | select.POLLNVAL
 
 
 class Mapping(Protocol):
-    """A buffer of the kernel that is seen in this process."""
+    """A kernel buffer mapped into this process."""
 
     def copy(self, length: int) -> Image:
         """(length,) copy of its first bytes."""
         ...
 
     def close(self) -> None:
-        """Take it out of this process."""
+        """Unmap the buffer."""
         ...
 
 
 class Kernel(Protocol):
-    """What the driver asks of the system. Every method raises OSError as the system says."""
+    """System calls that the driver uses. Every method raises OSError as the system does."""
 
     def open(self, path: str) -> int:
-        """Descriptor of a device, which never blocks."""
+        """File descriptor of a device, opened non-blocking."""
         ...
 
     def close(self, fd: int) -> None:
-        """Let go of a descriptor."""
+        """Close a descriptor."""
         ...
 
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
-        """Carry out `request`; the kernel reads and writes `argument`."""
+        """Execute `request`; the kernel reads and writes `argument`."""
         ...
 
     def map(self, fd: int, length: int, offset: int) -> Mapping:
-        """Buffer of a device."""
+        """Map a buffer of a device."""
         ...
 
     def wait(self, fd: int | None, seconds: float) -> int:
@@ -52,12 +52,12 @@ class Kernel(Protocol):
         ...
 
     def monotonic(self) -> float:
-        """The clock by which buffers are stamped [s]."""
+        """The clock of buffer stamps [s]."""
         ...
 
 
 class _Shared:
-    """A shared mapping of the kernel's memory."""
+    """A buffer mapped with MAP_SHARED."""
 
     def __init__(self, fd: int, length: int, offset: int) -> None:
         self._memory = mmap.mmap(
@@ -74,18 +74,18 @@ class _Shared:
 
 
 class Linux:
-    """The kernel that this process runs on."""
+    """The Linux kernel of this machine."""
 
     def open(self, path: str) -> int:
-        """Descriptor of a device, which never blocks."""
+        """File descriptor of a device, opened non-blocking."""
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self, fd: int) -> None:
-        """Let go of a descriptor."""
+        """Close a descriptor."""
         os.close(fd)
 
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
-        """Carry out `request`, again after a signal."""
+        """Execute `request`, repeated after a signal."""
         while True:
             try:
                 fcntl.ioctl(fd, request, argument, True)
@@ -94,7 +94,7 @@ class Linux:
             return
 
     def map(self, fd: int, length: int, offset: int) -> Mapping:
-        """Buffer of a device."""
+        """Map a buffer of a device."""
         return _Shared(fd, length, offset)
 
     def wait(self, fd: int | None, seconds: float) -> int:

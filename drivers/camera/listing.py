@@ -1,4 +1,4 @@
-"""Cameras that are plugged in, and what each can do."""
+"""Connected cameras and their capabilities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ LINKS = Path("/dev/v4l")
 
 @dataclass(frozen=True, slots=True)
 class CameraReport:
-    """A camera by its link: who it is, what it offers, how its controls stand."""
+    """A camera by its link: identity, modes, controls."""
 
     device: str
     identity: Identity
@@ -25,7 +25,7 @@ class CameraReport:
 
 @dataclass(frozen=True, slots=True)
 class UnusableDevice:
-    """A link that no picture can be had from, and why."""
+    """A device link that cannot be used as a camera, and the reason."""
 
     device: str
     problem: str
@@ -41,7 +41,9 @@ def list_cameras(kernel: Kernel, links: Path = LINKS) -> Iterator[CameraReport |
 
 
 def report(kernel: Kernel, link: str) -> CameraReport:
-    """What the device at `link` says of itself; raises CellError where it cannot be opened."""
+    """Identity, modes and controls of the device at `link`; raises CellError where it cannot be
+    opened.
+    """
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())

@@ -1,4 +1,4 @@
-"""Which formats, sizes and rates a device offers."""
+"""Pixel formats, sizes and rates that a device offers."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ DISCRETE = 1  # V4L2_FRMSIZE_TYPE_DISCRETE, V4L2_FRMIVAL_TYPE_DISCRETE
 
 @dataclass(frozen=True, slots=True)
 class Mode:
-    """A format and size; `rates` [Hz], where the device names them, fastest first.
+    """A pixel format and size; `rates` [Hz], where the device lists them, fastest first.
 
-    For a size that can be chosen in steps `width` and `height` are the largest, `steps` says so.
+    For a stepwise size `width` and `height` are the largest, and `steps` describes the range.
     """
 
     format: str

@@ -1,4 +1,4 @@
-"""A camera that is open, set up as the cell file says, and streaming."""
+"""One opening of a camera: configured as the cell file says, and streaming."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from drivers.camera.stream import Capture, Stream
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What the camera made of its settings: read back, and what a calibration should keep."""
+    """Settings as the camera accepted them, including the values that a calibration depends on."""
 
     identity: Identity
     picture: Picture
@@ -26,7 +26,7 @@ class Setup:
 
 @dataclass(slots=True)
 class Session:
-    """One opening of the device: what was agreed, and the stream."""
+    """One opening of the device: its setup and its stream."""
 
     device: Device
     settings: V4l2Settings
@@ -35,7 +35,9 @@ class Session:
 
     @classmethod
     def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
-        """Open, set up and start. Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused."""
+        """Open, configure and start. Raises CameraLost, CameraBusy,
+        CameraFaulty or CameraRefused.
+        """
         device = Device.open(kernel, settings.device)
         try:
             setup = set_up(device, settings)
@@ -48,7 +50,7 @@ class Session:
         """The next frame, or None when there is none for `seconds`.
 
         Raises CameraLost, or CameraFaulty where poll wakes up without a frame: polling again at
-        once would spin.
+        once would be a busy loop.
         """
         events = self.device.kernel.wait(self.device.fd, seconds)
         if not events:
@@ -68,7 +70,7 @@ class Session:
         self.stream = Stream.start(self.device, self.settings.buffers)
 
     def close(self) -> None:
-        """Stop, let go of buffers and device."""
+        """Stop, and release buffers and device."""
         self.stream.stop()
         self.device.close()
 

@@ -1,4 +1,4 @@
-"""The cell file's section on the real camera."""
+"""Settings of the real camera in the cell file."""
 
 import hashlib
 from typing import Literal
@@ -11,13 +11,13 @@ PixelFormat = Literal["YUYV", "GREY", "MJPG", "RGGB", "GRBG", "BA81", "GBRG"]
 
 
 class V4l2Settings(Settings):
-    """Which camera, in which mode, with which controls held at which values.
+    """Device, mode and fixed control values of the camera.
 
-    `device` is a link that udev keeps with this very camera or port; numbers change between
-    boots. Automatic controls are switched off first, then `controls` are set; the values belong
-    to the calibration, because focus and zoom move the lens. Times [s]: `exposure` where the
-    camera has no exposure_time_absolute, `readout` from the first to the last line, `stall`
-    without a frame until the camera counts as stalled.
+    `device` is a udev link to this camera or port; device numbers change between boots. Automatic
+    controls are switched off first, then `controls` are set; the values belong to the calibration,
+    because focus and zoom move the lens. Times [s]: `exposure` where the camera has no
+    exposure_time_absolute, `readout` from the first to the last line, `stall` without a frame until
+    the camera counts as stalled.
     """
 
     device: str = Field(pattern=r"^/dev/v4l/by-(id|path)/[^/]+$")
@@ -33,6 +33,6 @@ class V4l2Settings(Settings):
 
     @property
     def identity(self) -> str:
-        """Hash of what a calibration belongs to: device, size and locked controls."""
+        """Hash of device, size and locked controls, which a calibration must match."""
         facts = self.model_dump_json(include={"device", "width", "height", "controls"})
         return hashlib.sha256(facts.encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-"""When a frame was exposed and which ones are missing, from what the kernel says of a buffer."""
+"""Exposure time and lost frames, from a buffer's timestamp and sequence number."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -10,7 +10,7 @@ BITS = 1 << 32
 
 
 class StampSource(StrEnum):
-    """What a frame's stamp rests on."""
+    """Origin of a frame's stamp: the kernel's or replaced."""
 
     START = "start of exposure"
     END = "end of exposure"
@@ -19,17 +19,17 @@ class StampSource(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Shutter:
-    """Times of a sensor [s]: between frames, of the exposure, from first to last line."""
+    """Times of a sensor [s]: frame period, exposure, readout from first to last line."""
 
     period: float
     exposure: float
     readout: float
 
     def middle(self, stamp: float, flags: int, taken: float) -> tuple[float, StampSource]:
-        """Middle of the exposure [s] on the kernel's monotonic clock, and what it rests on.
+        """Middle of the exposure [s] on the kernel's monotonic clock, and the source of that stamp.
 
-        `taken` is when the buffer was dequeued. Stamps from the future (a period is let pass),
-        from long ago or of another clock are replaced by it.
+        `taken` is when the buffer was dequeued. Stamps more than a period in the future, too old,
+        or of another clock are replaced by it.
         """
         monotonic = flags & BufferFlag.TIMESTAMP_MASK == BufferFlag.TIMESTAMP_MONOTONIC
         if not (monotonic and -self.period < taken - stamp < OLDEST):
@@ -44,7 +44,7 @@ class Shutter:
 
 @dataclass(slots=True)
 class Sequence:
-    """Numbers of frames that only grow, from the kernel's 32-bit counter that wraps and repeats.
+    """Increasing frame numbers from the kernel's 32-bit counter, which wraps and can repeat.
 
     `number` is that of the last frame, -1 before the first.
     """
@@ -63,11 +63,11 @@ class Sequence:
         return step
 
     def restart(self, missing: int) -> None:
-        """The stream begins anew after about `missing` frames; its counter too."""
+        """Restart the count after about `missing` lost frames, with a new kernel counter."""
         self.number += missing
         self._counter = None
 
 
 def signed(difference: int) -> int:
-    """A difference of 32-bit counters, between -2^31 and 2^31 - 1."""
+    """Difference of two 32-bit counters, between -2^31 and 2^31 - 1."""
     return (difference + BITS // 2) % BITS - BITS // 2

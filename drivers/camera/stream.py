@@ -1,4 +1,4 @@
-"""Buffers that the kernel fills, shared with this process: started, taken, given back, let go."""
+"""Memory-mapped buffer queue of a V4L2 stream: start, dequeue, requeue, stop."""
 
 import errno
 from contextlib import suppress
@@ -25,7 +25,7 @@ MICRO = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Capture:
-    """A buffer's bytes and what the kernel said of them, copied before the buffer went back.
+    """A buffer's bytes and metadata, copied before the buffer was requeued.
 
     `counter` is the kernel's; `stamp` its time and `taken` the moment of dequeueing, both on the
     monotonic clock [s].
@@ -39,12 +39,12 @@ class Capture:
 
     @property
     def corrupt(self) -> bool:
-        """Whether the kernel says that the picture is damaged, or gave none."""
+        """Whether the kernel marks the picture as damaged or empty."""
         return bool(self.flags & BufferFlag.ERROR) or self.content.size == 0
 
 
 class Stream:
-    """Frames of a device whose format is agreed, from `start` until `stop`."""
+    """Frames of a configured device, between `start` and `stop`."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -52,9 +52,9 @@ class Stream:
 
     @classmethod
     def start(cls, device: Device, buffers: int) -> Self:
-        """Ask for `buffers`, share them, hand them to the kernel, begin.
+        """Request `buffers`, map them, queue them and start streaming.
 
-        Raises CameraBusy, CameraLost or CameraFaulty; then nothing is held.
+        Raises CameraBusy, CameraLost or CameraFaulty, and then leaves nothing mapped.
         """
         stream = cls(device)
         try:
@@ -65,7 +65,7 @@ class Stream:
         return stream
 
     def take(self) -> Capture | None:
-        """The next filled buffer, copied, the buffer given back; None when there is none yet.
+        """A copy of the next filled buffer, which is requeued; None when there is none yet.
 
         Raises CameraLost or CameraFaulty.
         """
@@ -84,9 +84,9 @@ class Stream:
         return capture
 
     def stop(self) -> None:
-        """End, unmap, free. A device that is gone answers with errors, which change nothing.
+        """Stop streaming, unmap and free the buffers; errors of an unplugged device are ignored.
 
-        Unmapping comes even so: a mapping that stays keeps the node of an unplugged camera.
+        Buffers are unmapped in any case: a remaining mapping keeps the node of an unplugged camera.
         """
         device = self._device
         with suppress(OSError):

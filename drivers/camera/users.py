@@ -1,4 +1,4 @@
-"""Who else has a device open, for the message to the operator."""
+"""Processes that have a device open, for the message to the operator."""
 
 import os
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""The Franka Research 3 as its maker publishes it: geometry, limits, kinematics."""
+"""Published geometry, limits and kinematics of the Franka Research 3."""

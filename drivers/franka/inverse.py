@@ -19,7 +19,7 @@ HALF_RANGE = frozen((POSITION_HIGH - POSITION_LOW) / 2)
 
 
 class Unreachable(CellError):
-    """No posture within the joints' limits brings the tool to a pose; `reason` says what fails."""
+    """No posture within the joint limits reaches the pose; `reason` says what fails."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(f"pose out of reach: {reason}")
@@ -28,7 +28,7 @@ class Unreachable(CellError):
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """Where a search ended: joints (7,) [rad], misplacement [m], misorientation [rad]."""
+    """Result of one search: joints (7,) [rad], position error [m], orientation error [rad]."""
 
     joints: Array
     distance: float
@@ -36,7 +36,7 @@ class Attempt:
 
     @property
     def found(self) -> bool:
-        """Whether the joints bring the tool to the pose."""
+        """Whether both errors are within tolerance."""
         return max(self.distance, self.angle) < TOLERANCE
 
 

@@ -87,7 +87,7 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
 
 
 def elbow(q: Array) -> tuple[float, float]:
-    """The redundancy of a posture (7,): angle of joint 3 [rad], sign of joint 4's flexion.
+    """Redundancy of a posture (7,): angle of joint 3 [rad] and sign of joint 4's flexion.
 
     The sign is -1 unless joint 4 is stretched beyond the elbow's offset (libfranka, RobotState).
     """

@@ -28,7 +28,10 @@ ELBOW = (1.5, 10.0, 5000.0)  # rad/s, rad/s^2, rad/s^3
 
 
 def margins(q: Array) -> Array:
-    """Distance (..., 7) [rad] of joints (..., 7) from their nearer end; negative beyond it."""
+    """Distance (..., 7) [rad] of joints (..., 7) from their nearer limit; negative beyond it.
+
+    User documentation, "limits depending on the joint position".
+    """
     return np.minimum(q - POSITION_LOW, POSITION_HIGH - q)
 
 

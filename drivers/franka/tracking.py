@@ -1,4 +1,6 @@
-"""How the arm follows a pose from tick to tick: tool and elbow together fix all seven joints."""
+"""Differential inverse kinematics: tool pose and elbow angle determine all seven joints at each
+tick.
+"""
 
 from math import atan2, cos, hypot, sin
 

@@ -1,1 +1,1 @@
-"""The strip as the controller may know it: file, description, effects, engines' seam."""
+"""Model of the strip that controllers may use: file, description, effects, rod engine."""

@@ -1,4 +1,4 @@
-"""Turns that a strip has when nothing bends it."""
+"""Creases: local rest angles of the strip."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ SET = 1.2  # bending lengths before the grip: where its first turn bends a strip
 
 
 def creased(model: StripModel, angle: float, position: float) -> StripModel:
-    """The model of a strip that has turned by `angle` [rad] at `position` [m]."""
+    """The model with a crease: a rest angle `angle` [rad] at `position` [m]."""
     mechanics = model.mechanics
     away = np.abs(mechanics.cells - position)
     near = mechanics.inside(position, 2 * REACH) * np.clip(1.0 - away / REACH, 0.0, 1.0)
@@ -23,11 +23,11 @@ def creased(model: StripModel, angle: float, position: float) -> StripModel:
 
 
 def set_down(model: StripModel, turn: float) -> StripModel:
-    """The model of a strip that stays turned down by `turn` [rad] before the grip.
+    """The model with a crease of `turn` [rad] in front of the grip, as left by the grasp.
 
-    The gripper turns, and pushes what lies, before anything is lifted. Where the strip bends then
-    hangs on a hair's breadth of slack, and what a strip with a memory keeps of it on all that
-    came before.
+    The grasp turns and pushes the lying strip before anything is lifted. Where it bends then
+    depends on unknown slack, and the crease that a strip with bending hysteresis keeps depends on
+    its history; so the crease is a parameter.
     """
     mechanics = model.mechanics
     weight = float(np.mean(mechanics.linear_density)) * GRAVITY

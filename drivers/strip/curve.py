@@ -1,4 +1,4 @@
-"""Measured points against a moving midline: signed distances, and their robust means."""
+"""Signed distances of measured points from a moving midline, and their robust means."""
 
 import math
 from typing import Any
@@ -14,7 +14,7 @@ WILD = 3.0  # robust standard deviations beyond which a value counts no more tha
 
 @kernel
 def node(shapes: Any, j: int, w: float, q: int) -> Any:
-    """Node q between the shapes j and j + 1."""
+    """Node `q` at a fraction between the shapes j and j + 1."""
     k = min(j + 1, len(shapes) - 1)
     x = (1.0 - w) * shapes[j, q, 0] + w * shapes[k, q, 0]
     z = (1.0 - w) * shapes[j, q, 1] + w * shapes[k, q, 1]
@@ -55,7 +55,7 @@ def beside(shapes: Any, j: int, w: float, q: int, x: float, z: float) -> Any:
 
 @kernel
 def nearest(shapes: Any, j: int, w: float, low: int, high: int, x: float, z: float) -> Any:
-    """The node of low..high that is nearest to (x, z): every STRIDE-th first, then around it."""
+    """The node of low..high nearest to (x, z): every STRIDE-th first, then its neighbourhood."""
     best = nearest_of(shapes, j, w, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
     return nearest_of(shapes, j, w, close, x, z)
@@ -75,7 +75,7 @@ def nearest_of(shapes: Any, j: int, w: float, nodes: Any, x: float, z: float) ->
 
 @kernel
 def around(arc: Any, s: float) -> Any:
-    """First and last node within AROUND of the place s, however far beyond an end that is."""
+    """First and last node within AROUND of arc length s, clamped to the strip."""
     last = len(arc) - 1
     low = np.searchsorted(arc, min(s, arc[last]) - AROUND) - 1
     high = np.searchsorted(arc, max(s, 0.0) + AROUND)

@@ -1,4 +1,4 @@
-"""From a strip file to the description that engines consume, and files that are checked by it."""
+"""The physical description of a strip from its file, and validation of files that need it."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -12,13 +12,14 @@ from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.file import StripFile
 from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
+from drivers.strip.validity import check_valid
 from drivers.types import frozen
 
 
 def describe(strip: StripFile, cell_effects: Effects | None = None, index: int = 0) -> StripModel:
     """The description of `strip` in a cell, with the effects of both applied in registry order.
 
-    `index` counts the runs that this specimen has been through before.
+    `index` is the number of runs that this specimen has already been through.
     """
     effects = {**strip.effects, **(cell_effects or {})}
     return _described(
@@ -28,7 +29,7 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """What is to be described; equal where all numbers are."""
+    """Cache key of a description: equal where all inputs are equal."""
 
     key: str
     strip: StripFile = field(compare=False)
@@ -80,7 +81,10 @@ def load_plant(path: Path) -> StripFile:
 
 
 def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for effects whose values do not fit this strip."""
+    """Raise ConfigurationError for a strip that no engine simulates, and for effects whose values
+    do not fit it.
+    """
+    check_valid(strip, origin)
     try:
         describe(strip)
     except ConfigurationError as error:

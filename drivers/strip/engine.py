@@ -1,4 +1,4 @@
-"""The seam of both engines: a stepper over a batch, and a whole motion in ten lines."""
+"""Protocol of a strip engine: a stepper over a batch, and simulation of one whole motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Observables:
-    """What n strips show at one instant `time` [s].
+    """Observable quantities of n strips at one instant `time` [s].
 
-    `contact_x` (n,) [m], `tip` (n, 2) [m] (the fold's rightmost point), `holding_force` (n,) [N]
-    (along x, that the fixed edge exerts on the strip: negative when taut), `touch` per strip, set
-    once for all.
+    `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force` (n,) [N],
+    the force along x that the fixed edge exerts on the strip, negative when taut; `touch` of each
+    strip, constant once set.
     """
 
     time: float
@@ -59,7 +59,7 @@ class StripMotion:
     """A simulated motion: times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2),
     holding_force (k,), shapes (k, nodes, 2) or (0, nodes, 2), and the layer_touch if any.
 
-    All of it true, over the true desk: `observation` tells what is measured of it.
+    All values are true ones over the true desk; `observation` converts them to measured ones.
     """
 
     t: Array
@@ -80,9 +80,10 @@ def simulate(
     dt: float = 0.005,
     shapes: bool = False,
 ) -> StripMotion:
-    """One strip along a gripper path: times t (m,) [s], poses (m, 3); stops at layer_touch.
+    """Simulate one strip along a gripper path: times t (m,) [s], poses (m, 3); stops at
+    layer_touch.
 
-    The path is the reported one; where the grip truly goes follows from the model's rig.
+    The path is the reported one; the true path of the grip follows from the model's rig.
     """
     t, poses = true_path(model.rig, t, poses)
     engine.reset([model])

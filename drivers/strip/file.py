@@ -1,4 +1,4 @@
-"""Strip files: what a person states about a fabric strip."""
+"""Strip files: the properties of a fabric strip as a person states them."""
 
 from typing import Annotated, Any, Literal
 
@@ -15,7 +15,7 @@ Channel = Annotated[int, Field(ge=0, le=255)]
 
 
 class Provenance(Settings):
-    """Where a value comes from; `assumed` where nobody published it."""
+    """Source of a value; `assumed` where none is published."""
 
     key: str
     source: str
@@ -25,7 +25,8 @@ class Provenance(Settings):
 class StripFile(Settings):
     """A fabric strip in SI units; see the strip file contract.
 
-    `law` holds amounts of laws that describe what no effect explains; written only where it has.
+    `law` holds amounts of generic laws that describe what no effect explains; written only where
+    not empty.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

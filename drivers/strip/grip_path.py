@@ -1,8 +1,11 @@
-"""Where the grip truly goes, from what the arm reports, and back: the effects of `Rig`.
+"""True gripper path from the reported one, and back: the effects of `Rig`.
 
-The strip is taken from the desk as it lies, so offsets of the grip, its tilt and a desk at
-another height grow from 0 over the first `LIFT_TRAVEL` of the way, in proportion to the largest
-distance from where it began. Heights of true poses count from the true desk.
+The strip is grasped as it lies on the desk, so offsets, tilt and desk height act from 0 upwards
+over the first `LIFT_TRAVEL` of the path, in proportion to the largest distance from its start.
+Heights of true poses are measured from the true desk.
+
+A strip that already hangs at the start of the path has the full offsets. Without effects of the rig
+the arrays are returned unchanged.
 """
 
 import numpy as np
@@ -27,14 +30,17 @@ def true_path(rig: Rig, t: Array, poses: Array, *, hanging: bool = False) -> tup
 
 
 def growth(poses: Array) -> Array:
-    """Share (m,) of the rig's offsets that has grown along reported `poses` (m, 3)."""
+    """Fraction (m,) of the rig's offsets that acts along reported `poses` (m, 3).
+
+    It never decreases: a gripper that returns keeps the largest fraction so far.
+    """
     return np.maximum.accumulate(share_away(poses, poses[0]))
 
 
 def share_away(poses: Array, start: Array) -> Array:
-    """Share (...,) of the rig's offsets at reported `poses` (..., 3) of a lift from `start` (3,).
+    """Fraction (...,) of the rig's offsets that acts at reported `poses` (..., 3).
 
-    A lift that comes back keeps the largest share that it has had.
+    It grows with the distance from `start` (3,), the pose of the grasp.
     """
     away = np.hypot(poses[..., 0] - start[0], poses[..., 1] - start[1])
     return np.asarray(np.minimum(away / LIFT_TRAVEL, 1.0))

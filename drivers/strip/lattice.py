@@ -1,4 +1,4 @@
-"""Where the nodes of a strip lie: at equal steps, finer towards the grip."""
+"""Node positions along a strip: equal spacing, refined towards the grip."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from drivers.types import Array
 
 
 def graded(length: float, pieces: int, share: float, finest: float) -> Array:
-    """Arc lengths of the nodes (pieces + 1,) [m] of `pieces` pieces, equal but for a `share`
-    before the grip, in which they shrink towards `finest` times the others.
+    """Arc lengths of the nodes (pieces + 1,) [m]: equal segments, except that over the last `share`
+    they shrink to `finest` times the others.
 
-    A taut strip bends to the grip's pitch within sqrt(EI / T), a millimetre or two, and where it
-    leaves the desk hangs on the length lost in that bend.
+    Near the grip a taut strip bends within sqrt(EI / T), a millimetre or two; where it leaves the
+    desk depends on the length of that bend.
     """
     before_grip = (pieces - 0.5 - np.arange(pieces)) / pieces
     spans = np.minimum(1.0, finest ** (1.0 - before_grip / share))

@@ -1,7 +1,8 @@
-"""Laws that describe, without a name, what no effect of the library explains.
+"""Generic laws for residuals that no named effect explains.
 
-Each is a moment, a force or an error of measurement by what it grows with. A strip file may hold
-their amounts under `law:`; every engine simulates them, as they change the description itself.
+Each is a moment, a force or a measurement error as a function of a state variable. A strip file may
+hold their amounts under `law:`; every engine simulates them, because they change the description
+itself.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +20,9 @@ FARTHEST = 30.0  # times its size, the most that a law may be
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One law: `size` [unit] of its amount just shows in ten runs; `added` puts it into a model."""
+    """One generic law: `size` [unit] is its smallest amount visible in ten runs; `added` puts it
+    into a model.
+    """
 
     name: str
     sentence: str

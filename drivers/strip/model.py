@@ -104,24 +104,26 @@ class Mechanics:
         return max(self.thickness, 0.001)
 
     def total(self, values: Array, edges: Array) -> Array:
-        """Integral of a per-cell field over the spans between `edges` (n + 1,) [m] -> (n,)."""
+        """Integral (n,) of a per-cell field (CELLS,) over the spans between
+        `edges` (n + 1,) [m].
+        """
         cells = np.linspace(0.0, self.length, len(values) + 1)
         integral = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
         return np.diff(np.interp(edges, cells, integral))
 
     def mean(self, values: Array, edges: Array) -> Array:
-        """Mean of a per-cell field over the spans between `edges` (n + 1,) [m] -> (n,)."""
+        """Mean (n,) of a per-cell field (CELLS,) over the spans between `edges` (n + 1,) [m]."""
         return self.total(values, edges) / np.diff(edges)
 
     def series(self, values: Array, edges: Array) -> Array:
-        """Harmonic mean over the spans between `edges`: stiffnesses in a row -> (n,)."""
+        """Harmonic mean (n,) over the spans between `edges` (n + 1,) [m]: stiffnesses in series."""
         return 1.0 / self.mean(1.0 / values, edges)
 
     def inside(self, position: float, width: float, softness: float = 0.0) -> Array:
-        """Share (CELLS,) of each cell that lies within `width` [m] about `position` [m].
+        """Fraction (CELLS,) of each cell that lies within `width` [m] about `position` [m].
 
-        With `softness` the edges fade, as a Gaussian of deviation softness times width does that
-        is laid over them. Raises ConfigurationError for a position beside the strip.
+        With `softness` the edges are smoothed by a Gaussian of deviation softness times width.
+        Raises ConfigurationError for a position outside the strip.
         """
         if not 0 <= position <= self.length:
             raise ConfigurationError(
@@ -137,17 +139,17 @@ class Mechanics:
         return np.clip(shared * (CELLS / self.length), 0.0, 1.0)
 
     def stiffened(self, factor: Array) -> Self:
-        """The same strip with `factor` (CELLS,) times its rigidity, the retardation time kept."""
+        """The strip with rigidity times `factor` (CELLS,) and the same retardation time."""
         rigidity, viscosity = frozen(self.rigidity * factor), frozen(self.viscosity * factor)
         return replace(self, rigidity=rigidity, viscosity=viscosity)
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """What holds and loads the strip: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
+    """Boundary conditions and loads: `gravity` (g_x, g_z) [m/s^2] in the cell frame.
 
-    `edge_friction`: coefficient with which the loose fixed edge and what lies behind it cling to
-    the desk. `grip_force` [N]: pull along the strip at which it slides out of the grip.
+    `edge_friction`: friction coefficient of the loose fixed edge and the part of the strip that
+    lies on the desk. `grip_force` [N]: pull along the strip at which it slides out of the grip.
     `grip_compliance` [rad/(N m)]: turn of the grip under the strip's moment.
     """
 
@@ -159,11 +161,11 @@ class Boundary:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """How the rig stands and moves against what it reports, true minus reported.
+    """Errors of the rig's pose and timing against its reports, true minus reported.
 
     `grip_x`, `grip_z` [m] and `grip_tilt` [rad] of the gripper's pose, `desk_height` [m] of the
-    desk, `delay` [s] of the gripper's stamps: see `grip_path` and `observation`, which apply
-    them. Engines are driven by true poses over the true desk and know nothing of them.
+    desk, `delay` [s] of the gripper's stamps; applied in `grip_path` and `observation`. Engines get
+    true poses over the true desk and do not use them.
     """
 
     grip_x: float = 0.0
@@ -175,11 +177,11 @@ class Rig:
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """How the rig measures the strip, see `observation`: what is measured minus what is true.
+    """Measurement errors of the rig, measured minus true; applied in `observation`.
 
-    `contact_height` [m] is where desk_contact is. Images show the world `camera_latency` [s]
-    before their stamps. Places in them are 1 + `scale` times true, and `shift_x`, `shift_z` [m]
-    off; contact_x besides by `contact_bias` [m].
+    `contact_height` [m] is the height that defines desk_contact. Images show the world
+    `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by
+    `shift_x`, `shift_z` [m]; contact_x has the additional offset `contact_bias` [m].
     """
 
     contact_height: float = CONTACT_HEIGHT
@@ -194,8 +196,8 @@ class Observation:
 class StripModel:
     """A strip in a cell. `stated_length` [m] is where the gripper takes the edge, x = L.
 
-    A strip that is not as long starts with its slack, or taut. `index` counts the runs that the
-    specimen has been through.
+    A strip of another length starts slack or taut. `index` is the number of runs that the specimen
+    has already been through.
     """
 
     mechanics: Mechanics

@@ -1,7 +1,7 @@
-"""What the camera makes of the true strip, and back: the effects of `Observation`.
+"""Measured values from true ones, and back: the effects of `Observation`.
 
-True places stand over the true desk, as engines have them; measured ones in the cell frame, as
-the calibration has it. measured = (1 + scale) true + shift, times are stamps.
+True places are over the true desk, as engines have them; measured ones are in the cell frame of the
+calibration. measured = (1 + scale) true + shift; times are stamps.
 """
 
 from dataclasses import replace
@@ -24,33 +24,35 @@ def shown_time(observation: Observation, stamp: Array | float) -> Array | float:
 
 
 def seen_points(model: StripModel, points: Array) -> Array:
-    """Measured points (..., 2) of a midline that truly stands at `points`."""
+    """Measured points (..., 2) [m] of a midline with true `points` (..., 2)."""
     raised = points + np.array([0.0, model.rig.desk_height])
     return np.asarray((1 + model.observation.scale) * raised + _shift(model.observation))
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """Where a midline measured at `points` (..., 2) truly stands; undoes `seen_points`."""
+    """True points (..., 2) [m] of a midline measured at `points` (..., 2); inverse of
+    `seen_points`.
+    """
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
 
 def seen_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Measured contact_x (...,) [m] of a desk contact that truly is at `x` (...,)."""
+    """Measured contact_x (...,) [m] of a true desk contact at `x` (...,)."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
 
 def true_contact(observation: Observation, x: Array | float) -> Array | float:
-    """Where a desk contact measured at `x` (...,) truly is [m]; undoes `seen_contact`."""
+    """True desk contact (...,) [m] measured at `x` (...,); inverse of `seen_contact`."""
     return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
 
 
 def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
     """layer_touch as images show it.
 
-    `grip` (3,) is the true pose at the touch, `reported` (3,) the one that the arm says for the
-    stamp of the image. l1 is measured along the picture of the upper layer up to the reported
-    grip point, along the strip's end tangent; l2 to the stated place of the fixed edge, x = 0.
+    `grip` (3,) is the true pose at the touch, `reported` (3,) the arm's pose at the stamp of the
+    image. l1 is measured along the image of the upper layer to the reported grip point, along the
+    strip's end tangent; l2 to the stated position of the fixed edge, x = 0.
     """
     observation = model.observation
     x = float(seen_points(model, np.array([touch.x, 0.0]))[0])

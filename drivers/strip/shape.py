@@ -1,7 +1,7 @@
-"""What a strip's shape says: desk_contact, tip of the fold, layer_touch.
+"""Geometry of a strip's shape: desk_contact, tip of the fold, layer_touch.
 
-One definition for truth, both engines, policies and perception. A shape is the midline as nodes
-(n, 2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
+One definition for truth, both engines, policies and perception. A shape is the midline as nodes (n,
+2) of x, z [m] in the cell frame at arc lengths s (n,) [m] from the fixed edge.
 """
 
 from dataclasses import dataclass
@@ -88,9 +88,9 @@ def layer_gap(points: Array, s: Array, opening: float) -> Gap | None:
     """Smallest vertical gap of the upper layer over the lower one, or None before a fold.
 
     `points` are (n, 2), `s` (n,) their arc lengths [m]. The upper layer runs from the fold's
-    rightmost point to the grasped edge. Beside that point both layers meet by definition, so the
-    gap counts from where it first exceeds `opening` [m], and only once it has begun to close
-    again: at a node that is a local minimum.
+    rightmost point to the grasped edge. Near that point both layers meet by definition, so the gap
+    counts from where it first exceeds `opening` [m], and only once it has begun to close again: at
+    a node that is a local minimum.
     """
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]

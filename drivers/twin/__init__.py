@@ -1,1 +1,1 @@
-"""The digital twin: what stands in for hardware. No controller may import it."""
+"""The digital twin: simulated arm, hand, camera and strip. No controller may import it."""

@@ -1,4 +1,4 @@
-"""The twin's arm: a servo in simulated time that trails its commands and measures with noise."""
+"""The twin's arm: a simulated servo with tracking lag and measurement noise."""
 
 from collections import deque
 from math import exp, hypot
@@ -21,12 +21,11 @@ NOISE_BLOCK = 1024  # ticks of noise that are drawn at once
 
 
 class TwinArm:
-    """A robot on its mounting whose servo ticks at 1 kHz of simulated time.
+    """A simulated robot on its mounting, whose servo ticks at 1 kHz of simulated time.
 
-    Commands and measurements pass through the robot's own frame, as they do on hardware. The
-    servo runs from the start, whether anybody is connected or not: it holds the arm still.
-    The arm truly was where it reports to be `delay` [s] before it says so; a negative one has the
-    gripper come there later.
+    Commands and measurements pass through the robot's own frame, as on hardware. The servo runs
+    from construction and holds the arm still until it is connected. The arm reports a pose `delay`
+    [s] after it was there; with a negative delay the gripper arrives later than reported.
     """
 
     def __init__(
@@ -38,7 +37,7 @@ class TwinArm:
         rng: np.random.Generator,
         delay: float = 0.0,
     ) -> None:
-        """At rest where the gripper of `world` is, with the noise of `rng`."""
+        """An arm at rest at the gripper of `world`, with noise from `rng`."""
         start = world.gripper
         self._world = world
         self._clock = clock
@@ -60,7 +59,7 @@ class TwinArm:
         clock.every(TICK, self._tick, Turn.SERVO)
 
     def connect(self) -> None:
-        """Take hold of the arm, at rest; allowed twice, refused once closed."""
+        """Connect and hold the arm at rest; allowed twice, refused once closed."""
         if self._closed:
             raise Fault("arm_closed", "the arm was let go; open the cell again")
         self._connected = True
@@ -94,13 +93,13 @@ class TwinArm:
         self._profile.stop()
 
     def close(self) -> None:
-        """Brake and let go; allowed twice. The servo ends the motion by itself."""
+        """Brake and disconnect; allowed twice. The servo finishes braking by itself."""
         self._profile.stop()
         self._connected = False
         self._closed = True
 
     def __enter__(self) -> Self:
-        """Connected, until the block is left."""
+        """Connect for the duration of the block."""
         self.connect()
         return self
 
@@ -110,7 +109,7 @@ class TwinArm:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Let go, whatever happened."""
+        """Disconnect, whatever happened."""
         self.close()
 
     def _tick(self, now: float) -> None:
@@ -132,7 +131,7 @@ class TwinArm:
         self._rate = [s / TICK for s in step]
 
     def _reported(self) -> list[float]:
-        """Pose and rate (6,) of which the arm knows by now."""
+        """Pose and rate (6,) that the arm can report at this time."""
         ticks = max(self._delay, 0.0) / TICK
         whole = int(ticks)
         newer, older = self._past[-1 - whole], self._past[-2 - whole]
@@ -146,7 +145,7 @@ class TwinArm:
         return behind <= SETTLED
 
     def _measured(self) -> Pose:
-        """What the robot reports of itself, brought back into the cell frame."""
+        """The robot's measurement, transformed to the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
         x, z, pitch, *_ = self._reported()
         pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])

@@ -1,4 +1,4 @@
-"""A ChArUco board before the twin's camera."""
+"""Rendered ChArUco boards in front of the twin's camera."""
 
 from dataclasses import dataclass
 
@@ -21,9 +21,9 @@ PAPER, INK = 232.0, 26.0  # grey levels of the print
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """How a board is held before the camera, as its image shows it.
+    """Pose of a board in front of the camera, given by its image.
 
-    `x`, `y` are the centre as shares of the image, `size` the board's width as a share of the
+    `x`, `y` are the centre as fractions of the image, `size` the board's width as a fraction of the
     image's. At zero angles [rad] it faces the camera; `tilt` leans its top away, `turn` moves its
     right edge away, `roll` turns it clockwise.
     """
@@ -37,7 +37,7 @@ class Held:
 
 
 def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: Held) -> Matrix:
-    """Pose (4, 4) in the cell frame of `board` held so before the camera.
+    """Pose (4, 4) in the cell frame of `board` held in front of the camera as `Held` describes.
 
     The board's own frame starts at its centre, x to its right, y down, z into it.
     """
@@ -124,7 +124,7 @@ def _show(
 def _on_board(
     optics: Optics, pose: Matrix, box: tuple[int, int, int, int]
 ) -> tuple[Pixels, Pixels]:
-    """Where on the board [m from its centre] rays meet it, FINE to a pixel of `box`."""
+    """Points on the board [m from its centre] that rays meet, FINE to a pixel of `box`."""
     left, top, right, bottom = box
     u, v = np.meshgrid(
         (np.arange((right - left) * FINE) + 0.5) / FINE - 0.5 + left,
@@ -141,7 +141,7 @@ def _on_board(
 def _sampled(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
-    """Grey level of the print and share of the pixel that it fills, at x, y [squares]."""
+    """Grey level of the print and coverage of the pixel, at x, y [squares]."""
     columns, rows = board.getChessboardSize()
     margin = round(MARGIN * scale)
     size = (columns * scale + 2 * margin, rows * scale + 2 * margin)

@@ -1,4 +1,4 @@
-"""The twin's camera: frames of the simulated cell on its simulated clock."""
+"""The twin's camera: rendered frames of the simulated cell on its simulated clock."""
 
 from math import floor
 from typing import Protocol
@@ -23,7 +23,7 @@ AS_CALIBRATED = Observation()
 
 
 class Visible(Protocol):
-    """A world that can say what stood in the cell at a moment of its last second."""
+    """A world that keeps the scenes of its last second."""
 
     def scene(self, stamp: float) -> Scene:
         """The cell at `stamp` [s]."""
@@ -33,12 +33,13 @@ class Visible(Protocol):
 class TwinCamera:
     """Satisfies `drivers.protocols.Camera` for a simulated world.
 
-    Frame k is exposed about k / rate, its stamp, and known `transport_delay` later. Only frames
-    that are read are rendered. What happened to it since its calibration is untold: `observation`
-    has it moved, so that places appear scaled and shifted, has lint or glare where the strip leaves
-    the desk, and frames show the world `camera_latency` [s] before their stamps; a negative one
-    delays them until the world has been there. The desk stands `desk_height` [m] higher than it
-    did. Scenes are over the true desk. `surround` is the look of the cell about the strip.
+    Frame k is exposed about k / rate, its stamp, and delivered `transport_delay` later. Only frames
+    that are read are rendered. `observation` holds what changed since the calibration and is hidden
+    from the controller: the camera is moved, so that places appear scaled and shifted; lint or
+    glare covers the point where the strip leaves the desk; frames show the world `camera_latency`
+    [s] before their stamps, and a negative latency delays them. The desk stands `desk_height` [m]
+    higher than at the calibration. Scenes are over the true desk. `surround` is the look of the
+    cell about the strip.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class TwinCamera:
     def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
         """The newest frame that has arrived with a stamp later than `after`, or None.
 
-        Never waits, whatever `timeout` says: the caller waits on the clock. Raises Fault when the
+        Never waits, whatever `timeout` is: the caller waits on the clock. Raises Fault when the
         camera is not connected.
         """
         if not self._connected:
@@ -113,7 +114,7 @@ class TwinCamera:
         return Frame(stamp, self._arrival(sequence), SOURCE, sequence, image)
 
     def _exposure(self, middle: float) -> list[Scene]:
-        """Moments at the middles of equal parts of the exposure, none before the run began."""
+        """Middles of equal parts of the exposure [s], none before the run began."""
         count = self._settings.sub_shapes
         offsets = (np.arange(count) + 0.5) / count - 0.5
         moments = middle + offsets * self._settings.exposure
@@ -121,7 +122,7 @@ class TwinCamera:
 
 
 def optics_now(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
-    """The camera where it stands now: measured = (1 + scale) (true + desk height) + shift."""
+    """The camera at its present pose: measured = (1 + scale) (true + desk height) + shift."""
     shift = observation.shift_x, observation.shift_z
     moved = Optics.of(settings).displaced(observation.scale, shift)
     return moved.displaced(0.0, (0.0, desk_height))

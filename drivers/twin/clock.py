@@ -1,4 +1,4 @@
-"""The simulated clock: the only thing that moves the twin's world forward."""
+"""The simulated clock: the only thing that advances the twin's world."""
 
 import heapq
 from collections.abc import Callable
@@ -14,7 +14,7 @@ Action = Callable[[float], None]
 
 
 class Turn(IntEnum):
-    """Who goes first among events of the same instant."""
+    """Order of events at the same instant."""
 
     SERVO = 0
     HAND = 1
@@ -25,7 +25,7 @@ class Turn(IntEnum):
 
 @dataclass(slots=True)
 class Event:
-    """An action on the clock, once or periodic; `cancel` takes it off."""
+    """An action on the clock, once or periodic; `cancel` removes it."""
 
     action: Action
     turn: Turn
@@ -36,7 +36,7 @@ class Event:
     cancelled: bool = False
 
     def cancel(self) -> None:
-        """Never run again; allowed twice and from within the action."""
+        """Remove the event; allowed twice and from within the action."""
         self.cancelled = True
 
     def due(self) -> int:
@@ -45,11 +45,12 @@ class Event:
 
 
 class TwinClock:
-    """Seconds since the run began, moved only by `wait_until` through an ordered queue of events.
+    """Seconds since the run began, advanced only by `wait_until` through an ordered queue of
+    events.
 
-    Instants are whole nanoseconds, so that a servo tick, a strip step and a frame that fall on
-    the same moment are equal; they then run in the order of their `Turn`, and within a turn in
-    the order in which they were asked for.
+    Instants are whole nanoseconds, so that a servo tick, a strip step and a frame at the same
+    moment are equal; they run in the order of their `Turn`, and within a turn in the order in which
+    they were scheduled.
     """
 
     def __init__(self) -> None:
@@ -79,8 +80,8 @@ class TwinClock:
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; return at once when it is past.
 
-        An error of an event comes out here with the clock at that event's time. Raises CellError
-        when an event calls it.
+        An exception of an event is raised here with the clock at that event's time. Raises
+        CellError when called by an event.
         """
         if self._running:
             raise CellError("clock: an event cannot wait; it can only ask for a later event")
@@ -114,12 +115,17 @@ class TwinClock:
 
 
 class PacedClock(TwinClock):
-    """A simulated clock that keeps step with another one: the twin beside a robot's own time."""
+    """A simulated clock that follows another clock, for a twin beside a robot on its own time."""
 
     def __init__(self, wall: Clock) -> None:
         """In step with `wall`; between events its time is the wall's."""
         super().__init__()
         self._wall = wall
+
+    @property
+    def wall(self) -> Clock:
+        """The clock that it keeps step with, which any thread may read."""
+        return self._wall
 
     def now(self) -> float:
         """Seconds since the run began."""

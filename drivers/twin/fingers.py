@@ -1,4 +1,4 @@
-"""The width between two fingers as a function of time."""
+"""Width between two fingers as a function of time."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """On their way from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
+    """A finger motion from `width` [m] at `start` [s] to `target` [m] at `speed` [m/s]."""
 
     width: float
     target: float
@@ -16,7 +16,7 @@ class Fingers:
 
     @property
     def end(self) -> float:
-        """When they arrive [s]."""
+        """Time of arrival [s]."""
         return self.start + abs(self.target - self.width) / self.speed
 
     def at(self, time: float) -> float:

@@ -1,4 +1,6 @@
-"""Strip and camera beside any arm: they follow its measured poses and what its hand holds."""
+"""Simulated strip and camera beside any arm: they follow its measured poses and
+its hand's grasp.
+"""
 
 from collections.abc import Callable
 
@@ -19,10 +21,10 @@ Seen = Callable[[], tuple[float, Pose] | None]
 
 
 class Follower:
-    """Tells the world of `desk` where the gripper is, as the arm measured it, and when.
+    """Moves the gripper in the world of `desk` to the poses that the arm measured.
 
-    `seen` gives the arm's newest stamp [s] and pose, None while nobody holds it. The other way,
-    the hand feels what lies `between` its fingers and the arm the `force` of the strip.
+    `seen` gives the arm's newest stamp [s] and pose, None while it is not connected. In return the
+    emulated hand gets the thickness `between` its fingers and the arm the `force` of the strip.
     """
 
     def __init__(
@@ -38,16 +40,15 @@ class Follower:
         desk.clock.every(PERIOD, self._follow, Turn.SERVO)
 
     def between(self) -> float | None:
-        """Thickness [m] of what lies between the fingers; None for nothing."""
+        """Thickness [m] of the material between the fingers; None for nothing."""
         held = self._world.holds_strip
         if held or self._world.edge_within(self._settings.reach, self._settings.lean):
             return self._thickness
         return None
 
     def force(self, tip: Array, time: float) -> Array:  # noqa: ARG002
-        """Force (3,) [N] of the strip on the gripper, in the robot's base."""
-        along, up = self._world.pull
-        return np.asarray(self._turn @ (along, 0.0, up), dtype=np.float64)
+        """Weight (3,) [N] of the strip on the gripper, in the robot's base."""
+        return np.asarray(self._turn @ (0.0, 0.0, -self._world.load), dtype=np.float64)
 
     def _follow(self, now: float) -> None:
         seen = self._seen()

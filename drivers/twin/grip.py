@@ -1,4 +1,4 @@
-"""How the strip's edge sits between the fingers, and where those truly are."""
+"""Pose of the strip's edge in the grip, and the gripper's true pose."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -11,7 +11,9 @@ from drivers.types import Pose
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """A rigid hold: the edge `along`, `across` [m] in the hand's frame, turned by `turn` [rad]."""
+    """A rigid hold: the edge at `along`, `across` [m] in the hand's frame,
+    turned by `turn` [rad].
+    """
 
     along: float
     across: float
@@ -25,7 +27,7 @@ class Grip:
         return cls(c * dx + s * dz, c * dz - s * dx, edge.pitch - hand.pitch)
 
     def edge(self, hand: Pose) -> Pose:
-        """Where the strip's edge is while the hand is at `hand`."""
+        """Pose of the strip's edge while the hand is at `hand`."""
         c, s = cos(hand.pitch), sin(hand.pitch)
         return Pose(
             hand.x + c * self.along - s * self.across,
@@ -35,9 +37,9 @@ class Grip:
 
 
 class RigOffsets:
-    """Where the gripper truly is over the true desk, from where the arm believes that it is.
+    """The gripper's true pose over the true desk from the pose that the arm reports.
 
-    The offsets of `rig` grow as in `grip_path`: from nothing where the strip is grasped.
+    The offsets of `rig` grow as in `grip_path`: from zero at the grasp.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -46,18 +48,18 @@ class RigOffsets:
         self._share = 0.0
 
     def grasp(self, believed: Pose) -> None:
-        """The strip is taken here: from now on offsets grow with the distance."""
+        """The strip is grasped here: from now on offsets grow with the distance."""
         self._start = believed
 
     def passed(self, believed: Pose) -> Pose:
-        """The true pose of a gripper that has come to `believed`."""
+        """The true pose of a gripper that has moved to the reported pose `believed`."""
         if self._start is not None:
             share = share_away(believed.as_array(), self._start.as_array())
             self._share = max(self._share, float(share))
         return self.true(believed)
 
     def true(self, believed: Pose) -> Pose:
-        """The true pose, offsets grown as far as they are."""
+        """The true pose, with the offsets grown so far."""
         if self._share == 0:
             return believed
         x, z, pitch = true_poses(self._rig, believed.as_array(), self._share).tolist()

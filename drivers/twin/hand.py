@@ -13,7 +13,7 @@ class TwinHand:
     """Fingers that move in simulated time; a grasp holds if the edge lies between them."""
 
     def __init__(self, world: World, clock: TwinClock, settings: HandSettings) -> None:
-        """Open, over the strip of `world`."""
+        """An open hand over the strip of `world`."""
         self._world = world
         self._clock = clock
         self._settings = settings
@@ -24,12 +24,12 @@ class TwinHand:
         world.move_fingers(self._fingers)
 
     def open(self) -> None:
-        """Start to open; what was held is free at once."""
+        """Start to open; a held strip is released at once."""
         self._world.detach()
         self._move(self._settings.opening)
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge; nothing to do while it is held."""
+        """Start to close on the strip's edge; does nothing while it is held."""
         if self._world.holds_strip:
             return
         self._move(0.0)

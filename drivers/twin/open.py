@@ -1,4 +1,4 @@
-"""The twin of the whole cell on one simulated clock."""
+"""Opens the twin of the whole cell on one simulated clock."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,15 +25,15 @@ AS_USUAL = Installation()
 
 
 def as_it_is(world: World) -> Visible:
-    """What the camera sees of `world`: the world itself."""
+    """The default view: the camera sees `world` unchanged."""
     return world
 
 
 @dataclass(frozen=True, slots=True)
 class PlantOptions:
-    """What a twin is made of besides its settings: another plant, another view of its world.
+    """Parts of a twin that can be replaced: its plant, and the camera's view of its world.
 
-    `engine` makes the plant from a number of links, `view` is what the camera looks at.
+    `engine` makes the plant from a number of links; `view` makes what the camera looks at.
     """
 
     engine: Callable[[int], Plant] = Chain
@@ -45,7 +45,7 @@ ORDINARY = PlantOptions()
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """Clock and devices of a cell whose strip is simulated, and the world that they share."""
+    """Clock and devices of a cell whose strip is simulated, and their common world."""
 
     clock: TwinClock
     arm: TwinArm
@@ -54,13 +54,13 @@ class Twin:
     world: World
 
     def truth(self) -> Truth:
-        """What really happened; for scoring alone."""
+        """What really happened; for scoring only."""
         return self.world.truth()
 
 
 @dataclass(frozen=True, slots=True)
 class Desk:
-    """What a twin has besides arm and hand: clock, world, camera, and `home`, where it begins."""
+    """Parts of a twin besides arm and hand: clock, world, camera, and `home`, the start pose."""
 
     clock: TwinClock
     world: World
@@ -69,7 +69,7 @@ class Desk:
     home: Pose
 
     def truth(self) -> Truth:
-        """What really happened; for scoring alone."""
+        """What really happened; for scoring only."""
         return self.world.truth()
 
 
@@ -84,8 +84,9 @@ def open_twin(
 ) -> Twin:
     """A twin at rest, `plant` flat on its desk, the hand open above the grasped edge.
 
-    Same `seed`, same bytes. `index` counts the runs that this specimen has been through before.
-    Raises Unsupported for a plant or an effect that the chain cannot simulate.
+    The same `seed` gives the same bytes. `index` is the number of runs that this specimen has
+    already been through. Raises Unsupported for a plant or an effect that the chain cannot
+    simulate.
     """
     desk = open_desk(TwinClock(), settings, plant, cell_effects, seed, index, staging)
     (arm_seed,) = np.random.SeedSequence(seed).spawn(1)
@@ -105,7 +106,7 @@ def open_desk(
     index: int = 0,
     staging: PlantOptions = ORDINARY,
 ) -> Desk:
-    """Strip and camera on `clock`, for whatever arm the world is told to follow."""
+    """Strip and camera on `clock`, for an arm that reports its poses to the world."""
     model = describe(plant, cell_effects, index)
     home = Pose(model.stated_length, settings.arm.home_height, 0.0)
     plant_engine = staging.engine(settings.world.links)

@@ -1,4 +1,4 @@
-"""What the twin's camera needs to know of the world at one instant."""
+"""State of the twin's world as its camera needs it."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ class Scene:
 
 
 class History:
-    """Scenes at regular steps, the oldest forgotten; between them it interpolates linearly."""
+    """Scenes at regular steps within a limited memory, with linear interpolation between them."""
 
     def __init__(self, step: float, memory: float) -> None:
         """Scenes every `step` [s], kept for `memory` [s]."""
@@ -38,7 +38,7 @@ class History:
         self._scenes: deque[Scene] = deque(maxlen=nanoseconds(memory) // self._step + 2)
 
     def add(self, scene: Scene) -> None:
-        """Remember a scene one step later than the last."""
+        """Append a scene one step later than the last."""
         self._scenes.append(scene)
 
     @property

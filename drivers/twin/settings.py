@@ -1,4 +1,4 @@
-"""Settings of the twin: what its arm, hand and world are like."""
+"""Settings of the twin: arm, hand, camera and world."""
 
 import hashlib
 from math import radians
@@ -33,14 +33,14 @@ class Surroundings(Settings):
 
 
 class CameraSettings(Settings):
-    """A camera that looks along +y at the plane y = 0, from `distance` [m] before it.
+    """A camera that looks along +y at the plane y = 0, from `distance` [m] in front of it.
 
     Angles [rad]: `elevation` above the desk seen from the near edge, at most 5 degrees; `yaw`,
-    `tilt` and `roll` are what its mounting is off by. The optical axis aims at (`aim_x`, `aim_z`)
-    and the image is `view_width` [m] wide there. `principal` is the principal point's offset from
-    the centre and `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2.
-    Times [s]: `exposure`, and `transport_delay` from its middle until the frame is known.
-    `noise` is the sensor's sigma in grey levels; the rest are shares of brightness.
+    `tilt` and `roll` are mounting errors. The optical axis aims at (`aim_x`, `aim_z`) and the image
+    is `view_width` [m] wide there. `principal` is the principal point's offset from the centre and
+    `lens_blur` the sigma of the lens [px]; `distortion` the radial k1, k2. Times [s]: `exposure`,
+    and `transport_delay` from its middle until the frame arrives. `noise` is the sensor's sigma in
+    grey levels; the rest are fractions of brightness.
     """
 
     width: int = Field(1280, ge=320, le=4096)
@@ -88,7 +88,7 @@ class CameraSettings(Settings):
 
     @property
     def identity(self) -> str:
-        """Hash of everything above: what a calibration of this camera belongs to."""
+        """Hash of all of these settings, which a calibration must match."""
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
 
@@ -124,9 +124,9 @@ class WorldSettings(Settings):
 
 
 class TwinSettings(Settings):
-    """Everything that stands in for hardware.
+    """All settings of the simulated devices.
 
-    `look` names what surrounds the strip, how it is lit and what is printed on it.
+    `look` names the surroundings of the strip, their light and the print on the strip.
     """
 
     # The plain look is left out of files: nothing that is kept of a cell changes by its name.

@@ -1,4 +1,4 @@
-"""The twin's desk: a strip, the hand over it, and what both did, over the true desk."""
+"""The twin's desk: the strip and the hand over it, with their history, over the true desk."""
 
 from collections import deque
 from dataclasses import replace
@@ -20,19 +20,20 @@ from drivers.types import Array, Pose, frozen
 
 
 class Plant(Stepper, Protocol):
-    """An engine whose strip can also be let go."""
+    """An engine whose strip can also be released."""
 
     def release(self) -> None:
-        """Let the grasped edge go; from now on the poses of a step hold nothing."""
+        """Release the grasped edge; later poses of a step have no effect on it."""
         ...
 
 
 class World:
-    """One strip on the desk, followed by whatever arm is connected through its stamped poses.
+    """One strip on the desk, moved by the stamped poses of the connected arm.
 
-    Where the gripper truly is follows from those and the rig of `model`. The strip lies flat and
-    still until it is grasped, then as the plant starts it: its edge at x = L. It moves in steps of
-    `settings.step`, as far as the gripper is known. The world has no clock: `advance` is told.
+    The gripper's true pose follows from those and the rig of `model`. The strip lies flat and still
+    until it is grasped, then starts as the plant does: its edge at x = L. It moves in steps of
+    `settings.step`, as far as the gripper's poses are known. The world has no clock: its caller
+    calls `advance`.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class World:
         return self._bearings.true(self._path[-1][1])
 
     def follow(self, stamp: float, pose: Pose) -> None:
-        """The arm believes to be at `pose` at `stamp` [s]; what is not newer changes nothing."""
+        """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
         if stamp > self._path[-1][0]:
             self._path.append((stamp, pose))
 
@@ -87,11 +88,11 @@ class World:
         return self._history.at(stamp)
 
     def move_fingers(self, fingers: Fingers) -> None:
-        """The fingers move so from now on."""
+        """Replace the motion of the fingers from now on."""
         self._fingers = fingers
 
     def hold_pointer(self, held: bool) -> None:
-        """Put the pin of the calibration between the fingers, or take it out."""
+        """Put the calibration pin between the fingers, or remove it."""
         self._pointer = held
 
     def edge_within(self, reach: float, lean: float) -> bool:
@@ -104,7 +105,7 @@ class World:
         return distance <= reach and abs(edge.pitch - hand.pitch) <= lean
 
     def attach(self) -> None:
-        """Hold the strip's edge from now on, as it lies between the fingers.
+        """Grasp the strip's edge as it lies between the fingers.
 
         Raises Fault the second time.
         """
@@ -120,7 +121,7 @@ class World:
         self._grasped_at = self.time
 
     def detach(self) -> None:
-        """The fingers let the strip go, if they hold it."""
+        """Release the strip, if the fingers hold it."""
         if self._grip is not None:
             self._grip = None
             self._plant.release()
@@ -131,17 +132,15 @@ class World:
         return self._grip is not None
 
     @property
-    def pull(self) -> tuple[float, float]:
-        """Force of the strip on the gripper, along x and up [N]: tension, and weight lifted."""
+    def load(self) -> float:
+        """Weight of the strip that hangs between the desk and the gripper [N]."""
         if not self.holds_strip or not self._seen:
-            return 0.0, 0.0
-        seen, mechanics = self._seen[-1], self.model.mechanics
-        lifted = max(float(self._arc[-1]) - float(seen.contact_x[0]), 0.0)
-        weight = GRAVITY * float(np.mean(mechanics.linear_density)) * lifted
-        return float(seen.holding_force[0]), -weight
+            return 0.0
+        lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
+        return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     def truth(self) -> Truth:
-        """What happened since the grasp."""
+        """The true history since the grasp."""
         count, nodes = len(self._record), len(self._arc)
         return Truth(
             t=frozen([time for time, *_ in self._record]),

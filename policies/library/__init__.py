@@ -1,4 +1,6 @@
-"""The policies that an operator can name: every module of this folder is one, its `ENTRY`."""
+"""Registry of policies that an operator can name: every module of this folder
+is one, its `ENTRY`.
+"""
 
 import importlib
 import pkgutil

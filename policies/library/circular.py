@@ -1,4 +1,4 @@
-"""`circular`: see `policies.fixed_paths`."""
+"""Entry of `circular`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""How a policy is listed."""
+"""Entry of a policy in the registry."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ from policies.policy import Policy
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A policy's maker, called with a checkpoint or None, and its `rank` in lists.
+    """A policy's factory, called with a checkpoint or None, and its `rank` in lists.
 
-    A `learned` policy has weights that a checkpoint replaces. What `make` needs, it imports
-    itself: names are listed without loading any policy.
+    A `learned` policy has weights that a checkpoint replaces. `make` does its own heavy imports, so
+    that names are listed without loading any policy.
     """
 
     rank: int

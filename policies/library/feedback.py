@@ -1,4 +1,4 @@
-"""`feedback`, the paper's policy: see `policies.feedback`."""
+"""Entry of `feedback`, the paper's policy; see `policies.feedback`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`planned`: see `policies.planned`."""
+"""Entry of `planned`; see `policies.planned`."""
 
 from pathlib import Path
 

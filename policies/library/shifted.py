@@ -1,4 +1,4 @@
-"""`shifted`: see `policies.fixed_paths`."""
+"""Entry of `shifted`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

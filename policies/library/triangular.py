@@ -1,4 +1,4 @@
-"""`triangular`: see `policies.fixed_paths`."""
+"""Entry of `triangular`; see `policies.fixed_paths`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Folds of a generation, cut into equal pieces for whoever computes them."""
+"""Folds of one generation, divided into equal pieces for parallel execution."""
 
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -19,7 +19,9 @@ VALIDATION = 8  # strips a side of the grid that picks among generations
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates` (p, WEIGHTS) in `generation`: a pure function, for any machine."""
+    """Scores of `candidates` (p, WEIGHTS) in `generation`: a pure function,
+    callable on any machine.
+    """
     torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
@@ -27,7 +29,7 @@ def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: in
 
 
 def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array, int], Scores]:
-    """`evaluate` of the search, in pieces over `executor`."""
+    """The `evaluate` function of the search, in pieces over `executor`."""
 
     def evaluate(candidates: Array, generation: int) -> Scores:
         pieces = [candidates[i : i + PIECE] for i in range(0, len(candidates), PIECE)]
@@ -41,7 +43,7 @@ def evaluator(settings: TrainingSettings, executor: Executor) -> Callable[[Array
 def validate(settings: TrainingSettings, weights: Array) -> float:
     """Root mean square of d [m] of `weights` (WEIGHTS,) over a grid, with noise, in a finer rod.
 
-    The square, because a policy is to be good on every strip.
+    The root mean square, because a policy must be good on every strip.
     """
     torch.set_num_threads(1)
     rollout = replace(rollout_settings(settings), substeps=3)
@@ -52,5 +54,5 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
 
 
 def validator(settings: TrainingSettings, executor: Executor) -> Callable[[Array], float]:
-    """`validate` of the search, by `executor`."""
+    """The `validate` function of the search, over `executor`."""
     return lambda weights: executor.submit(validate, settings, weights).result()

@@ -1,8 +1,8 @@
-"""The record of a training run, a line a generation; from it a killed run goes on.
+"""Journal of a training run, a line a generation; an interrupted run continues from it.
 
-The optimiser is a deterministic function of its seed and of the costs that it was told. So the
-journal holds the costs, and resuming tells them again: same state, same result, no pickle. A line
-is on disk before the next generation begins; one that was cut off by a kill is dropped.
+The optimiser is a deterministic function of its seed and its costs. So the journal holds the costs,
+and resuming replays them: same state, same result, no pickle. A line is on disk before the next
+generation begins; a truncated last line is dropped.
 """
 
 import json
@@ -20,9 +20,9 @@ KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search
 class Journal:
     """Append-only lines of JSON at `path`; the first states the settings.
 
-    More generations than it was begun with extend a training, and the first line says so. Raises
-    ConfigurationError for a journal of other settings, for another file, and for a folder that
-    cannot be written.
+    A larger number of generations than before extends a training, and the first line records it.
+    Raises ConfigurationError for a journal of other settings, for another file, and for a folder
+    that cannot be written.
     """
 
     def __init__(self, path: FilePath, settings: TrainingSettings) -> None:
@@ -48,7 +48,7 @@ class Journal:
         return self._lines[1:]
 
     def append(self, line: Line) -> None:
-        """Write `line`; on return it survives a kill."""
+        """Write `line`; it is on disk on return."""
         try:
             with self.path.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(line) + "\n")
@@ -59,7 +59,9 @@ class Journal:
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
-        """Refuse other settings, but for the number of generations, if not fewer than are done."""
+        """Refuse other settings, except for the number of generations, if it is
+        not below those done.
+        """
         begun = self._lines[0].get("settings")
         if not isinstance(begun, dict):
             raise self._strange()

@@ -1,4 +1,4 @@
-"""The reward of the paper, as a cost to be made small."""
+"""The paper's reward, as a cost to be minimised."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,14 +16,14 @@ from policies.train.settings import TrainingSettings
 
 
 class Scores(NamedTuple):
-    """What p candidates are worth: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
+    """Scores of p candidates: mean `cost` (p,) [m] and mean |d| `miss` (p,) [m]."""
 
     cost: Array
     miss: Array
 
 
 def rollout_settings(settings: TrainingSettings) -> Rollout:
-    """How training folds: late and noisy, in coarse steps."""
+    """Rollout settings of training: late and noisy observations, coarse steps."""
     sensing = Sensing(
         contact_sigma=settings.contact_sigma,
         contact_bias=settings.contact_bias,
@@ -35,8 +35,8 @@ def rollout_settings(settings: TrainingSettings) -> Rollout:
 def fold_cost(folds: Folds, weight: Array, length: float, force_weight: float) -> Array:
     """-R of each fold (n,) [m]: |d| at the touch, plus a |f_x| / N over the weight [N].
 
-    Without a touch, the strip's length and how far the gripper still was from the fixed edge:
-    worse than any touch, and less so the nearer (paper, reward shaping).
+    Without a touch, the strip's length plus the remaining distance of the gripper from the fixed
+    edge: worse than any touch, and less so the nearer (paper, reward shaping).
     """
     left = np.abs(folds.trace[-1][:, 0])
     end = np.where(folds.touched, np.abs(folds.displacement), length + left)
@@ -74,7 +74,7 @@ def fold_all(
     rollout: Rollout,
     rng: np.random.Generator,
 ) -> Folds:
-    """Every strip folded by every one of `candidates` (p, WEIGHTS), candidates outermost."""
+    """Fold every strip with each of `candidates` (p, WEIGHTS), candidates outermost."""
     models = [describe(strip) for strip in strips] * len(candidates)
     policy = Feedback(candidates)
     return roll_out(

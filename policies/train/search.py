@@ -34,10 +34,10 @@ class Progress:
 
 
 class Search:
-    """Asks and tells; `weights` are the optimiser's mean where it validated best so far.
+    """Ask and tell of CMA-ES; `weights` are the optimiser's mean at its best validation so far.
 
-    The optimiser's linear algebra keeps to one thread: its rounding depends on their number, and
-    a training may go on where there are more or fewer.
+    The optimiser's linear algebra is limited to one thread: its rounding depends on their number,
+    and a training may be resumed on another machine.
     """
 
     def __init__(self, settings: TrainingSettings, journal: Journal) -> None:
@@ -54,7 +54,7 @@ class Search:
         )
 
     def run(self, evaluate: Evaluate, validate: Validate) -> Iterator[Progress]:
-        """The generations that are left, one at a time; those in the journal are told again."""
+        """Run the remaining generations, one at a time; those in the journal are replayed."""
         for line in list(self._journal.generations):
             self._tell_again(line)
         while self._optimiser.generation < self.settings.generations:
@@ -81,7 +81,9 @@ class Search:
         return done
 
     def _is_judged(self, number: int) -> bool:
-        """Every so often, and at the end: what was never judged cannot be kept."""
+        """Whether to validate now: at intervals and at the end, because only validated weights are
+        kept.
+        """
         last = number + 1 == self.settings.generations
         return last or (number + 1) % self.settings.validate_every == 0
 

@@ -1,4 +1,4 @@
-"""What a training run is made of; the same settings and seed give the same weights."""
+"""Settings of a training run; the same settings and seed give the same weights."""
 
 from pydantic import Field
 

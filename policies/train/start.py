@@ -1,4 +1,4 @@
-"""Where the search begins: a network that draws a triangle moved up."""
+"""Initial weights of the search: a network that draws a raised triangle."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ RISING, FALLING = 0.73, 1.25  # headings over pi of the two legs
 
 
 def first_weights(rng: np.random.Generator) -> Array:
-    """Weights (WEIGHTS,): one unit turns the heading at the apex, the others are silent.
+    """Weights (WEIGHTS,): one unit turns the heading at the apex, the others are zero.
 
     y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN), phi = pi (1 + y / 2).
     """

@@ -15,7 +15,7 @@ JOURNAL, CHECKPOINT = "feedback.jsonl", "feedback.json"
 
 
 class TrainingRun:
-    """Begins in an empty folder, goes on in one that holds a journal of the same settings.
+    """Starts in an empty folder, resumes in one that holds a journal of the same settings.
 
     `known` generations were done before. Raises ConfigurationError for a folder that cannot be
     written or holds something else.
@@ -34,7 +34,7 @@ class TrainingRun:
         return self._search.weights
 
     def run(self, executor: Executor) -> Iterator[Progress]:
-        """The generations that are left, folded by `executor`; ends with the checkpoint saved.
+        """Run the remaining generations over `executor`; ends with the checkpoint saved.
 
         A checkpoint is also saved whenever a generation validates better than all before it.
         """

@@ -1,1 +1,1 @@
-"""The figures of the paper, drawn from what was measured here."""
+"""Figures of the paper, drawn from the benchmark's results."""

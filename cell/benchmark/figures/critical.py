@@ -14,7 +14,7 @@ SCALE = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
 
 
 def critical_figure(results: Results) -> str:
-    """A panel a speed; areas span the damping, colours tell the gripper's height; SVG."""
+    """One panel for each speed; areas span the damping, colours the gripper's height; SVG."""
     found = [r for r in results.results if isinstance(r, CriticalPoints)]
     if not found:
         return ""

@@ -1,4 +1,4 @@
-"""Displacements of the strips, of repeats, and over the paper's range."""
+"""Figures of displacement: strips, repeats, and the paper's range."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ def strips_figure(results: Results) -> str:
 
 
 def main_picture(results: Results) -> Any:
-    """The same as a matplotlib figure with a title of its own."""
+    """The same figure for matplotlib, with a title of its own."""
     with canvas(WIDTH, _height(results) + 0.2) as figure:
         axes = figure.add_subplot()
         _strips(axes, results)
@@ -71,7 +71,9 @@ def repeats_figure(results: Results) -> str:
 
 
 def range_figure(results: Results) -> str:
-    """What the simulated range of strips reaches, and where the strips fell in it; SVG."""
+    """Displacement over the simulated range of strips, with the strips folded
+    through images; SVG.
+    """
     policies = results.asked.policies
     with canvas(WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()
@@ -87,7 +89,7 @@ def range_figure(results: Results) -> str:
 
 
 def outside(results: Results, policy: str) -> tuple[int, int]:
-    """How many strips fell outside of the simulated range of `policy`, and of how many."""
+    """Number of strips outside the simulated range of `policy`, and of all strips."""
     folds, over = _d(results.folds(policy)), results.over_range(policy, "rod")
     folds = folds[np.isfinite(folds)]
     if over is None or folds.size == 0 or not np.isfinite(over.d).any():

@@ -1,4 +1,4 @@
-"""Side views: how strips move, where policies lead the gripper, how displacement is measured."""
+"""Side views: motion of the strip, gripper paths, definition of the displacement."""
 
 from typing import Any
 
@@ -16,7 +16,9 @@ ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
-    """The strip while the gripper moves level; the first state with touching layers bold; SVG."""
+    """The strip while the gripper moves horizontally; the first state with
+    touching layers bold; SVG.
+    """
     found = evolution(results, LEVEL)
     if found is None:
         return ""

@@ -1,4 +1,4 @@
-"""What the camera saw of a fold by feedback, with what the controller makes of it."""
+"""A camera image of a fold by feedback, with the controller's measurements drawn in."""
 
 import base64
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""How policies look in every figure, and the marks that figures share."""
+"""Colours, markers and common elements of all figures."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -42,7 +42,9 @@ def dot(policy: str) -> dict[str, Any]:
 
 
 def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
-    """A row a policy, the first one on top, its name in its colour; `foot` rows free below."""
+    """One row for each policy, the first one on top, its name in its colour;
+    `foot` free rows below.
+    """
     axes.set_yticks(range(len(policies)), policies)
     axes.set_ylim(len(policies) - 0.5 + foot, -0.5)
     axes.grid(visible=False, axis="y")
@@ -52,12 +54,12 @@ def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
 
 
 def zero(axes: Any) -> None:
-    """The goal: aligned layers."""
+    """Draw the goal: aligned layers."""
     axes.axvline(0.0, color=INK, lw=0.8, zorder=1)
 
 
 def desk(axes: Any) -> None:
-    """The desk and the fixed edge in a side view in millimetres."""
+    """Draw the desk and the fixed edge in a side view in millimetres."""
     axes.axhline(0.0, color=MUTED, lw=0.8, zorder=1)
     axes.plot(0, 0, "s", color=INK, ms=4, clip_on=False, zorder=5)
     axes.set_aspect("equal")

@@ -1,1 +1,1 @@
-"""The parts of a benchmark, each measured on its own."""
+"""Parts of a benchmark, each measured on its own."""

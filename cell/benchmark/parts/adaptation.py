@@ -1,4 +1,4 @@
-"""How a policy's path changes with the stiffness of what it folds."""
+"""Dependence of a policy's path on the stiffness of the strip."""
 
 from dataclasses import dataclass
 
@@ -28,11 +28,11 @@ class Adapted:
 
     @property
     def key(self) -> str:
-        """All numbers of the part."""
+        """Key with all parameters of the part."""
         return f"adaptation of {self.policy} at {self.speed}"
 
     def measure(self) -> Adaptation:
-        """Fold one strip of each stiffness, seen exactly."""
+        """Fold one strip of each stiffness, with exact observations."""
         strips = [strip_at(u, DAMPING) for u in np.linspace(0.0, 1.0, STIFFNESSES)]
         settings = Rollout(speed=self.speed, sensing=EXACT)
         folds = roll_out(

@@ -1,4 +1,4 @@
-"""Which parts a benchmark has."""
+"""Parts of a benchmark, from its specification."""
 
 import hashlib
 from collections.abc import Iterator
@@ -25,7 +25,7 @@ LEARNED = "feedback"  # the policy that the paper's figures of paths are about
 
 
 def order(asked: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
-    """All parts of the benchmark `asked` for, those that take long first; runs go to `runs`."""
+    """All parts of the benchmark `asked` for, the longest first; runs go to `runs`."""
     speed = configs.cell().fold.speed
     return (*_in_the_model(asked, speed), *_through_images(asked, configs, runs))
 
@@ -38,7 +38,7 @@ def weights_digest() -> str:
 
 
 def digest(*texts: str) -> str:
-    """Twelve digits that tell one set of texts from another."""
+    """Twelve-digit digest of texts."""
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
 
 
@@ -70,7 +70,7 @@ def _through_images(asked: BenchmarkSpec, configs: Configs, runs: Path) -> Itera
 def _fold(
     asked: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
-    """The fold whose noise has the seed asked for plus `repeat`; the strip is always fresh."""
+    """The fold whose noise has the seed asked for plus `repeat`; the strip is always new."""
     request = Request(
         strip=strip,
         policy=policy,

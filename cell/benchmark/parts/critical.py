@@ -1,4 +1,4 @@
-"""Critical points: where the gripper stands when layers first touch, over height and fabric."""
+"""Critical points: gripper position at the first touch, over height and fabric."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ STILL = 3.0  # s at rest before it: three times the slowest fabric's retardation
 
 @dataclass(frozen=True, slots=True)
 class Critical:
-    """Level motion at `speed` [m/s], at each of `heights` [m], over stiffnesses x dampings."""
+    """Horizontal motion at `speed` [m/s], at each of `heights` [m], over stiffnesses x dampings."""
 
     speed: float
     heights: tuple[float, ...]
@@ -33,14 +33,14 @@ class Critical:
 
     @property
     def key(self) -> str:
-        """All numbers of the part."""
+        """Key with all parameters of the part."""
         heights = ", ".join(f"{height:g}" for height in self.heights)
         counts = f"{self.stiffnesses} x {self.dampings}"
         return f"critical points at {self.speed} after rest over {counts}, heights {heights}"
 
     @property
     def cost(self) -> float:
-        """Seconds."""
+        """Estimated time [s]."""
         return 0.002 * len(self.heights) * self.stiffnesses * self.dampings / self.speed
 
     def measure(self) -> CriticalPoints:
@@ -73,7 +73,9 @@ class Critical:
 
 
 def level_motion(length: float, height: float, speed: float) -> Array:
-    """Poses (k, 3), one each `STEP`: up the triangle's leg to `height`, a rest, level to `END`."""
+    """Poses (k, 3), one each `STEP`: up the triangle's leg to `height`, a rest,
+    horizontally to `END`.
+    """
     path = Path.through(np.array([(length, 0.0), (length - height, height), (END, height)]))
     rise = np.sqrt(2) * height
     up = np.arange(STEP, rise / LIFT, STEP) * LIFT

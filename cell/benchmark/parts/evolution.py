@@ -1,4 +1,4 @@
-"""How one strip moves in a fold: its shapes up to the touch."""
+"""Shapes of one strip during a fold, up to the touch."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ PLACE = (0.4, 0.3)  # of the strip in the paper's range
 
 @dataclass(frozen=True, slots=True)
 class Evolved:
-    """The shapes of a middling strip folded by `policy`, or by the level motion."""
+    """Shapes of a strip of medium stiffness folded by `policy`, or by the horizontal motion."""
 
     policy: str
     speed: float
@@ -35,11 +35,11 @@ class Evolved:
 
     @property
     def key(self) -> str:
-        """All numbers of the part."""
+        """Key with all parameters of the part."""
         return f"shapes under {self.policy} at {self.speed}"
 
     def measure(self) -> Evolution:
-        """Fold and keep the shapes."""
+        """Fold and return the shapes."""
         seen = self._level() if self.policy == LEVEL else self._fold()
         return Evolution(
             policy=self.policy,
@@ -91,7 +91,7 @@ class _Seen:
     def of(
         cls, shapes: Array, contacts: Array, path: Array, touch: Touch | None, height: float
     ) -> "_Seen":
-        """Shapes at equal times from where the gripper comes to `height` [m]."""
+        """Shapes at equal times from where the gripper reaches `height` [m]."""
         begin = int(np.argmax(path[:, 1] >= height))
         chosen = np.unique(np.linspace(begin, len(shapes) - 1, SHAPES).round().astype(int))
         way = np.gradient(path, axis=0)
@@ -100,5 +100,5 @@ class _Seen:
 
 
 def curve(points: Array) -> Curve:
-    """Points (k, 2) [m] as plain numbers, to a hundredth of a millimetre."""
+    """Points (k, 2) [m] as plain numbers, rounded to a hundredth of a millimetre."""
     return tuple((round(float(x), 5), round(float(z), 5)) for x, z in points)

@@ -12,7 +12,7 @@ COST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class ThroughImages:
-    """The fold that `request` asks for, made of the files with digest `of`."""
+    """The fold of `request`; `of` is the digest of its input files."""
 
     request: Request
     of: str
@@ -25,7 +25,7 @@ class ThroughImages:
         return f"fold {asked.strip} by {asked.policy}, seed {asked.choice.seed}"
 
     def measure(self) -> ImageFold:
-        """Fold; one that the operator stopped raises KeyboardInterrupt."""
+        """Fold; raises KeyboardInterrupt when the operator stopped it."""
         with Interrupt() as interrupted:
             done = fold(self.request, interrupted=interrupted)
         if done.outcome == "interrupted":

@@ -1,4 +1,4 @@
-"""A strip folded, laid down and let go: the shape whose height the paper calls h."""
+"""A strip folded, laid down and released: the shape whose height the paper calls h."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ HELD, RELEASED = 0.5, 1.5  # s of rest
 
 @dataclass(frozen=True, slots=True)
 class LaidDown:
-    """The strip at `stiffness`, a place in the paper's range from 0 to 1."""
+    """The strip at `stiffness`, a position in the paper's range from 0 to 1."""
 
     stiffness: float
     of: str
@@ -32,11 +32,11 @@ class LaidDown:
 
     @property
     def key(self) -> str:
-        """All numbers of the part."""
+        """Key with all parameters of the part."""
         return f"laid strip at {self.stiffness:.3g} on {LINKS} links"
 
     def measure(self) -> Laid:
-        """Fold on the planned path, lay the edge where it belongs, let go."""
+        """Fold on the planned path, lay the edge on the fixed one, release."""
         strip = strip_at(self.stiffness, DAMPING)
         chain = Chain(LINKS)
         chain.reset([describe(strip)])

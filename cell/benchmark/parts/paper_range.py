@@ -1,4 +1,4 @@
-"""A policy over the paper's range of strips, told their state, in either engine."""
+"""A policy over the paper's range of strips, with simulated observations, in either engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ COST = {"rod": 0.03, "chain": 0.3}  # of a strip
 class OverRange:
     """A logarithmic grid of side x side strips with corners, folded at `speed` [m/s].
 
-    A policy that looks at images sees the state as late and noisy as training has it.
+    A policy that uses images gets late and noisy observations, as in training.
     """
 
     policy: str
@@ -36,12 +36,12 @@ class OverRange:
 
     @property
     def key(self) -> str:
-        """All numbers of the part."""
+        """Key with all parameters of the part."""
         return f"{self.policy} over {self.side} x {self.side} on the {self.engine} at {self.speed}"
 
     @property
     def cost(self) -> float:
-        """Seconds; to plan takes many folds."""
+        """Estimated time [s]; planning takes many folds."""
         folds = self.side**2 * (16 if self.policy == Planned.name else 1)
         return self.side**2 * COST[self.engine] + folds * COST["rod"]
 
@@ -67,7 +67,7 @@ class OverRange:
 
 
 def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
-    """The policy by name; one that must know the strip before the fold is told each."""
+    """The policy by name; one that must know the strip before the fold is given each strip."""
     return Planned(strips) if policy == Planned.name else make_policy(policy)
 
 

@@ -1,4 +1,4 @@
-"""The seam of a part: a value that another process can carry out."""
+"""Protocol of a part: a value that another process can measure."""
 
 from typing import Protocol
 
@@ -6,21 +6,21 @@ from cell.benchmark.results import Result
 
 
 class Part(Protocol):
-    """One thing to measure; the same part gives the same result."""
+    """One measurement; the same part gives the same result."""
 
     @property
     def key(self) -> str:
-        """Names it among the parts, and tells all its numbers."""
+        """Unique key with all parameters of the part."""
         ...
 
     @property
     def of(self) -> str:
-        """What it is made of: a digest of the files that its result depends on."""
+        """Digest of the files that the result depends on."""
         ...
 
     @property
     def cost(self) -> float:
-        """About how many seconds of one core it takes."""
+        """Estimated time on one core [s]."""
         ...
 
     def measure(self) -> Result:

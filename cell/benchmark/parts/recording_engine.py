@@ -1,4 +1,4 @@
-"""An engine that is watched: what its strips showed at each decision of a fold."""
+"""Recording of an engine's observables at each decision of a fold."""
 
 from collections.abc import Sequence
 
@@ -13,8 +13,8 @@ from policies.rollout import Marching
 
 
 class RecordingEngine:
-    """Wraps `engine`; keeps contacts and holding forces of all strips, poses of their grippers
-    and, where asked for, `shapes`.
+    """Wraps `engine`; records contacts and holding forces of all strips, poses of their grippers
+    and, where requested, `shapes`.
     """
 
     def __init__(self, engine: Stepper, *, shapes: bool = False) -> None:
@@ -27,15 +27,15 @@ class RecordingEngine:
         self._going: list[NDArray[np.bool_]] = []
 
     def reset(self, models: Sequence[StripModel]) -> None:
-        """As the engine."""
+        """Forwards to the engine."""
         self._engine.reset(models)
 
     def step(self, poses: Array, dt: float) -> Observables:
-        """As the engine."""
+        """Forwards to the engine and records the step."""
         return self.advance(poses[None], dt)
 
     def advance(self, poses: Array, dt: float) -> Observables:
-        """As the engine; what the last step shows is kept."""
+        """Forwards to the engine and records the last step."""
         if isinstance(self._engine, Marching):
             seen = self._engine.advance(poses, dt)
         else:
@@ -49,24 +49,24 @@ class RecordingEngine:
         return seen
 
     def shapes(self) -> Array:
-        """As the engine."""
+        """Forwards to the engine."""
         return self._engine.shapes()
 
     def arc(self) -> Array:
-        """As the engine."""
+        """Forwards to the engine."""
         return self._engine.arc()
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """How many decisions each strip (n,) lived through until its touch, that one included."""
+        """Number of decisions (n,) of each strip until its touch, that one included."""
         lived = np.sum(self._going, axis=0)
         return np.asarray(np.minimum(lived + 1, len(self._going)), dtype=np.int64)
 
     @property
     def holding_force(self) -> Array:
-        """Mean size of the force (n,) [N] from the take-over to the touch.
+        """Mean magnitude of the force (n,) [N] from the take-over to the touch.
 
-        As the paper counts it; the lift before is not the policy's.
+        As in the paper; the lift before is not the policy's.
         """
         lifted = np.maximum.accumulate(np.array(self._heights), axis=0) >= TAKEOVER_HEIGHT
         counted = np.array(self._going) & lifted

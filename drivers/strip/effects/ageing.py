@@ -1,4 +1,4 @@
-"""Rigidity that a specimen loses with every run."""
+"""Ageing: loss of bending rigidity with every run of a specimen."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Drag of still air on a strip that moves across itself."""
+"""Drag of still air on the moving strip, mainly across its surface."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Dry friction between yarns: the moment of an elasto-plastic element beside the elastic one."""
+"""Bending hysteresis: dry friction between yarns as an elasto-plastic element in parallel."""
 
 from collections.abc import Mapping
 from dataclasses import replace

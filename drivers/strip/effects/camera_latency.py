@@ -1,4 +1,4 @@
-"""Images that show the world earlier than their stamps say."""
+"""Camera latency: images show the world earlier than their stamps."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A desk contact that perception sees too far out or in."""
+"""Bias of the desk contact that perception measures."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A gripper that was at the reported place before the report says so."""
+"""Delay between the gripper's true position and its report."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A crease: a turn that the strip has by birth at one place."""
+"""Crease: a local rest angle of the undeformed strip."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""A desk that stands higher or lower than assumed."""
+"""Height error of the desk."""
 
 from collections.abc import Mapping
 from dataclasses import replace

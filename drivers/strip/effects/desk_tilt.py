@@ -1,4 +1,4 @@
-"""A desk that leans along the strip."""
+"""Tilt of the desk along the strip."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""One physical or measuring phenomenon that a model may lack."""
+"""An effect: one physical or measurement phenomenon that a model may lack."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ UNKNOWN = (0.01, 0.1)  # of its range, for an effect that states no typical size
 
 
 class Stage(IntEnum):
-    """Where in the description an effect acts; effects apply in this order."""
+    """Stage of the description at which an effect acts; effects apply in this order."""
 
     SIZE = 0
     LAW = 1
@@ -78,7 +78,7 @@ class Effect:
         return {**defaults, **values}
 
     def applied(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
-        """`model` with this effect; at its null the very same object.
+        """`model` with this effect; the same object where the effect is at its null.
 
         Raises ConfigurationError for values that do not fit the strip.
         """

@@ -1,4 +1,4 @@
-"""A fixed edge that lies loose and slides on the desk."""
+"""Slip of a loose fixed edge on the desk, with Coulomb friction."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A strip that slides out of the grip when pulled."""
+"""Slip of the strip out of the grip above a pulling force."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A grip that yields to the moment of the strip."""
+"""Rotational compliance of the grip under the strip's moment."""
 
 from collections.abc import Mapping
 from dataclasses import replace

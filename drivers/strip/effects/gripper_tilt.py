@@ -1,4 +1,4 @@
-"""A gripper that points elsewhere than the arm reports."""
+"""Pitch offset of the gripper from what the arm reports."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Mass added to one piece of the strip."""
+"""Mass added to one section of the strip, such as a hem."""
 
 from collections.abc import Mapping
 from dataclasses import replace

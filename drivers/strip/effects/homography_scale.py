@@ -1,4 +1,4 @@
-"""An image scale that is not the one assumed."""
+"""Scale error of the calibrated image plane."""
 
 from collections.abc import Mapping
 from dataclasses import replace

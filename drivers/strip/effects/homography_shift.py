@@ -1,4 +1,4 @@
-"""An image that lies beside where it is assumed."""
+"""Offset of the calibrated image plane."""
 
 from collections.abc import Mapping
 from dataclasses import replace

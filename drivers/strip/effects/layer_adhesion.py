@@ -1,4 +1,4 @@
-"""Layers that cling to each other once they touch."""
+"""Adhesion between layers in contact."""
 
 from collections.abc import Mapping
 from dataclasses import replace

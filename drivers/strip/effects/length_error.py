@@ -1,4 +1,4 @@
-"""A strip that is longer or shorter than stated."""
+"""Difference between the strip's true and stated length."""
 
 from collections.abc import Mapping
 from dataclasses import replace

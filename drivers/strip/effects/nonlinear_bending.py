@@ -1,4 +1,4 @@
-"""Rigidity that grows or falls with curvature."""
+"""Bending rigidity that depends on curvature."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A strip that is born bent, evenly along its length."""
+"""Uniform rest curvature of the strip."""
 
 from collections.abc import Mapping
 from dataclasses import replace

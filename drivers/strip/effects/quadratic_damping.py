@@ -1,4 +1,4 @@
-"""Damping of bending that grows with the square of its rate."""
+"""Bending damping quadratic in the rate of curvature."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Rigidity of which a part gives way in time."""
+"""Relaxation: part of the rigidity decays over time (a Maxwell element)."""
 
 from collections.abc import Mapping
 from dataclasses import replace

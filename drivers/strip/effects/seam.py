@@ -1,4 +1,4 @@
-"""A piece of the strip that is stiffer or softer than the rest."""
+"""Seam: a section of the strip that is stiffer or softer than the rest."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Rigidity that grows evenly from the fixed to the grasped edge."""
+"""Linear gradient of bending rigidity from the fixed to the grasped edge."""
 
 from collections.abc import Mapping
 from dataclasses import replace

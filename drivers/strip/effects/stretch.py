@@ -1,4 +1,4 @@
-"""A strip that grows longer under tension."""
+"""Elastic stretch of the strip under tension."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A grip point beside the one that the arm reports."""
+"""Offset of the true grip point from the reported one."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,1 +1,1 @@
-"""The rod: an implicit planar elastic rod, many strips side by side, the model of the cell."""
+"""The rod engine: an implicit planar elastic rod, batched over strips; the model of controllers."""

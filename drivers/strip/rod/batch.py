@@ -1,4 +1,4 @@
-"""A batch of strips in memory: laid flat, closed up when strips have ended, read out."""
+"""Memory of a batch of strips: initialised flat, compacted when strips have ended, read out."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -44,7 +44,7 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
 
 
 def closed_up(batch: Batch) -> Batch:
-    """The same strips, the living ones together in the first blocks, where that is worth it."""
+    """The batch with living strips compacted into the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
     alive = at.unpacked(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
@@ -64,7 +64,7 @@ def closed_up(batch: Batch) -> Batch:
 
 
 def retired(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
-    """The batch in which the strips `gone` (n,) no longer simulate."""
+    """The batch with the strips `gone` (n,) ended."""
     slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
     ended = slots[batch.strips].reshape(batch.alive.shape)
     return batch._replace(alive=np.where(ended, 0.0, batch.alive))
@@ -88,7 +88,7 @@ def fixed_edges(batch: Batch) -> Array:
 
 
 def _each(models: Sequence[StripModel]) -> list[StripModel]:
-    """Every model once, however many strips share it."""
+    """Each distinct model once, however many strips share it."""
     return list({id(model): model for model in models}.values())
 
 

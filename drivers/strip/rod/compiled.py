@@ -1,4 +1,4 @@
-"""How kernels are compiled, and where their machine code is kept."""
+"""Compilation of kernels by numba, and the cache of their machine code."""
 
 import hashlib
 import os
@@ -13,7 +13,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """`function` as a part of compiled code: no bounds checks, IEEE arithmetic, no GIL."""
+    """`function` compiled for use in other kernels: no bounds checks, IEEE arithmetic, no GIL."""
     compiled: F = numba.njit(
         error_model="numpy", nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True
     )(function)
@@ -21,9 +21,9 @@ def kernel(function: F) -> F:
 
 
 def entry(function: F) -> F:
-    """`function` as compiled code that Python calls; kept between processes where possible.
+    """`function` compiled for calls from Python; cached between processes where possible.
 
-    The folder carries a digest of this package, because numba looks for changes only in the
+    The cache folder carries a digest of this package, because numba detects changes only in the
     file of the entry itself.
     """
     before = numba.config.CACHE_DIR

@@ -1,4 +1,4 @@
-"""Ends that slide: the strip in its grip, the loose edge on the desk."""
+"""Sliding ends: the strip in its grip, the loose edge on the desk."""
 
 from typing import Any
 
@@ -24,10 +24,10 @@ def slid(block: Any, r: int) -> Any:
 
 @kernel
 def let_out(block: Any, alive: Any) -> None:
-    """Lengthen the segment at the grip by what the grip lets go.
+    """Lengthen the segment at the grip by the length that slips out of the grip.
 
-    That piece is straight and has no mass, good for a few per cent of the strip. Arc lengths
-    count from the fixed edge to the edge that was grasped, so l1 does not grow by it.
+    That piece is straight and massless, valid for a few per cent of the strip. Arc lengths count
+    from the fixed edge to the edge that was grasped, so l1 does not grow by it.
     """
     r = block.state.shape[0] - 3
     before = load(block.state, r, at.SLID)
@@ -36,10 +36,10 @@ def let_out(block: Any, alive: Any) -> None:
 
 @kernel
 def drag_edge(block: Any, alive: Any) -> None:
-    """Move the fixed edge by what it slides, and hold it by the friction of what lies.
+    """Move the fixed edge by its slip, and hold it by the friction of the lying part.
 
-    All friction of the lying part acts at its edge: that part is straight and hardly stretches,
-    so it slides as a whole, when the pull exceeds friction times the force that the desk bears.
+    All friction of the lying part acts at its edge: that part is straight and hardly stretches, so
+    it slides as a whole when the pull exceeds friction times the normal force of the desk.
     """
     state = block.state
     away = slid(block, 1)

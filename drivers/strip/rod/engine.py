@@ -1,4 +1,4 @@
-"""The rod as an engine: n strips at once, stepped in compiled code without the GIL."""
+"""The rod engine: n strips at once, stepped in compiled code that releases the GIL."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,7 +20,7 @@ from drivers.types import Array
 
 
 class Showing(NamedTuple):
-    """What n strips showed in k steps: `contact_x` (k, n), `tip` (k, n, 2), `holding_force`
+    """Observables of n strips over k steps: `contact_x` (k, n), `tip` (k, n, 2), `holding_force`
     (k, n), and `shapes` (m, n, nodes, 2), NaN after a strip's end.
     """
 
@@ -33,10 +33,11 @@ class Showing(NamedTuple):
 class Rod:
     """An implicit planar elastic rod of `segments` segments; see `Stepper`.
 
-    `order` 2 is BDF2, 1 backward Euler, which damps like fabric. Strips lie side by side in
-    the lanes of vectors, and each moves bit for bit as it would alone. One that touched, was
-    retired or failed keeps its shape and soon costs nothing. A strip that finds no shape raises
-    SimulationNotConverged or SimulationNotFinite; unless `strict`, it ends, and `failed` tells.
+    `order` 2 is BDF2, 1 backward Euler, which damps more, like fabric. Strips occupy the lanes of
+    SIMD vectors, and each moves bit for bit as it would in a batch of one. A strip that touched,
+    was retired or failed keeps its shape and soon costs nothing. Where Newton's method fails, the
+    engine raises SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and
+    `failed` marks it.
     """
 
     def __init__(self, segments: int = 100, order: int = 2, *, strict: bool = True) -> None:
@@ -79,7 +80,9 @@ class Rod:
         )
 
     def follow(self, poses: Array, dt: float, every: int = 0) -> Showing:
-        """`advance`, and what every step showed; the shape of each `every`th, 0 for none."""
+        """`advance` with the observables of every step, and the shapes of each `every`th step, 0
+        for none.
+        """
         count = len(poses) // every if every else 0
         shapes = np.full((count, *self.shapes().shape), np.nan)
         shown = self._march(poses, dt, shapes, max(every, 1))
@@ -87,12 +90,12 @@ class Rod:
         return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], shapes)
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
-        """End the strips `gone` (n,): they keep their shape and cost nothing from now on."""
+        """End the strips `gone` (n,): they keep their shape and are no longer computed."""
         self._batch = closed_up(retired(self._batch, gone))
 
     @property
     def touch(self) -> tuple[Touch | None, ...]:
-        """layer_touch of each strip so far."""
+        """layer_touch of each strip so far, None without one."""
         return self._touch
 
     @property
@@ -102,7 +105,7 @@ class Rod:
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """Which strips (n,) found no shape."""
+        """Which strips (n,) failed to converge."""
         failed: NDArray[np.bool_] = np.isfinite(self._batch.known[:, of.FAILED])
         return failed
 
@@ -122,7 +125,7 @@ class Rod:
         self._shown = np.zeros((count, of.SHOWN))
 
     def _march(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """What each step shows, (k, n, SHOWN)."""
+        """Observables of each step, (k, n, SHOWN)."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")
@@ -140,7 +143,7 @@ class Rod:
         return shown
 
     def _note(self) -> None:
-        """New touches; raises for new failures where they are not allowed."""
+        """Record new touches; raise for new failures where they are not allowed."""
         known = self._batch.known
         touched = np.isfinite(known[:, of.TIME])
         touch, edges = list(self._touch), fixed_edges(self._batch)

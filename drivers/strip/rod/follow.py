@@ -1,4 +1,6 @@
-"""Blocks of strips along their grippers' paths: steps, measures, and the end at layer_touch."""
+"""Stepping of blocks of strips along their grippers' paths: steps, observables,
+end at layer_touch.
+"""
 
 import math
 from typing import Any, NamedTuple
@@ -93,7 +95,7 @@ def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> No
 
 @kernel
 def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
-    """End a strip after step k: it shows the same from now on."""
+    """End a strip after step k: its observables stay constant from then on."""
     put(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(shown)):
@@ -103,7 +105,7 @@ def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
 
 @kernel
 def drop(batch: Any, b: int, unsolved: Any, shown: Any, k: int, time: float) -> None:
-    """End the strips that found no shape in step k."""
+    """End the strips that failed to converge in step k."""
     for lane in range(batch.strips.shape[1]):
         if lane_of(unsolved, lane) > 0.0:
             batch.known[batch.strips[b, lane], FAILED] = time
@@ -139,7 +141,7 @@ def alive_lanes(batch: Any) -> int:
 
 @kernel
 def hold(batch: Any, b: int, poses: Any) -> None:
-    """Remember where the grips of a block's strips are now."""
+    """Store the present grip poses of a block's strips."""
     for i in batch.strips[b]:
         if i < len(batch.held):
             for c in range(3):
@@ -150,10 +152,10 @@ def hold(batch: Any, b: int, poses: Any) -> None:
 def follow(
     batch: Any, poses: Any, shown: Any, shapes: Any, every: int, start: float, pace: Any
 ) -> int:
-    """The batch along poses (k, n, 3), one step each, from time `start` [s].
+    """Step the batch along poses (k, n, 3), one step each, from time `start` [s].
 
-    Into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty; returns
-    how many strips ended.
+    Writes into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty;
+    returns the number of strips that ended.
     """
     before = alive_lanes(batch)
     for b in range(len(batch.nature)):

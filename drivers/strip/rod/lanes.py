@@ -1,8 +1,8 @@
-"""A number that holds eight strips, so that kernels read as scalar mathematics.
+"""A SIMD type of eight strips, so that kernels read as scalar mathematics.
 
-Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats.
-`load` of an array with a lane axis gives Lanes, without one a float: the same kernel simulates
-eight strips in one vector register or one strip alone, operation for operation, bit for bit.
+Compiled code may add, subtract, multiply and divide `Lanes` with each other and with floats. `load`
+of an array with a lane axis gives Lanes, without one a float: the same kernel simulates eight
+strips in one vector register or one strip in scalars, operation for operation, bit for bit.
 """
 
 import operator
@@ -41,7 +41,7 @@ class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 def _number(array: Any) -> Any:
-    """What an element of `array` (rows, fields[, WIDTH]) is: Lanes or float."""
+    """Numba type of an element of `array` (rows, fields[, WIDTH]): Lanes or float."""
     return Lanes if array.ndim == 3 else types.float64
 
 
@@ -97,7 +97,7 @@ def _negative(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 def _native(name: str, count: int) -> Callable[..., Any]:
-    """Code that calls the machine's own `name` of `count` numbers."""
+    """Code that calls the LLVM intrinsic `name` with `count` arguments."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         operands = _operands(builder, sig.return_type, args)
@@ -113,7 +113,7 @@ def _native(name: str, count: int) -> Callable[..., Any]:
 
 
 def _inlined(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
-    """`function` gives the type and the generator of the code that takes the place of a call."""
+    """Registers `function`, which gives the type and the code generator, as an intrinsic."""
     code: Callable[P, Any] = intrinsic(function)
     return code
 
@@ -132,7 +132,7 @@ def fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
 
 @_inlined
 def below(typing: Any, a: Any, b: Any) -> Any:
-    """1.0 where a < b, else 0.0 (also where one is not a number)."""
+    """1.0 where a < b, else 0.0 (also where one is NaN)."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         left, right = _operands(builder, sig.return_type, args)
@@ -236,7 +236,7 @@ def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -
 
 @_inlined
 def like(typing: Any, array: Any, value: Any) -> Any:
-    """`value` as an element of `array` would be: in every lane."""
+    """`value` broadcast to the element type of `array`."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _operands(builder, sig.return_type, args[1:])[0]

@@ -1,8 +1,8 @@
-"""Where the numbers of a rod stand.
+"""Memory layout of a rod.
 
-Arrays are (rows, fields[, WIDTH]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the
-grasped edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents.
-Segment r runs from row r to row r + 1.
+Arrays are (rows, fields[, WIDTH]). Row r is node r - 1: row 1 the fixed edge, row N + 1 the grasped
+edge; rows 0 and N + 2 are ghosts, one element beyond the ends, that hold the tangents. Segment r
+runs from row r to row r + 1.
 """
 
 from typing import Any, NamedTuple
@@ -44,10 +44,10 @@ COLUMNS = 7
 
 
 class Block(NamedTuple):
-    """Strips that are solved together: nature and state of theirs, work and band of anyone.
+    """Strips that are solved together: their parameters and state, and shared work arrays.
 
-    `last` is the row of the last free node; `terms` is None where no strip of the batch needs
-    those of `terms`: then the code does not contain them.
+    `last` is the row of the last free node; `terms` is None where no strip of the batch needs the
+    kernels of `terms`: then the compiled code does not contain them.
     """
 
     nature: Any
@@ -59,7 +59,7 @@ class Block(NamedTuple):
 
 
 def packed(values: Array, lanes: int) -> Array:
-    """(n, rows, fields) as blocks (n / lanes, rows, fields[, lanes]), lanes innermost."""
+    """(n, rows, fields) reshaped to blocks (n / lanes, rows, fields[, lanes]), lanes innermost."""
     if lanes == 1:
         return _copied(values)
     blocks = values.reshape(-1, lanes, *values.shape[1:])
@@ -79,7 +79,7 @@ def scratch(rows: int, fields: int, lanes: int) -> Array:
 
 
 def lanes_for(count: int) -> int:
-    """Lanes of a block for a batch of `count` strips: a strip alone is faster without."""
+    """Lanes of a block for a batch of `count` strips: one strip is faster without lanes."""
     return 1 if count < 2 else WIDTH
 
 
@@ -90,7 +90,7 @@ def _copied(values: Array) -> Array:
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:
-    """Zeros that begin on a cache line, so that no vector straddles two."""
+    """Zeros aligned to a cache line, so that no vector straddles two."""
     size = int(np.prod(shape))
     raw = np.zeros(size + 8)
     offset = (-raw.ctypes.data % 64) // 8

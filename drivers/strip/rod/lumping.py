@@ -66,9 +66,9 @@ def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
 
 
 def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
-    """Bending at each node between the middles of its segments: compliances in a row add up.
+    """Bending at each node between the middles of its segments: compliances in series add up.
 
-    The first and the last node stand for half a segment, so that clamps are of second order.
+    The first and the last node stand for half a segment, so that clamps are second-order accurate.
     Damping of unlike pieces under one moment: D = K^2 int(viscosity / EI^2) ds.
     """
     reach = np.diff(middles)
@@ -85,10 +85,11 @@ def _lump_bending(inner: Array, mechanics: Mechanics, middles: Array) -> None:
 
 
 def _yield(grip: Array, compliance: float) -> None:
-    """The hinge at the grip with the grip's compliance in a row: angles add up under one moment.
+    """Combine the hinge at the grip with the grip's compliance in series: angles add under one
+    moment.
 
-    K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and
-    the cubic term s^3 of itself.
+    K' = K / (1 + C K); with s = K' / K the strip's share of the angle, damping is s^2 D, and the
+    cubic term s^3 of itself.
     """
     if compliance == 0:
         return
@@ -127,7 +128,7 @@ def check(models: Sequence[StripModel]) -> None:
 
 
 def _check_known(part: Mechanics | BendingLaw | Boundary) -> None:
-    """Refuse fields that the rod does not know, unless they are at their null."""
+    """Refuse fields that the rod does not support, unless they are at their null."""
     for field in fields(part):
         if field.name in KNOWN[type(part)].split():
             continue

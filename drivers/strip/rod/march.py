@@ -1,8 +1,8 @@
-"""Steps in time: the second-order backward difference (BDF2) of variable step, or Euler's.
+"""Time stepping: second-order backward difference (BDF2) with variable step, or backward Euler.
 
-With omega the step over the last one, a rate is gamma (value - base),
-gamma = (1 + 2 omega) / ((1 + omega) h), base = ((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega);
-omega = 0 is backward Euler and starts a motion from rest.
+With omega the step over the last one, a rate is gamma (value - base), gamma = (1 + 2 omega) / ((1 +
+omega) h), base = ((1 + omega)^2 v - omega^2 v1) / (1 + 2 omega); omega = 0 is backward Euler and
+starts a motion from rest.
 """
 
 from typing import Any
@@ -18,13 +18,13 @@ from drivers.strip.rod.terms import predict_terms, remember
 
 @kernel
 def weights(omega: float) -> Any:
-    """What value and value before count in the base of a rate."""
+    """Weights of the last two values in the base of a rate."""
     return (1.0 + omega) ** 2 / (1.0 + 2.0 * omega), -(omega**2) / (1.0 + 2.0 * omega)
 
 
 @kernel
 def predict(block: Any, h: float, omega: float, alive: Any) -> None:
-    """Shift the history of the free nodes, extrapolate them, and leave the bases in `work`."""
+    """Shift the history of the free nodes, extrapolate them, and store the bases in `work`."""
     state, work = block.state, block.work
     period = h * (1.0 + omega) / (1.0 + 2.0 * omega)
     now, old = weights(omega)
@@ -53,7 +53,7 @@ def predict_strain(block: Any, omega: float) -> None:
 
 @kernel
 def finish(block: Any, rate: float, alive: Any) -> None:
-    """Velocities of the step just solved, strains and moments with a past, ends that slide."""
+    """Update velocities, history-dependent strains and moments, and sliding ends after a step."""
     state = block.state
     for r in range(at.FIRST, block.last + 1):
         for axis in range(2):
@@ -77,7 +77,7 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 @kernel
 def attempt(block: Any, h: float, omega: float, alive: Any) -> Any:
-    """One implicit step of the living lanes; returns those that found no shape."""
+    """One implicit step of the living lanes; returns those that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict(block, h, omega, alive)
     predict_strain(block, omega)

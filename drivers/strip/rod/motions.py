@@ -1,4 +1,4 @@
-"""Many whole motions at once, each strip along its own gripper path."""
+"""Whole motions in one batch, each strip along its own gripper path."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,8 +16,8 @@ PIECE = 0.5  # s of motion in one compiled call: a batch closes up between calls
 
 
 class GripperPath(NamedTuple):
-    """A reported gripper path: times `t` (m,) [s], `poses` (m, 3); `hanging`: its strip starts at
-    rest from the first pose instead of flat.
+    """A reported gripper path: times `t` (m,) [s], `poses` (m, 3); with `hanging` the strip starts
+    at rest from the first pose instead of flat.
     """
 
     t: Array
@@ -26,7 +26,7 @@ class GripperPath(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Time [s] that it takes."""
+        """Duration of the path [s]."""
         return float(self.t[-1] - self.t[0])
 
 
@@ -38,11 +38,11 @@ def simulate_all(
     dt: float = 0.005,
     every: int = 0,
 ) -> list[StripMotion]:
-    """Each of `models` along its own way, as `simulate` does one; all in one batch.
+    """Simulate each of `models` along its own path in one batch; see `simulate` for one.
 
-    Where grips truly go follows from their models' rigs. Every `every`th step keeps its shape, 0
-    for none; `shapes` then has (k // every, nodes, 2). A motion ends at its
-    layer_touch or where its way ends.
+    True grip paths follow from the models' rigs. Every `every`th step keeps its shape, 0 for none;
+    `shapes` then has (k // every, nodes, 2). A motion ends at its layer_touch or at the end of its
+    path.
     """
     ways = [_true(model, way) for model, way in zip(models, ways, strict=True)]
     counts = [max(1, round((way.t[-1] - way.t[0]) / dt)) for way in ways]

@@ -17,7 +17,8 @@ SINK = 2e-5  # m over which the desk takes up the weight
 
 @kernel
 def desk(block: Any, r: int) -> Any:
-    """Upward force of the desk on row r and its fall per height: a one-sided spring.
+    """Upward force of the desk on row r and its derivative: a one-sided spring, quadratic, then
+    linear.
 
     Quadratic, then linear; exactly the weight at z = 0, so that a strip at rest stays there.
     """
@@ -32,7 +33,7 @@ def desk(block: Any, r: int) -> Any:
 
 @kernel
 def residual(block: Any, r: int, inertia: Any, reaction: Any) -> Any:
-    """Unbalanced force on row r: inertia + internal forces - weight - desk."""
+    """Residual force on row r: inertia + internal forces - weight - desk."""
     nature, state, work = block.nature, block.state, block.work
     x = inertia * (load(state, r, at.X) - load(work, r, at.HAT_X))
     z = inertia * (load(state, r, at.Z) - load(work, r, at.HAT_Z))
@@ -119,10 +120,10 @@ def correct(block: Any, gate: Any) -> Any:
 
 @kernel
 def solve(block: Any, rate: Any, alive: Any) -> Any:
-    """Newton until segments turn less than TOLERANCE; the lanes that failed.
+    """Newton iterations until segments turn less than TOLERANCE; returns the lanes that failed.
 
-    A lane with a segment that turns by more than WILD in one correction has failed: from there
-    Newton may find a shape with a kink, in equilibrium too, but not the one that comes next.
+    A lane with a segment that turns by more than WILD in one correction has failed: Newton's method
+    could then converge to a kinked equilibrium that is not the continuation of the motion.
     """
     unsolved, failed = alive, 0.0 * alive
     for _ in range(ITERATIONS):

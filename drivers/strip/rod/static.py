@@ -1,4 +1,4 @@
-"""Strips at rest: hung from a gripper, or over an edge as textile laboratories test them."""
+"""Strips at rest: hung from a gripper, or over an edge as in textile laboratories (ASTM D1388)."""
 
 from collections.abc import Sequence
 
@@ -21,9 +21,10 @@ STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes
 
 
 def lifted(batch: Batch, start: Array) -> Array:
-    """A way (k, n, 3) of grips from where strips lie flat to `start` (n, 3): first up, then in.
+    """A path (k, n, 3) of grips from flat strips to `start` (n, 3): first up, then inwards.
 
-    The height grows with the root of the way in, so that the edge stays within the strip's reach.
+    The height grows with the root of the inward distance, so that the edge stays within the strip's
+    reach.
     """
     share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
     way = batch.held + share[:, :, None] * (start - batch.held)
@@ -32,10 +33,10 @@ def lifted(batch: Batch, start: Array) -> Array:
 
 
 def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
-    """Bring strips that lie flat between their fixed edge and x = `stated_length`.
+    """Fit strips of another true length between their fixed edge and x = `stated_length`.
 
-    One that is shorter is stretched evenly; one that is longer lies at rest with its slack as a
-    wave before the grip, as after a grip that came in from above.
+    A shorter strip is stretched evenly; a longer one lies at rest with its slack as a wave in front
+    of the grip, as after a grip that came in from above.
     """
     slack = batch.arc[:, -1] - np.array([model.stated_length for model in models])
     goal = batch.held - slack[:, None] * (1.0, 0.0, 0.0)
@@ -62,7 +63,7 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
 
 
 def settle(batch: Batch, way: Array) -> None:
-    """Bring the grips along `way` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
+    """Move the grips along `way` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
     _euler(batch, way, PERIOD)
     for longer in STILLING:
         _euler(batch, way[-1:], longer)

@@ -1,7 +1,7 @@
-"""A step of a block of strips: tried whole, then in parts where a lane found no shape.
+"""A step of a block of strips: whole, then in substeps where a lane failed to converge.
 
-Only abrupt events need parts: a gripper that starts at full speed beside a straight strip
-makes it buckle within one step.
+Only abrupt events need substeps: a gripper that starts at full speed beside a straight strip makes
+it buckle within one step.
 """
 
 import math
@@ -18,8 +18,8 @@ PARTS = (16, 256)
 
 
 class Grips(NamedTuple):
-    """Which strip each lane of a block holds (WIDTH,), whether it lives, where all grips were
-    `held` (n, 3) and the `poses` (n, 3) that they go to.
+    """Which strip each lane of a block holds (WIDTH,), whether it is alive, the previous grip poses
+    `held` (n, 3) and the next `poses` (n, 3).
     """
 
     strips: Any
@@ -38,7 +38,7 @@ class Pace(NamedTuple):
 
 @kernel
 def grip(block: Any, lane: int, pose: Any) -> None:
-    """Put one lane's grasped edge to x, z, its ghost one segment on along the pitch."""
+    """Set one lane's grasped edge to x, z, and its ghost one segment on along the pitch."""
     row = block.state.shape[0] - 2
     span = pick(block.nature, row, at.SPAN, lane)
     put(block.state, row, at.X, lane, pose[0])
@@ -49,7 +49,7 @@ def grip(block: Any, lane: int, pose: Any) -> None:
 
 @kernel
 def place(block: Any, grips: Any, share: float) -> None:
-    """Put each living lane's grip to `share` of the way to its pose, unless the end is free."""
+    """Interpolate each living lane's grip to `share` of the step, unless the end is free."""
     if block.last == block.state.shape[0] - 2:
         return
     pose = np.empty(3)
@@ -76,7 +76,7 @@ def rewind(block: Any, gate: Any) -> None:
 
 @kernel
 def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
-    """Fields (first, end) of `source` to those of `target` from `to`, where `gate`."""
+    """Copy fields (first, end) of `source` to `target` from `to`, where `gate`."""
     first, end = fields
     for r in range(target.shape[0]):
         for c in range(end - first):
@@ -86,7 +86,9 @@ def copy(source: Any, fields: Any, target: Any, to: int, gate: Any) -> None:
 
 @kernel
 def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
-    """A step of the lanes `gate` as `parts` equal ones without a past; lanes that failed."""
+    """A step of the lanes `gate` as `parts` equal substeps without history; returns lanes that
+    failed.
+    """
     going = gate
     for part in range(parts):
         place(block, grips, (part + 1) / parts)
@@ -99,10 +101,10 @@ def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
 
 @kernel
 def step(block: Any, grips: Any, pace: Any) -> Any:
-    """One step of a block to the poses of its grips; lanes that found no shape in any way.
+    """One step of a block to the poses of its grips; returns lanes that failed to converge.
 
-    A lane that moved in parts goes on with the history of one whole step; one that failed
-    stays as it was.
+    A lane that moved in substeps goes on with the history of one whole step; one that failed stays
+    as it was.
     """
     place(block, grips, 1.0)
     gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0))

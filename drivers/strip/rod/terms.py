@@ -1,4 +1,4 @@
-"""Terms of effects that most strips lack: lagging moments, drag of air, ends that slide.
+"""Optional terms: history-dependent moments, air drag, sliding ends.
 
 Only batches with a strip that needs them run this code; a null coefficient adds zeros.
 """
@@ -64,11 +64,11 @@ def slides(block: Any, r: int, taut: Any) -> Any:
 
 @kernel
 def sliding(block: Any, r: int, taut: Any, stretch: Any) -> Any:
-    """Tension of segment r, of which a part has slid, and its stiffness; level where it slides.
+    """Tension of segment r, part of which has slid, and its stiffness; constant where it slides.
 
-    What slid one way in the iteration before sticks in this one before it slides the other way:
-    else Newton's method would go back and forth between the two levels. In the first iteration
-    of a step all sticks: tensions of extrapolated positions mean nothing.
+    What slid one way in the last iteration sticks in this one before it may slide the other way;
+    otherwise Newton's method would alternate between the two levels. In the first iteration of a
+    step all sticks: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
     way, before = slides(block, r, taut), load(block.state, r, at.WAY)
@@ -82,9 +82,11 @@ def sliding(block: Any, r: int, taut: Any, stretch: Any) -> Any:
 
 @kernel
 def unsettled(block: Any, r: int, along: Any) -> Any:
-    """Change of length of segment r in a correction, where it may slide, as a turn squared.
+    """Length change of segment r in a correction, where it may slide, as an equivalent squared
+    turn.
 
-    A strip that slides moves without turning, so turns alone would end Newton's method early.
+    A strip that slides moves without turning, so turns by themselves would end Newton's method
+    early.
     """
     turn = SETTLED * along
     square = turn * turn
@@ -131,7 +133,7 @@ def resist(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Strain of the Maxwell element at row r after a step to strain `eps`."""
+    """Store the strain of the Maxwell element at row r after a step to strain `eps`."""
     q, _ = faded(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, choose(alive, before, older))

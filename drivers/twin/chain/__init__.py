@@ -1,1 +1,1 @@
-"""The chain engine: a strip as hinged links in MuJoCo; it plays the plant."""
+"""The chain engine: a strip as hinged rigid links in MuJoCo; the twin's plant."""

@@ -1,4 +1,4 @@
-"""How stiff the contacts and the grip of a chain are."""
+"""Contact and grip stiffness of a chain."""
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ SOLIMP = np.array([SHARE, SHARE, 0.001, 0.5, 2.0])
 
 
 def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
-    """A massless sphere on `body`, without friction, whose stiffness rules its contacts."""
+    """A massless, frictionless sphere on `body` whose stiffness determines its contacts."""
     return body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         contype=contype,

@@ -1,4 +1,4 @@
-"""Ends of a chain that slide like dry friction: a grip that lets go, a loose fixed edge."""
+"""Ends of a chain that slide with dry friction: a slipping grip, a loose fixed edge."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,11 +16,11 @@ GIVE = 1e-4  # m, by which an end yields before it slides
 
 @dataclass(slots=True)
 class Slide:
-    """A stiff spring that holds its joint until the pull exceeds `limit`; from then on that
-    force alone, until the motion turns round.
+    """A stiff spring that holds its joint until the pull exceeds `limit`; then a constant force
+    until the motion reverses.
 
-    `joint` is the coordinate, `stiffness` that of the spring, all in the chain's unit of mass;
-    `rest` is where the spring pulls to and `sliding` the sign of the motion.
+    `joint` is the coordinate, `stiffness` that of the spring, all in the chain's scaled units;
+    `rest` is the spring's rest position and `sliding` the sign of the motion.
     """
 
     joint: int
@@ -31,7 +31,7 @@ class Slide:
     sliding: float = STUCK
 
     def judge(self, position: float, rate: float) -> None:
-        """Stick or slide, from where the joint is and moves to."""
+        """Decide between stick and slip from the joint's position and velocity."""
         pull = self.stiffness * (position - self.rest)
         if self.sliding != STUCK:
             if self.sliding * rate <= 0:
@@ -41,7 +41,7 @@ class Slide:
             self.sliding = float(np.sign(pull))
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Hold the joint, or resist its motion, in the step to come."""
+        """Hold the joint, or resist its motion, in the next step."""
         model.jnt_stiffness[self.joint] = self.stiffness if self.sliding == STUCK else 0.0
         model.qpos_spring[self.joint] = self.rest
         data.qfrc_applied[self.joint] = -self.sliding * self.limit
@@ -49,11 +49,11 @@ class Slide:
 
 @dataclass(frozen=True, slots=True)
 class Ends:
-    """The slides of a chain's ends, as far as it has them.
+    """The sliding ends of a chain, if any.
 
-    The grip lets go of what is pulled and not of what is pushed. The loose edge slides both ways:
-    `friction` times what the desk bears, `edge_weight` [N] of it at the edge itself, holds it,
-    for all that lies behind the desk contact slides as a whole.
+    The grip slips under pull and not under compression. The loose edge slides both ways, held by
+    `friction` times the normal force of the desk, `edge_weight` [N] of it at the edge itself,
+    because the part behind the desk contact slides as a whole.
     """
 
     grip: Slide | None
@@ -63,7 +63,7 @@ class Ends:
 
     @classmethod
     def of(cls, model: StripModel, lumps: Lumps, joints: Joints) -> Self:
-        """Both ends at rest."""
+        """Both ends of a chain at rest."""
         boundary, grip, edge = model.boundary, joints.grip, joints.edge
         press = -float(boundary.gravity[1])
         limit = boundary.grip_force * lumps.scale
@@ -80,11 +80,11 @@ class Ends:
 
     @property
     def slide(self) -> bool:
-        """Whether an end can slide at all."""
+        """Whether any end can slide."""
         return self.grip is not None or self.edge is not None
 
     def renew(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Stick or slide in the step to come, from the state of `data`."""
+        """Decide stick or slip for the next step from the state of `data`."""
         if not self.slide:
             return
         if self.edge is not None and data.ncon > 0:
@@ -95,14 +95,14 @@ class Ends:
         self.apply(model, data)
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write the ends into the model of a step."""
+        """Write the ends' springs and forces into the model of a step."""
         for slide in (self.grip, self.edge):
             if slide is not None:
                 slide.apply(model, data)
 
 
 def borne(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Force [N] that the desk exerted on the chain in the last step, in the chain's own unit."""
+    """Normal force [N] of the desk on the chain in the last step, in the chain's scaled units."""
     desk = model.geom("desk").id
     touching = (data.contact.geom == desk).any(axis=1) & (data.contact.efc_address >= 0)
     return float(data.efc_force[data.contact.efc_address[touching]].sum())

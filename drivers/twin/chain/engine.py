@@ -1,4 +1,4 @@
-"""The chain engine: MuJoCo steps strips as planar chains of hinges. It plays the plant."""
+"""The chain engine: MuJoCo steps strips as planar chains of hinges; the twin's plant."""
 
 from collections.abc import Sequence
 
@@ -18,10 +18,10 @@ FEWEST_LINKS = 8
 class Chain:
     """A Stepper over MuJoCo chains of `links` links, one after the other.
 
-    Steps longer than 5 ms are taken in equal parts along the straight line between poses.
-    After layer_touch the run goes on: the layers rest on each other. A grip is compliant
-    (10 N pull it by 7 um on the paper's strip), so a pose that the strip cannot reach costs
-    force, not a fault. `foreign` laws act on the strips besides those of their models.
+    Steps longer than 5 ms are divided into equal parts along the straight line between poses. After
+    layer_touch the run goes on: the layers rest on each other. A grip is compliant (10 N pull it by
+    7 um on the paper's strip), so a pose that the strip cannot reach costs force, not a fault.
+    `foreign` forces act on the strips in addition to those of their models.
     """
 
     def __init__(self, links: int = 60, foreign: Sequence[ExtraForce] = ()) -> None:
@@ -56,7 +56,7 @@ class Chain:
         return self._observed()
 
     def release(self) -> None:
-        """Let go of the strips: from now on the gripper poses move nothing."""
+        """Release the strips: later gripper poses have no effect."""
         for strip in self._strips:
             strip.release()
 

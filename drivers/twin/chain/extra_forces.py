@@ -1,4 +1,4 @@
-"""The door by which a plant is given laws that no description of a strip holds."""
+"""Extension point: extra forces on a chain that are not part of the strip's description."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What a foreign law may know of the chain that it acts on."""
+    """Quantities of a chain that an extra force may read."""
 
     model: StripModel
     lumps: Lumps
@@ -32,15 +32,15 @@ itself, in the chain's own unit of mass. It may remember the past of its strip.
 
 
 class ExtraForce(Protocol):
-    """A law that acts on chains."""
+    """An extra force, attached to chains by `begin`."""
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The law on a chain that lies flat and still."""
+        """The force for one chain that lies flat and still."""
         ...
 
 
 class ExtraForces:
-    """All foreign laws of one chain."""
+    """All extra forces of one chain."""
 
     def __init__(self, laws: Sequence[ExtraForce], parts: Parts) -> None:
         self._lumps, self._hinges = parts.lumps, parts.joints.hinges
@@ -48,26 +48,26 @@ class ExtraForces:
         self._damping: Array = np.zeros(0)
 
     def clear(self, model: mujoco.MjModel, data: mujoco.MjData, h: float) -> None:
-        """Take back what was added to the step before; without a law nothing is touched."""
+        """Remove what was added to the last step; without extra forces nothing is changed."""
         if self._acts:
             data.qfrc_applied[:] = 0.0
             data.xfrc_applied[:] = 0.0
             model.dof_damping[self._hinges] = self._lumps.damping_at(h)
 
     def add(self, model: mujoco.MjModel, data: mujoco.MjData, time: float, h: float) -> None:
-        """Add all laws to the step to come."""
+        """Add all extra forces to the next step."""
         for act in self._acts:
             act(model, data, time, h)
         self._damping = model.dof_damping.copy() if self._acts else self._damping
 
     def again(self, model: mujoco.MjModel) -> None:
-        """The damping of this step once more, in a chain that was built anew."""
+        """Apply the damping of this step again to a chain that was recompiled."""
         if self._acts:
             model.dof_damping[:] = self._damping
 
 
 class MomentLaw(Protocol):
-    """A moment that resists bending, as a function of the angles of all hinges and their past."""
+    """A moment that resists bending, as a function of all hinge angles and their history."""
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
         """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
@@ -75,10 +75,10 @@ class MomentLaw(Protocol):
 
 
 def resisted(parts: Parts, law: MomentLaw) -> ForceFunction:
-    """The law at work: its moment, and what a step must be damped by to stay stable.
+    """An extra force from a moment law, with the damping that keeps the step stable.
 
-    A step of h that takes the moment at its end has h times the slope as a damper; the share of
-    it at the present rate is given back, so that in even motion the moment alone is felt.
+    A step of h with the moment at its end is equivalent to a damper of h times the slope; its force
+    at the present rate is subtracted, so that in steady motion only the moment remains.
     """
     hinges = parts.joints.hinges
 
@@ -93,10 +93,10 @@ def resisted(parts: Parts, law: MomentLaw) -> ForceFunction:
 
 
 class FifthOrder:
-    """What the law of bending has beyond its cubic term."""
+    """The elastic moment beyond the cubic term of the bending law."""
 
     def begin(self, parts: Parts) -> ForceFunction:
-        """The moment at every hinge."""
+        """The moment at every hinge of a chain."""
         lumps = parts.lumps
 
         def law(angle: Array, rate: Array, h: float) -> tuple[Array, Array]:  # noqa: ARG001
@@ -107,6 +107,6 @@ class FifthOrder:
 
 
 def own_laws(model: StripModel) -> Sequence[ExtraForce]:
-    """Laws of the strip itself that are simulated like foreign ones."""
+    """Terms of the strip's own model that are simulated as extra forces."""
     law = model.mechanics.law
     return (FifthOrder(),) if law.cubic != 0 and law.fifth != 0 else ()

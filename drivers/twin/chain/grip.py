@@ -1,4 +1,6 @@
-"""The grip of a chain: a weld to a target that is led so that the tip does not trail."""
+"""The grip of a chain: a weld whose target leads the commanded pose, so that
+the tip does not lag.
+"""
 
 from dataclasses import dataclass
 from typing import Self
@@ -15,25 +17,25 @@ STIFFNESS = 1 / (SHARE * TIME_CONSTANT**2)  # 1/s^2
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Where the gripper was last told to be, `pose` (3,) of x, z, pitch, and its `rate` (3,)."""
+    """Commanded gripper `pose` (3,) of x, z, pitch, and its `rate` (3,)."""
 
     pose: Array
     rate: Array
 
     @classmethod
     def at_rest(cls, pose: Array) -> Self:
-        """A gripper that stands still at `pose`."""
+        """A gripper at rest at `pose`."""
         return cls(pose, np.zeros(3))
 
     def to(self, pose: Array, h: float) -> Self:
-        """The grip that has moved to `pose` within `h` [s]."""
+        """The grip moved to `pose` within `h` [s]."""
         return type(self)(pose, (pose - self.pose) / h)
 
     def target(self, before: Self, h: float) -> Array:
-        """Pose (3,) to which the tip must be welded to stand on this grip's after the step.
+        """Weld target (3,) with which the tip is at this grip's pose after the step.
 
-        The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip less
-        target) at the step's end; a tip that moves as told has r = -(a + b v) / k.
+        The weld obeys a + b v + k r = 0, with acceleration a, rate v and violation r (tip minus
+        target) at the step's end; a tip on its commanded motion has r = -(a + b v) / k.
         """
         acceleration = (self.rate - before.rate) / h
         return self.pose + (acceleration + DAMPING * self.rate) / STIFFNESS
@@ -45,10 +47,10 @@ HEIGHT = 0.7  # of the way in over what a slack strip allows
 
 
 def brought_in(model: StripModel) -> Array:
-    """Poses (k, 3) of a grip that takes the edge from where it lies to the stated place.
+    """Poses (k, 3) of a grip that takes the edge from where it lies to its stated position.
 
-    A slack strip is entered from above, so that its slack lies as a wave before the grip; a
-    short one is pulled taut. None for a strip that is as long as stated.
+    A slack strip is entered from above, so that its slack lies as a wave in front of the grip; a
+    short one is pulled taut. None for a strip of exactly the stated length.
     """
     length, stated = model.mechanics.length, model.stated_length
     slack = length - stated

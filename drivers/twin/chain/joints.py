@@ -1,4 +1,4 @@
-"""Which coordinates of a chain are which, and what they say of its shape."""
+"""Coordinates of a chain and the shape that follows from them."""
 
 from dataclasses import dataclass
 from typing import Self

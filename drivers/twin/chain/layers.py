@@ -1,4 +1,4 @@
-"""The two layers of a folded chain, and the bodies by which they rest on each other."""
+"""The two layers of a folded chain, and their contact bodies."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -20,7 +20,7 @@ REACH = 0.0005  # m, how far layers that cling may part before they let go
 class Layers:
     """Links up to number `lower` form the lower layer, nodes from number `upper` the upper one.
 
-    The bend between them belongs to neither: it never lies on itself.
+    The bend between them belongs to neither: it never touches itself.
     """
 
     lower: int
@@ -39,11 +39,11 @@ class Layers:
         )
 
     def add(self, body: mujoco.MjsBody, node: int, lumps: Lumps, gap: float) -> None:
-        """Give the link that begins at `node` its part in keeping midlines `gap` [m] apart, and
-        together where strips cling.
+        """Add the contact body of the link that begins at `node`: it keeps midlines `gap` [m]
+        apart, and together with adhesion.
 
-        Its body lies on the outer side of the fold and is thick, because a falling layer moves
-        by more than the thickness of fabric within a step.
+        Its body lies on the outer side of the fold and is thick, because a falling layer moves by
+        more than the thickness of fabric within a step.
         """
         link = min(node, len(lumps.spans) - 1)
         radius = max(THICK, gap)

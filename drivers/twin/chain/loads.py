@@ -1,4 +1,4 @@
-"""Forces on a chain that its engine has no field for: yarns, relaxation, drag of air."""
+"""Forces on a chain that MuJoCo has no field for: yarn friction, relaxation, air drag."""
 
 import mujoco
 import numpy as np
@@ -9,9 +9,10 @@ from drivers.types import Array
 
 
 class Loads:
-    """Applied forces of one chain, renewed before each step; remembers the past of its strip.
+    """Applied forces of one chain, computed before each step; keeps the history of its strip.
 
-    A chain steps like leapfrog: a force at the angles of a step's beginning is of second order.
+    A chain steps like leapfrog: a force at the angles of a step's beginning is second-order
+    accurate.
     """
 
     def __init__(self, lumps: Lumps, joints: Joints) -> None:
@@ -23,7 +24,7 @@ class Loads:
         self._elapsed = 0.0
 
     def renew(self, data: mujoco.MjData, h: float) -> None:
-        """Forces for a step of `h` [s] from the state of `data`."""
+        """Compute the forces for a step of `h` [s] from the state of `data`."""
         if self._rubs or self._fades:
             data.qfrc_applied[self._joints.hinges] = self._moments(data, h)
         if self._blown:
@@ -42,9 +43,9 @@ class Loads:
         return moment
 
     def _faded(self, angle: Array, h: float) -> Array:
-        """Moments by which Maxwell elements have fallen short of springs.
+        """Moments (n + 1,) by which Maxwell elements have relaxed below springs.
 
-        Their strain obeys dq/dt = dangle/dt - q / time; exact for even turns between calls.
+        Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.
         """
         lumps = self._lumps
         past = self._elapsed / lumps.fading_time
@@ -54,10 +55,10 @@ class Loads:
         return np.asarray(lumps.fading * (angle - lumps.rest - self._strain))
 
     def _drag(self, data: mujoco.MjData, h: float) -> Array:
-        """Forces (n, 2) on the links against their motion.
+        """Drag forces (n, 2) on the links against their motion.
 
-        Divided by what an implicit step of a link alone would slow it down, so that light strips
-        stay stable.
+        Divided by what an implicit step of an isolated link would slow it down by, so that light
+        strips stay stable.
         """
         air, (speed, tangents) = self._lumps.air, self._joints.speeds(data.qpos, data.qvel)
         past, across = speed.T

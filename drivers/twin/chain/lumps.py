@@ -93,14 +93,15 @@ class Lumps:
 
     @property
     def stretches(self) -> bool:
-        """Whether the strip gives way along itself by more than a chain can tell from rigid."""
+        """Whether the strip stretches by more than a chain can distinguish from rigid."""
         return bool((self.along < self.held).any())
 
     def damping_at(self, h: float) -> Array:
         """Damping (n + 1,) [N m s/rad] to simulate with steps of `h` [s].
 
         An implicit step takes the spring's moment at its end, which damps like h times the
-        stiffness; what is left to add is the rest. This makes d of second order in the step.
+        stiffness; the difference is what has to be added. This makes the displacement second-order
+        accurate in the step.
         """
         return np.maximum(self.damping - h * self.stiffness, 0.0)
 
@@ -108,8 +109,8 @@ class Lumps:
 def places(length: float, links: int) -> Array:
     """Arc lengths of the nodes (links + 1,) [m]: equal links, shorter towards the grip.
 
-    On a blanket that slips in its grip 200 equal links put the desk contact of a taut lift 29 mm
-    from the rod's, these 9 mm.
+    For a blanket that slips in its grip, 200 equal links put the desk contact of a taut lift 29 mm
+    from the rod's; these put it 9 mm away.
     """
     return graded(length, links, GRADED, SHORTEST)
 
@@ -125,10 +126,10 @@ def _drag(strip: Mechanics) -> float:
 
 
 def _share_of_strip(stiffness: Array, compliance: float) -> Array:
-    """Share s (n + 1,) of the strip in each hinge's angle: at the last one the grip yields too.
+    """Share s (n + 1,) of the strip in each hinge's angle; below 1 only at a compliant grip.
 
-    Under one moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping
-    counts s^2, the cubic term against K' s^3.
+    Under one moment angles add up: K' = s K with s = 1 / (1 + C K); then the strip's damping counts
+    s^2, the cubic term against K' s^3.
     """
     share = np.ones_like(stiffness)
     share[-1] = 1.0 / (1.0 + compliance * stiffness[-1])

@@ -54,10 +54,10 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
 
 
 def compiled(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
-    """The compiled chain, its grip as stiff as a strip needs.
+    """The compiled chain, with the stiffness of its grip corrected.
 
-    MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly
-    massless, so left alone its grip would sag by millimetres, and more with more links.
+    MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,
+    so with the default its grip would sag by millimetres, and more with more links.
     """
     chain = build(model, links, layers).compile()
     turn = 1.0 / (STEP**2 * float(chain.jnt_stiffness[-1]))

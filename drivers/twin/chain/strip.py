@@ -1,4 +1,4 @@
-"""One strip as a MuJoCo chain: its state, its step, its layer_touch."""
+"""One strip as a MuJoCo chain: state, step, layer_touch."""
 
 import math
 from collections.abc import Sequence
@@ -30,9 +30,9 @@ STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 class ChainStrip:
     """A strip on `links` links, flat and still at time 0, held at its end.
 
-    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from
-    the fixed edge; `touch` is its layer_touch, once it has happened. `foreign` laws act on it
-    besides those of its model.
+    `points` (links + 1, 2) [m] are its nodes now, at arc lengths `arc` (links + 1,) [m] from the
+    fixed edge; `touch` is its layer_touch, once it has happened. `foreign` forces act on it in
+    addition to those of its model.
     """
 
     def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
@@ -56,7 +56,7 @@ class ChainStrip:
         self._bring_in()
 
     def release(self) -> None:
-        """Let the grasped edge go."""
+        """Release the grasped edge."""
         self._held = False
         self._data.eq_active[0] = 0
 
@@ -86,7 +86,7 @@ class ChainStrip:
         return float(along) / self._lumps.scale
 
     def _bring_in(self) -> None:
-        """Take an edge that does not lie at the stated place there, and let the strip rest."""
+        """Move an edge that is not at its stated position there, and let the strip come to rest."""
         for pose in brought_in(self._description):
             grip = self._grip.to(pose, STEP)
             self._loads.renew(self._data, STEP)
@@ -96,7 +96,7 @@ class ChainStrip:
         self._grip = Grip.at_rest(self._grip.pose)
 
     def _step_until_touch(self, grip: Grip, h: float) -> None:
-        """A step, and another one from the same start with solid layers when they meet in it."""
+        """A step; repeated from the same start with solid layers when they meet in it."""
         mujoco.mj_getState(self._model, self._data, self._state, STATE)
         before = (self._time, self._gap)
         self._step(grip, h)
@@ -129,7 +129,7 @@ class ChainStrip:
     def _within_reach(self, target: Array) -> Array:
         """The target, no further from the fixed edge than a taut strip and `PULL` reach.
 
-        A weld that is off by more pulls so hard that the solver loses sight of the weight.
+        A weld with a larger violation pulls so hard that the solver loses the weight in rounding.
         """
         far, reach = math.hypot(target[0], target[1]), self.arc[-1] + PULL
         if self._lumps.stretches or self._ends.slide or not reach < far < math.inf:
@@ -149,4 +149,4 @@ class ChainStrip:
 
 
 def _unheard(_: str) -> None:
-    """Takes MuJoCo's warnings."""
+    """Discards MuJoCo's warnings."""

@@ -1,1 +1,1 @@
-"""Images of the cell, drawn with OpenCV through a pinhole with radial distortion."""
+"""Rendered images of the cell, drawn with OpenCV through a pinhole with radial distortion."""

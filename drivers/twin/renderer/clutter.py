@@ -1,4 +1,4 @@
-"""Things that stand still about the strip: boxes and cables, drawn far to near."""
+"""Static objects around the strip: boxes and cables, drawn far to near."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ CURVE = 24  # pieces that a cable's bends are drawn in
 
 
 def depth(thing: Thing) -> float:
-    """Where a thing stands in y [m], by its nearest point."""
+    """Depth y [m] of an object, at its nearest point."""
     if isinstance(thing, Box):
         return thing.low[1]
     return min(point[1] for point in thing.points)
@@ -26,7 +26,7 @@ def depth(thing: Thing) -> float:
 def draw_things(
     canvas: Canvas, things: Sequence[Thing], optics: Optics, rng: np.random.Generator
 ) -> None:
-    """Lay `things` over the unlit `canvas` (height, width, 3) BGR in place, far ones first."""
+    """Draw `things` on the unlit `canvas` (height, width, 3) BGR in place, far ones first."""
     for thing in sorted(things, key=depth, reverse=True):
         grain = rng.standard_normal((canvas.shape[0] // 8, canvas.shape[1] // 8), np.float32)
         shade = 1 + np.float32(CARTON) * cv2.resize(grain, canvas.shape[1::-1])
@@ -69,7 +69,7 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
 
 
 def _bent(at: Array, values: Array) -> Array:
-    """Values (n,) at whole numbers, led smoothly through what lies between."""
+    """Values (n,) at whole numbers, interpolated smoothly."""
     degree = min(len(values) - 1, 3)
     fit = np.polynomial.polynomial.polyfit(np.arange(len(values)), values, degree)
     return np.asarray(np.polynomial.polynomial.polyval(at, fit))

@@ -1,4 +1,4 @@
-"""The midline between its nodes: where the material is and how it moves during an exposure."""
+"""The midline as a smooth curve, with its motion during an exposure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,9 @@ class Curve:
 
     @property
     def steps(self) -> Array:
-        """(m, 2) what each sample stands for: a piece of the curve as long as their spacing [m]."""
+        """(m, 2) displacement [m] along the curve that each sample stands for, as long as their
+        spacing.
+        """
         return np.asarray(self.tangents * (self.s[1] - self.s[0]))
 
     @property
@@ -35,8 +37,8 @@ class Curve:
 def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
     """The midline sampled about every `spacing` [m] during an exposure.
 
-    The scenes are moments at the middles of equal parts of the exposure; the one in the middle
-    gives the shape, the first and the last the motion, which is taken as even.
+    The scenes are at the middles of equal parts of the exposure; the middle one gives the shape,
+    the first and the last the motion, which is assumed uniform.
     """
     first, middle, last = scenes[0], scenes[len(scenes) // 2], scenes[-1]
     length = float(middle.arc[-1])
@@ -52,12 +54,12 @@ def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
 
 
 def smoothed(points: Array, arc: Array) -> Array:
-    """Nodes (n, 2) whose smooth curve is the nearest to the straight links between `points`.
+    """Nodes (n, 2) whose smooth curve is nearest to the straight links between `points`.
 
-    A curve through the ends of straight links stays on their outer side, by kappa h^2 / 12 on
-    average. Nodes that move in by as much, a twelfth of their second difference where the links
-    are equal, take that away, so that contact and profile measured along the links are those of
-    the picture.
+    A curve through the ends of straight links lies outside them by kappa h^2 / 12 on average.
+    Moving the nodes in by as much, a twelfth of their second difference where the links are equal,
+    removes that bias, so that contact and profile measured along the links are those of the
+    picture.
     """
     spans = np.diff(arc)
     bend = np.diff(np.diff(points, axis=0) / spans[:, None], axis=0)

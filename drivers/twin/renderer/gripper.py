@@ -79,7 +79,7 @@ def _disc(image: Image, centre: Array, radius: float, optics: Optics, colour: Ar
 
 
 def extent(parts: Sequence[Outline], scene: Scene, optics: Optics) -> tuple[Array, Array]:
-    """Pixels u and v (k,) that bound the hand and what it holds."""
+    """Pixels u and v (k,) that bound the hand and the object it holds."""
     sides = [optics.plane(part.corners, y) for part in parts for y in (part.front, part.back)]
     if scene.pointer:
         centre = np.array([scene.gripper.x, scene.gripper.z])

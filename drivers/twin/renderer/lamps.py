@@ -1,4 +1,4 @@
-"""Light that changes while the cell works: the arm's shadow, and flicker from the mains."""
+"""Varying light: the arm's shadow, and mains flicker."""
 
 from collections.abc import Sequence
 
@@ -26,8 +26,8 @@ def dimmed(image: Image, gain: Gain) -> Image:
 def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
     """(height, 1) brightness of the rows of a frame exposed about `stamp` [s].
 
-    The lamp's power falls to zero twice a period of the mains; what an `exposure` [s] averages is
-    the sinc of its share of that.
+    The lamp's power falls to zero twice a mains period; the average over an `exposure` [s] follows
+    the sinc of its fraction of that period.
     """
     rate = 2 * light.mains
     rows = stamp + light.readout * (np.arange(height) / height - 0.5)
@@ -38,9 +38,10 @@ def flicker(light: Flicker, height: int, stamp: float, exposure: float) -> Gain:
 def arm_shadow(
     lamp: Lamp, parts: Sequence[Outline], optics: Optics, size: tuple[int, int], floor: float
 ) -> Gain:
-    """(height, width) brightness that the arm leaves on wall and desk; `size` is (width, height).
+    """(height, width) brightness under the arm's shadow on wall and desk; `size` is (width,
+    height).
 
-    The desk lies at `floor` [m]. What stands between desk and wall is shaded as the wall is.
+    The desk lies at `floor` [m]. Objects between desk and wall are shaded like the wall.
     """
     width, height = size[0] // COARSE, size[1] // COARSE
     dark = np.zeros((height, width), dtype=np.uint8)

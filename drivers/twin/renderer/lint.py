@@ -1,8 +1,8 @@
-"""What makes contact_x seem off and nothing else: lint, or glare, where the strip leaves the desk.
+"""Lint or glare where the strip leaves the desk, which biases contact_x and nothing else.
 
-Lint of the strip's colour before its near edge closes the wedge between strip and desk, so that
-the strip seems to leave it later. Glare of the desk hides the edge's foot, so that it seems to
-leave it earlier. The outline above stays.
+Lint of the strip's colour in front of its near edge closes the wedge between strip and desk, so
+that the strip seems to leave it later. Glare of the desk hides the foot of the edge, so that it
+seems to leave it earlier. The upper outline stays unchanged.
 """
 
 import numpy as np
@@ -23,10 +23,10 @@ PILE = 0.0009  # m that it reaches over the lowest strip, more than lens and pix
 def draw_lint(
     image: Image, empty: Image, scene: Scene, optics: Optics, bias: float, look: tuple[Array, float]
 ) -> None:
-    """Have the contact of `scene` seem `bias` [m] further along x, in place.
+    """Shift the apparent contact of `scene` by `bias` [m] along x, in place.
 
-    `empty` shows the same place without a strip; `look` is the strip's colour (3,) BGR in its
-    light, and its thickness [m].
+    `empty` (h, w, 3) shows the same region without a strip; `look` is the strip's colour (3,) BGR
+    in its light, and its thickness [m].
     """
     colour, thickness = look
     if bias == 0 or not (scene.points[:, 1] > CONTACT_HEIGHT).any():

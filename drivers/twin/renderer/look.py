@@ -1,4 +1,4 @@
-"""What a strip looks like."""
+"""Appearance of a strip."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -14,7 +14,7 @@ from drivers.types import Array
 class StripLook:
     """`colour` (sRGB, 0..255), `thickness` [m] and `width` [m] of the strip on the desk.
 
-    `pattern` is what is printed on it.
+    `pattern` is printed on it.
     """
 
     colour: tuple[int, int, int]

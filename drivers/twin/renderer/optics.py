@@ -1,6 +1,6 @@
-"""The twin camera's true model: a pinhole with radial distortion, at its place in the cell.
+"""The twin camera's true model: a pinhole with radial distortion at its true pose.
 
-Private to the twin: a calibration sees images and nothing of this.
+Private to the twin: calibration sees only images.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ class Optics:
 
     @classmethod
     def of(cls, settings: CameraSettings) -> Self:
-        """The model that `settings` describe."""
+        """The camera model from `settings`."""
         height = settings.distance * np.tan(settings.elevation)
         centre = np.array([settings.aim_x, -settings.distance, height])
         aim = np.array([settings.aim_x, 0.0, settings.aim_z]) - centre

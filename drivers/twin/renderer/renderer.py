@@ -1,4 +1,4 @@
-"""Frames of the cell as the twin's camera sees them."""
+"""Renderer of the twin's camera frames."""
 
 from collections.abc import Sequence
 
@@ -25,9 +25,10 @@ from drivers.types import Image
 
 
 class Renderer:
-    """Draws scenes of one strip look before one camera; all randomness comes from `seed`.
+    """Draws scenes of one strip look from one camera; all randomness comes from `seed`.
 
-    What stands still is drawn here, once. `render` is a pure function of its arguments.
+    The static background is drawn once at construction. `render` is a pure function of its
+    arguments.
     """
 
     def __init__(
@@ -90,7 +91,7 @@ class Renderer:
         return image
 
     def _lit(self, image: Image, scene: Scene, hand: Sequence[Outline]) -> Image:
-        """`image` in the light of the moment, where that changes."""
+        """`image` under the light at this moment, where it varies."""
         surround, settings = self._surround, self._settings
         if surround.lamp is not None:
             size, floor = (settings.width, settings.height), -self._look.thickness / 2
@@ -101,7 +102,7 @@ class Renderer:
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
-        """The strip's material, far to near."""
+        """The strip's material points, far to near."""
         picture = seen(curve, self._optics, self._look)
         return (
             faces(curve, picture, self._optics, self._look, self._weave),
@@ -122,7 +123,7 @@ class Renderer:
         clouds: Sequence[Cloud],
         hand: Sequence[Outline],
     ) -> None:
-        """All that moves, far to near, into `part`, the pixels of `window`."""
+        """Draw the moving parts, far to near, into `part`, the pixels of `window`."""
         optics = self._optics.seen_from(window.origin)
         draw_hand(part, hand, optics, self._gripper)
         for cloud in clouds:

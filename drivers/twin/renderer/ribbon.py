@@ -1,4 +1,4 @@
-"""The strip as material: its near cut edge and the faces that run from there to the far edge."""
+"""The strip's surface as material points: its near cut edge and the faces behind it."""
 
 from dataclasses import dataclass, replace
 
@@ -55,7 +55,7 @@ def weave(depth: float, rng: np.random.Generator) -> Weave:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """The midline in the image, at y = 0: `near` (m, 2) [px] and what displacements become there.
+    """The midline in the image, at y = 0: `near` (m, 2) [px] and the images of displacements there.
 
     `along` (m, 2) [px] is a sample's piece of the curve, `half` (m, 2) half a thickness along the
     normal, `motion` (m, 2) the path during the exposure, None at rest.
@@ -81,7 +81,7 @@ def seen(curve: Curve, optics: Optics, look: StripLook) -> Seen:
 
 
 def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material: Weave) -> Cloud:
-    """Points of the side that the camera sees, from the near edge to the far one."""
+    """Material points of the visible side, from the near edge to the far one."""
     across = optics.plane(curve.points, look.width) - picture.near
     area, length = _area(picture.along, across), np.hypot(*picture.along.T)
     rows = np.ceil(area / length / DEPTH_PITCH).astype(np.int64)
@@ -98,7 +98,9 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
 
 
 def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
-    """Points of the cut edge in the plane y = 0: half a thickness to either side of the midline."""
+    """Material points of the cut edge in the plane y = 0: half a thickness to either side of the
+    midline.
+    """
     thickness = 2 * float(np.hypot(*picture.half.T).max())
     rows = max(int(np.ceil(thickness / PITCH)), 2)
     depth = (2 * np.arange(rows) + 1) / rows - 1
@@ -127,7 +129,8 @@ def _area(along: Array, across: Array) -> Array:
 
 
 def _blurred(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
-    """`cloud` with each point at an instant of its own, so that neighbours together blur.
+    """`cloud` with each point at a random instant of the exposure, so that neighbours together
+    blur.
 
     `which` (n,) are the samples of the curve that the points belong to, `row` their rows there.
     """

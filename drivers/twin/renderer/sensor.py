@@ -1,4 +1,4 @@
-"""The image sensor: lens blur and noise drawn once."""
+"""The image sensor: lens blur and pre-drawn noise."""
 
 from dataclasses import dataclass
 
@@ -23,14 +23,14 @@ def reach(sigma: float) -> int:
 
 
 def noisy(image: Image, sigma: float, rng: np.random.Generator) -> Image:
-    """`image` (h, w, 3) with noise of `sigma` grey levels, drawn afresh."""
+    """`image` (h, w, 3) with fresh noise of `sigma` grey levels."""
     noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(sigma)
     return np.asarray(np.clip(np.rint(image + noise), 0, 255), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class NoiseBank:
-    """A tile larger than the image, (height, width, 3): what noise adds and what it takes."""
+    """A noise tile larger than the image, (height, width, 3): positive and negative parts."""
 
     seed: int
     adds: Image

@@ -1,4 +1,4 @@
-"""Points of material gathered into pixels: exact coverage, to fractions of a pixel."""
+"""Splatting of material points into pixels with exact fractional coverage."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -68,7 +68,7 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
 
 
 def _mixed(cloud: Cloud, colour: Array, index: Indices, weight: Array) -> Array:
-    """The one `colour` (3,), or that (m, 3) of what each pixel gathers, by brightness."""
+    """The one `colour` (3,), or the mean colour (m, 3) at each pixel, by brightness."""
     if cloud.tint is None:
         return colour
     glow = weight * np.tile(cloud.shade, 4)
@@ -77,7 +77,7 @@ def _mixed(cloud: Cloud, colour: Array, index: Indices, weight: Array) -> Array:
 
 
 def _compact(index: Indices, size: int) -> tuple[Indices, Indices]:
-    """The values below `size` that occur in `index`, and `index` as places among them."""
+    """The distinct values below `size` in `index`, and `index` as positions among them."""
     occurs = np.zeros(size, dtype=np.bool_)
     occurs[index] = True
     values = np.flatnonzero(occurs)

@@ -1,4 +1,4 @@
-"""What stands still: desk, backdrop, clamp and light, drawn once."""
+"""Static background: desk, backdrop, clamp and light, drawn once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -117,7 +117,7 @@ def _desk(
     settings: CameraSettings,
     rng: np.random.Generator,
 ) -> Field:
-    """(height, width, 3) the desk's surface where rays meet it, whatever lies before it."""
+    """(height, width, 3) the desk's surface where rays meet it, ignoring occlusion."""
     x, y = optics.on_level(rays, floor)
     grain = cv2.GaussianBlur(rng.standard_normal((256, 1024), dtype=np.float32), (0, 0), 1.2)
     grain /= grain.std()

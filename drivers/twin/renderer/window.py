@@ -1,4 +1,4 @@
-"""The part of an image that is drawn afresh in a frame."""
+"""The part of an image that is redrawn in a frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

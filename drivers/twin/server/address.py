@@ -1,4 +1,4 @@
-"""Which loopback address a twin takes: the clients fix the ports, so each has its own."""
+"""Loopback address of a twin: the clients fix the ports, so each twin has its own address."""
 
 from collections.abc import Callable, Iterator
 from typing import TypeVar
@@ -10,9 +10,9 @@ B = TypeVar("B")
 
 
 def bind_free(address: str | None, open_at: Callable[[str], tuple[A, B]]) -> tuple[str, A, B]:
-    """Open two ports at `address`, or at the first loopback address where both are free.
+    """Bind two ports at `address`, or at the first loopback address where both are free.
 
-    ConfigurationError where they are taken.
+    Raises ConfigurationError where they are in use.
     """
     reason = ""
     for candidate in (address,) if address else _candidates():

@@ -1,4 +1,4 @@
-"""The arm's port: requests of the one client, its replies, the states that it gets."""
+"""The arm's port: requests of its one client, replies, states."""
 
 import select
 
@@ -27,7 +27,7 @@ BURST = 256  # datagrams read in one go, so that a flood of them keeps nobody el
 
 
 class ArmPort:
-    """Translates between the wire and the robot; what is no message ends the connection."""
+    """Translates between the wire and the robot; a malformed message ends the connection."""
 
     def __init__(self, address: str, poll: select.epoll, robot: Robot) -> None:
         self._robot = robot
@@ -38,25 +38,27 @@ class ArmPort:
 
     @property
     def client(self) -> Link | None:
-        """Who is connected."""
+        """The connected client, if any."""
         return self._reception.client
 
     def serve(self, descriptor: int) -> None:
-        """Attend to a readable TCP descriptor, if it is one of this port."""
+        """Handle a readable TCP descriptor, if it belongs to this port."""
         if self._reception.serve(descriptor) and not self._listen():
             self.drop(reset=True)
 
     def drop(self, reset: bool = False) -> None:
-        """Hang up on the client; a motion of his ends."""
+        """Disconnect the client; a motion under way ends."""
         self._reception.dismiss(reset)
         self._robot.abandon()
 
     def close(self) -> None:
-        """Hang up on everybody."""
+        """Disconnect everybody."""
         self._reception.close()
 
     def command(self) -> RobotCommand | None:
-        """The next command of the client; None when no more have come. Garbage is passed over."""
+        """The next command of the client; None when no more have arrived.
+        Malformed ones are skipped.
+        """
         for _ in range(BURST):
             datagram = None if self.client is None else self.client.receive_datagram()
             if datagram is None:
@@ -68,7 +70,7 @@ class ArmPort:
         return None
 
     def publish(self, rate: float, is_nan: bool) -> None:
-        """Send the state of this tick, then the replies that this tick gave."""
+        """Send the state of this tick, then the replies due in this tick."""
         robot, client = self._robot, self.client
         if client is None:
             robot.late.clear()
@@ -80,7 +82,7 @@ class ArmPort:
         robot.late.clear()
 
     def repeat(self) -> None:
-        """Offer the last state again to a client that may have missed it."""
+        """Send the last state again to a client that may have missed it."""
         if self.client is not None and self._datagram:
             self.client.send_datagram(self._datagram)
 

@@ -1,4 +1,6 @@
-"""What a client may set while the arm stands still: thresholds, impedances, tool, load."""
+"""Settings that a client may change while the arm stands still: thresholds,
+impedances, tool, load.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -20,9 +22,10 @@ _LAST_ROW = frozen([0, 0, 0, 1])
 
 @dataclass(frozen=True, slots=True)
 class Thresholds:
-    """Above `contact` the state tells of it, above `collision` a reflex stops the arm.
+    """Collision thresholds: above `contact` the state reports it, above `collision` a reflex stops
+    the arm.
 
-    `accelerating` holds while the commanded velocity changes, `nominal` else; rows are contact
+    `accelerating` holds while the commanded velocity changes, `nominal` otherwise; rows are contact
     and collision: (2, 7) [N m] at the joints, (2, 6) [N, N m] at the tool.
     """
 
@@ -50,7 +53,7 @@ def _start_thresholds() -> Thresholds:
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Everything that a client has set, or what holds before it did."""
+    """All settings of a client, or the defaults."""
 
     thresholds: Thresholds = field(default_factory=_start_thresholds)
     flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
@@ -69,7 +72,7 @@ class Configuration:
 def configure(
     configuration: Configuration, command: Command, payload: bytes
 ) -> tuple[Configuration, Status]:
-    """The configuration after a request to set something, and the status of its reply."""
+    """The configuration after a request to change it, and the status of its reply."""
     if command == Command.SET_GUIDING_MODE:
         allowed = all(flag in (0, 1) for flag in payload)
         return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT

@@ -1,4 +1,4 @@
-"""What the robot feels of the world: forces at the tool, and whether they are a collision."""
+"""External forces at the emulated tool, and the collision check."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -27,7 +27,7 @@ class Contact:
 
     @classmethod
     def felt(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
-        """From a force (3,) [N] on the tool's origin."""
+        """The contact from a force (3,) [N] on the tool's origin."""
         wrench = np.zeros(6)
         wrench[:3] = force
         arm = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
@@ -43,7 +43,7 @@ class Contact:
 
     @property
     def reflex(self) -> Reflex | None:
-        """The error that the thresholds call for."""
+        """The error that the thresholds require, or None."""
         if self.tool_flags[1].any():
             return Reflex.CARTESIAN_REFLEX
         return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None

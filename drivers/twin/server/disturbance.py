@@ -1,4 +1,4 @@
-"""What the fault script does to the robot from tick to tick."""
+"""Execution of the fault script, tick by tick."""
 
 from collections.abc import Iterable, Iterator
 from math import inf
@@ -17,7 +17,7 @@ from drivers.twin.server.robot import Robot
 
 
 class Disturbance:
-    """Faults that wait for their tick, and those that last."""
+    """Pending faults, and those in effect."""
 
     def __init__(self, script: Iterable[Fault]) -> None:
         self._waiting = sorted(script, key=lambda fault: fault.at)
@@ -26,15 +26,15 @@ class Disturbance:
         self._release = inf
 
     def is_nan(self, time: int) -> bool:
-        """Whether the state at robot time [ms] is no number."""
+        """Whether the state at robot time [ms] consists of NaN."""
         return time < self._nan_ends
 
     def add(self, fault: Fault) -> None:
-        """One more fault, at its tick or at once if that has passed."""
+        """Schedule one more fault, at its tick or at once if that has passed."""
         self._waiting = sorted([*self._waiting, fault], key=lambda waiting: waiting.at)
 
     def strike(self, robot: Robot) -> Iterator[Fault]:
-        """Do to the robot what is due; what concerns connections and time is the caller's."""
+        """Apply the faults due to the robot; faults of connections and time are the caller's."""
         self._end(robot)
         while self._waiting and self._waiting[0].at <= robot.ticks:
             fault = self._waiting.pop(0)

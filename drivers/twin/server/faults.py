@@ -1,4 +1,4 @@
-"""The fault script: what goes wrong with the robot, and when."""
+"""The fault script: scheduled faults of the emulated robot."""
 
 from math import inf, isfinite
 from pathlib import Path
@@ -25,7 +25,7 @@ def _pushes(force: tuple[float, float, float]) -> tuple[float, float, float]:
 
 
 class Scripted(Settings):
-    """Strikes at control tick `at`: the count of commands followed since the server began."""
+    """A fault at control tick `at`: the count of commands followed since the server began."""
 
     at: int = Field(ge=0)
 
@@ -38,7 +38,7 @@ class ReflexFault(Scripted):
 
 
 class UserStopFault(Scripted):
-    """Someone presses the user stop, and releases it after `duration` [s] or never."""
+    """The user stop is pressed, and released after `duration` [s] or never."""
 
     kind: Literal["user_stop"]
     duration: float = Field(default=inf, gt=0, allow_inf_nan=True)
@@ -58,7 +58,7 @@ class FreezeFault(Scripted):
 
 
 class NanFault(Scripted):
-    """For `ticks` ticks what the state tells of joints, pose and force is no number."""
+    """For `ticks` ticks the joints, pose and force of the state are NaN."""
 
     kind: Literal["nan"]
     ticks: int = Field(default=1, gt=0)
@@ -73,7 +73,7 @@ class ContactFault(Scripted):
 
 
 class VersionFault(Scripted):
-    """The robot speaks another version: whoever connects from then on is turned away."""
+    """The robot speaks another version: new connections are refused from then on."""
 
     kind: Literal["wrong_version"]
     version: int = Field(default=9, ge=0, le=65535)

@@ -1,4 +1,4 @@
-"""The robot's motion generators: from one command to the posture one tick on, or a violation."""
+"""Motion generators of the emulated robot: the next posture from a command, or a violation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,9 +30,10 @@ Follow = Callable[[Posture, RobotCommand, Array], Posture]
 def follow(
     generator: Generator, old: Posture, command: RobotCommand, tool: Array, first: bool
 ) -> Posture:
-    """The posture one tick on; Violation where the command breaks a limit of the robot.
+    """The posture one tick on, with the tool (4, 4) in the flange's frame.
 
-    `first` says that the motion begins with this command, whose pose must be the arm's own.
+    `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
+    where the command breaks a limit of the robot.
     """
     try:
         new = _FOLLOW[generator](old, command, tool)
@@ -47,13 +48,13 @@ def follow(
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
-    """Whether what the generator reads of a command is made of usable numbers."""
+    """Whether the fields that the generator reads are usable numbers."""
     fits = usable(_READ[generator](command))
     return fits and (command.elbow is None or usable(command.elbow))
 
 
 def extrapolated(old: Posture, message_id: int) -> RobotCommand:
-    """The command that goes on as before, for a tick in which none came."""
+    """The last command continued at constant velocity, for a tick without a command."""
     return RobotCommand(
         message_id,
         old.q + TICK * old.joints.velocity,

@@ -1,4 +1,4 @@
-"""The emulated hand: two fingers that close on what lies between them, one command at a time."""
+"""The emulated hand: two fingers that close on an object, one command at a time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ class Task:
 
 
 class Hand:
-    """Width [m] between the fingers and whether they hold something, stepped each 1 ms.
+    """Width [m] between the fingers and whether they hold something, stepped every 1 ms.
 
-    `between` tells the thickness [m] of what lies between the fingers now, None for nothing.
-    Speeds above FASTEST are cut to it; what the real hand answers then is not known.
+    `between` gives the thickness [m] of the object between the fingers now, None for nothing.
+    Speeds above FASTEST are limited to it; the real hand's answer in that case is not known.
     """
 
     def __init__(self, between: Between) -> None:
@@ -43,7 +43,7 @@ class Hand:
         return self._task is not None
 
     def begin(self, request: HandRequest) -> None:
-        """Take on a command; the one under way is aborted."""
+        """Start a command; the one under way is aborted."""
         self.interrupt()
         if request.command is HandCommand.STOP:
             self._answer(request, HandStatus.SUCCESS)
@@ -54,13 +54,13 @@ class Hand:
             self._task = _task(request)
 
     def interrupt(self) -> None:
-        """Abort what is under way, where the fingers are."""
+        """Abort the command under way, with the fingers where they are."""
         if self._task is not None:
             self._answer(self._task.request, HandStatus.ABORTED)
             self._task = None
 
     def advance(self) -> None:
-        """One millisecond on."""
+        """Advance by one millisecond."""
         if self.is_grasped and self._between() is None:
             self.is_grasped = False
         task = self._task

@@ -1,4 +1,4 @@
-"""The hand's port: requests of the one client, its replies, the states that it gets."""
+"""The hand's port: requests of its one client, replies, states."""
 
 import select
 
@@ -18,7 +18,7 @@ from drivers.twin.server.wire import Malformed
 
 
 class HandPort:
-    """Translates between the wire and the hand; what is no message ends the connection."""
+    """Translates between the wire and the hand; a malformed message ends the connection."""
 
     def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
         self._hand = hand
@@ -26,22 +26,22 @@ class HandPort:
 
     @property
     def client(self) -> Link | None:
-        """Who is connected."""
+        """The connected client, if any."""
         return self._reception.client
 
     def serve(self, descriptor: int) -> None:
-        """Attend to a readable TCP descriptor, if it is one of this port."""
+        """Handle a readable TCP descriptor, if it belongs to this port."""
         if self._reception.serve(descriptor) and not self._listen():
             self._hand.interrupt()
             self._hand.replies.clear()
             self._reception.dismiss(reset=True)
 
     def close(self) -> None:
-        """Hang up on everybody."""
+        """Disconnect everybody."""
         self._reception.close()
 
     def discard(self) -> None:
-        """Read a datagram of the client away: the hand takes none."""
+        """Read and ignore a datagram of the client: the hand takes none."""
         if self.client is not None:
             self.client.receive_datagram()
 

@@ -16,7 +16,7 @@ STATUS = Struct("<H")
 
 
 class HandCommand(IntEnum):
-    """What a client asks of the hand."""
+    """Commands of a client to the hand."""
 
     CONNECT = 0
     HOMING = 1
@@ -53,9 +53,9 @@ class HandRequest:
 
 
 def take_request(buffer: bytearray) -> HandRequest | None:
-    """Remove the first whole request from what was received; None while it is incomplete.
+    """Remove the first whole request from the received bytes; None while it is incomplete.
 
-    Malformed for an unknown command or a size that is not that command's.
+    Raises Malformed for an unknown command or a wrong size.
     """
     if len(buffer) < HEADER.size:
         return None

@@ -1,4 +1,4 @@
-"""What the robot itself enforces on commands, whatever its client checked."""
+"""Limits that the robot itself enforces on commands, whatever its client checked."""
 
 from dataclasses import dataclass, field
 from math import hypot
@@ -18,7 +18,7 @@ SLACK = (
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Names of the errors of one kind of motion: too fast, and two kinds of discontinuity."""
+    """Error names of one kind of motion: velocity limit, and two kinds of discontinuity."""
 
     velocity: Reflex
     acceleration: Reflex
@@ -44,13 +44,13 @@ CARTESIAN_JOINT = Rates(
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Where the tool may be: corners (3,) [m] in the base."""
+    """Allowed box of the tool: corners (3,) [m] in the base."""
 
     low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
     high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
 
     def check(self, pose: Array) -> None:
-        """Violation for a tool pose (4, 4) outside."""
+        """Raises Violation for a tool pose (4, 4) outside the box."""
         place = pose[:3, 3]
         if np.minimum(place - self.low, self.high - place).min() < 0:
             raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
@@ -69,7 +69,7 @@ class Course:
 
 
 def still(axes: int) -> Course:
-    """A course at rest."""
+    """A course of `axes` axes at rest."""
     return Course(np.zeros(axes), np.zeros(axes))
 
 
@@ -77,7 +77,7 @@ def still(axes: int) -> Course:
 
 
 def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
-    """Violation where joints run, accelerate or jerk beyond their limits."""
+    """Raises Violation where joints exceed their velocity, acceleration or jerk limits."""
     if _beyond(new.velocity, _JOINT_VELOCITY):
         raise Violation(rates.velocity)
     if _beyond(new.acceleration, _JOINT_ACCELERATION):
@@ -87,7 +87,7 @@ def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
 
 
 def check_tool_course(old: Course, new: Course) -> None:
-    """Violation where the tool moves, accelerates or jerks beyond its limits."""
+    """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
     change = (new.acceleration - old.acceleration) / TICK
     for values, index, reflex in (
         (new.velocity, 0, CARTESIAN.velocity),
@@ -103,7 +103,7 @@ def check_tool_course(old: Course, new: Course) -> None:
 
 
 def check_elbow_course(old: Course, new: Course) -> None:
-    """Violation where the elbow (1,) swings beyond its limits."""
+    """Raises Violation where the elbow (1,) exceeds its velocity, acceleration or jerk limits."""
     velocity, acceleration = float(new.velocity[0]), float(new.acceleration[0])
     jerk = (acceleration - float(old.acceleration[0])) / TICK
     rates = zip((velocity, acceleration, jerk), limits.ELBOW, strict=True)
@@ -112,7 +112,7 @@ def check_elbow_course(old: Course, new: Course) -> None:
 
 
 def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
-    """Violation for joints (7,) beyond their ends, or faster than they could still brake."""
+    """Raises Violation for joints (7,) beyond their limits, or too fast to brake before them."""
     if limits.margins(q).min() < 0:
         raise Violation(position)
     slowest, fastest = limits.velocity_bounds(q)
@@ -121,7 +121,7 @@ def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> N
 
 
 def check_end(joints: Course, rates: Rates) -> None:
-    """Violation for a motion that is declared finished while it runs."""
+    """Raises Violation for a motion that is declared finished while it is still moving."""
     if _beyond(joints.velocity, _JOINT_STANDSTILL):
         raise Violation(rates.acceleration)
 

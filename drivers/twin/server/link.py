@@ -1,4 +1,4 @@
-"""One client at one port: its TCP connection, and the datagrams that go with it."""
+"""One client at one port: its TCP connection and its UDP socket."""
 
 import socket
 import struct
@@ -29,7 +29,7 @@ class Link:
         return -1 if self._datagrams is None else self._datagrams.fileno()
 
     def read(self) -> bool:
-        """Append what has arrived to `received`; False when the client is gone."""
+        """Append the bytes that have arrived to `received`; False when the client is gone."""
         try:
             content = self._connection.recv(4096)
         except BlockingIOError:
@@ -47,7 +47,7 @@ class Link:
             return False
 
     def open_datagrams(self, address: str, port: int) -> bool:
-        """Exchange datagrams between `address` and the client's `port`; False for no such port."""
+        """Open UDP between `address` and the client's `port`; False for an invalid port."""
         datagrams = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         datagrams.setblocking(False)
         try:
@@ -77,7 +77,9 @@ class Link:
             return None
 
     def close(self, reset: bool = False) -> None:
-        """Hang up; with `reset` at once and audibly, so that nobody waits for an answer."""
+        """Disconnect; with `reset` at once by RST, so that the client does not
+        wait for an answer.
+        """
         if reset:
             self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
         self._connection.close()
@@ -87,7 +89,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Welcome:
-    """A client's wish to connect: whether it is granted, its UDP port, the reply to it."""
+    """Answer to a client's connection request: granted or not, its UDP port, the reply."""
 
     accepted: bool
     port: int
@@ -95,7 +97,7 @@ class Welcome:
 
 
 class Greeting(Protocol):
-    """What a port makes of the first bytes of a client."""
+    """Parser of a client's first bytes."""
 
     def __call__(self, received: bytearray) -> Welcome | None:
-        """Take the request to connect; None while it is incomplete, Malformed for any other."""
+        """Parse the connection request; None while it is incomplete, Malformed for any other."""

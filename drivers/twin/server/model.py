@@ -1,4 +1,4 @@
-"""The robot's description that the server hands out: a self-made URDF of the published numbers."""
+"""The robot's description that the server sends: a URDF from the published numbers."""
 
 from drivers.franka import limits
 from drivers.franka.kinematics import FLANGE, PARAMETERS

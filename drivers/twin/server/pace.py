@@ -8,7 +8,7 @@ LATE = 20 * TICK  # s, after which missed periods are not made up for
 
 
 class Pace:
-    """Deadlines at 1 kHz; nobody else in the server asks for the time."""
+    """Deadlines at 1 kHz; the only user of time in the server."""
 
     def __init__(self) -> None:
         self._deadline = time.monotonic()
@@ -18,7 +18,7 @@ class Pace:
         return self._deadline - time.monotonic()
 
     def passed(self) -> None:
-        """One period is over; after a long delay the next one counts from now."""
+        """Go to the next period; after a long delay it counts from now."""
         now = time.monotonic()
         self._deadline = max(self._deadline, now - LATE) + TICK
 
@@ -28,7 +28,7 @@ class Pace:
 
 
 class Stopwatch:
-    """Tells when a while has passed since it was last set."""
+    """A timer that reports when its duration has passed since the last reset."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
@@ -39,7 +39,7 @@ class Stopwatch:
         self._since = time.monotonic()
 
     def rang(self) -> bool:
-        """Whether the while has passed; if so, it starts again."""
+        """Whether the duration has passed; if so, the timer restarts."""
         if time.monotonic() - self._since < self._seconds:
             return False
         self.reset()

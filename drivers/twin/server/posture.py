@@ -1,4 +1,4 @@
-"""Where the arm stands and how it is commanded to move, at one tick."""
+"""Posture and commanded motion of the emulated arm at one tick."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,10 +13,11 @@ from drivers.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Posture:
-    """Joints and what follows from them, the commanded tool pose, and the rates of all three.
+    """Joints (7,) with the poses that follow from them, the commanded tool pose (4, 4), and the
+    rates of all three.
 
-    The twin's arm stands where it was commanded to; `reached` differs from `pose` by what one
-    Newton step leaves.
+    The twin's arm stands at its commanded joints; `reached` differs from `pose` by the residual of
+    one Newton step.
     """
 
     q: Array  # (7,) rad

@@ -1,4 +1,4 @@
-"""The robot's state as the datagram that tells of it."""
+"""The robot's state as a UDP datagram."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ MEASURED = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_
 
 
 class Publisher:
-    """Writes the robot's state; keeps what changes seldom from one datagram to the next."""
+    """Serialises the robot's state; keeps rarely changing fields between datagrams."""
 
     def __init__(self) -> None:
         self._packet = StatePacket()
@@ -29,9 +29,9 @@ class Publisher:
         self._contact: Contact | None = None
 
     def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
-        """State after the last tick; `rate` is the share of commands that came in time.
+        """State after the last tick; `rate` is the fraction of commands that arrived in time.
 
-        With `is_nan` the measured part of it is no number, as a broken sensor would have it.
+        With `is_nan` its measured part is NaN, as from a broken sensor.
         """
         if robot.configuration is not self._configuration:
             self._put_configuration(robot.configuration)

@@ -1,4 +1,4 @@
-"""The share of commands that came in time, as the robot reports it."""
+"""Fraction of commands that arrived in time, as the robot reports it."""
 
 from collections import deque
 
@@ -18,13 +18,13 @@ class Punctuality:
         return self._in_time / len(self._came) if self._came else 0.0
 
     def count(self, came: bool) -> None:
-        """One more tick, for which a command came in time or did not."""
+        """Record one more tick, with or without a command in time."""
         self._came.append(came)
         self._in_time += came
         if len(self._came) > TICKS:
             self._in_time -= self._came.popleft()
 
     def reset(self) -> None:
-        """No motion."""
+        """Clear the counts at the end of a motion."""
         self._came.clear()
         self._in_time = 0

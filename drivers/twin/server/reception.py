@@ -1,4 +1,4 @@
-"""One port of the robot: many may knock, one client is let in."""
+"""One port of the robot, which accepts one client and refuses others."""
 
 import select
 import socket
@@ -10,10 +10,11 @@ MOST_GUESTS = 8  # connections that have not yet said who they are
 
 
 class Reception:
-    """A listening port, its guests and its one client.
+    """A listening port, its pending connections and its one client.
 
-    Whoever connects without asking to is a guest: it holds nothing up, and the eldest makes room.
-    A second client is refused by a reset, so that its library does not wait for a reply.
+    A connection without a request stays pending: it blocks nothing, and the oldest is dropped when
+    there are too many. A second client is refused by a reset, so that its library does not wait for
+    a reply.
     """
 
     def __init__(self, address: str, port: int, poll: select.epoll, greeting: Greeting) -> None:
@@ -32,7 +33,7 @@ class Reception:
         poll.register(self._listener, select.EPOLLIN)
 
     def serve(self, descriptor: int) -> bool:
-        """Attend to a readable descriptor; False unless it is the client's own connection."""
+        """Handle a readable descriptor; False unless it is the client's own connection."""
         if descriptor == self._listener.fileno():
             while self._accept():
                 continue
@@ -41,7 +42,7 @@ class Reception:
         return self.client is not None and descriptor == self.client.fileno()
 
     def dismiss(self, reset: bool = False) -> None:
-        """Hang up on the client."""
+        """Disconnect the client."""
         if self.client is not None:
             self._poll.unregister(self.client.fileno())
             self._poll.unregister(self.client.datagram_fileno)
@@ -49,7 +50,7 @@ class Reception:
             self.client = None
 
     def close(self) -> None:
-        """Hang up on everybody and stop listening."""
+        """Disconnect everybody and stop listening."""
         self.dismiss()
         for guest in list(self._guests.values()):
             self._turn_away(guest)

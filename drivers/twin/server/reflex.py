@@ -1,6 +1,6 @@
-"""What the robot reports as errors, by the place of their flag in the state.
+"""Errors that the robot reports, by the index of their flag in the state.
 
-The order is what pylibfranka and franka-rs read from each flag; it is not that of the public
+The order is the one in which pylibfranka and franka-rs read the flags; it is not that of the public
 header errors.h.
 """
 
@@ -54,7 +54,7 @@ class Reflex(IntEnum):
 
 
 class Violation(Exception):
-    """A command that the robot does not follow, and the error that it reports instead."""
+    """A command that the robot does not follow, with the error that it reports instead."""
 
     def __init__(self, reflex: Reflex) -> None:
         super().__init__(reflex.name.lower())

@@ -1,6 +1,6 @@
-"""The emulated robot: modes, one motion at a time, reflexes, stops, recovery. No sockets, no time.
+"""The emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets, no time.
 
-It is stepped in control periods of 1 ms. Its caller asks for motions and settings and takes the
+It is stepped in control periods of 1 ms. Its caller requests motions and settings and collects the
 late replies, those that only the end of a motion gives.
 """
 
@@ -37,7 +37,7 @@ PATIENCE = 20  # ticks in a row without a command
 
 
 class Surroundings(Protocol):
-    """The world that the robot works in, as far as the robot feels it."""
+    """The world of the robot, as forces on its tool."""
 
     def force(self, tip: Array, time: float) -> Array:
         """Force (3,) [N] in the base on the tool at pose `tip` (4, 4), robot time [s]."""
@@ -45,7 +45,7 @@ class Surroundings(Protocol):
 
 @dataclass(slots=True)
 class Motion:
-    """A motion under way; `command_id` is what its last reply quotes."""
+    """A motion under way; its last reply carries `command_id`."""
 
     command_id: int
     generator: Generator
@@ -89,7 +89,7 @@ class Robot:
         return self.motion is not None and not self.motion.stopping
 
     def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
-        """Begin a motion, or say why not."""
+        """Begin a motion, or return why not."""
         if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
             return MoveStatus.NOT_POSSIBLE
         if not _valid(request):
@@ -105,13 +105,13 @@ class Robot:
         return MoveStatus.MOTION_STARTED
 
     def stop(self, command_id: int) -> None:
-        """Brake; the reply is late, when the arm stands."""
+        """Brake; the reply comes when the arm stands still."""
         self.waiting.append(Late(Command.STOP_MOVE, command_id, Status.SUCCESS))
         if self.motion is not None:
             self.motion.stopping = True
 
     def set(self, request: Request) -> Status:
-        """Change what SETTERS name; only while the arm is idle."""
+        """Change a setting named in SETTERS; only while the arm is idle."""
         if request.command not in SETTERS or self.mode is not Mode.IDLE:
             return Status.NOT_POSSIBLE
         old = self.configuration
@@ -121,7 +121,7 @@ class Robot:
         return status
 
     def recover(self, command_id: int) -> Status | None:
-        """Leave a reflex once the arm stands, with a late reply.
+        """Recover from a reflex once the arm stands still, with a late reply.
 
         Not possible in motion or while the user stop is pressed.
         """
@@ -131,7 +131,7 @@ class Robot:
         return None
 
     def reflex(self, error: Reflex) -> None:
-        """Abort what is under way and brake; only recovery lets the arm move again."""
+        """Abort the motion and brake; only recovery lets the arm move again."""
         if self.mode is Mode.USER_STOPPED:
             return
         self._finish(MoveStatus.REFLEX_ABORTED)
@@ -139,7 +139,7 @@ class Robot:
         self.errors = self.reasons = frozenset({error})
 
     def press_user_stop(self) -> None:
-        """Abort what is under way and brake until the stop is released."""
+        """Abort the motion and brake until the stop is released."""
         self._finish(MoveStatus.EMERGENCY_ABORTED)
         self.mode = Mode.USER_STOPPED
 
@@ -149,7 +149,7 @@ class Robot:
             self.mode = Mode.REFLEX if self.errors else Mode.IDLE
 
     def abandon(self) -> None:
-        """The client is gone: brake, answer nobody."""
+        """Brake after the client has disconnected, without replies."""
         self._finish(MoveStatus.ABORTED)
         self.late.clear()
         self.waiting.clear()
@@ -181,7 +181,7 @@ class Robot:
             self._answer()
 
     def miss(self) -> None:
-        """No command came in time: go on as before, for PATIENCE ticks at most."""
+        """Extrapolate the last command for a missing one, for PATIENCE ticks at most."""
         motion = self.motion
         if motion is None or not motion.started:
             return
@@ -192,7 +192,7 @@ class Robot:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
 
     def rest(self) -> None:
-        """One tick without commands: brake what moves, answer once the arm stands."""
+        """One tick without commands: brake a moving arm, reply once it stands still."""
         if not self.moving:
             self._brake()
         self._feel()
@@ -217,7 +217,7 @@ class Robot:
             self.reflex(self.contact.reflex)
 
     def _finish(self, status: MoveStatus) -> None:
-        """No motion any more; its last reply comes before others that wait for the arm."""
+        """End the motion; its last reply comes before others that wait for the arm."""
         if self.motion is not None:
             self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
             self.motion, self.mode = None, Mode.IDLE

@@ -1,8 +1,11 @@
-"""The robot on the network: one loop over its ports, in lock-step or by the wall clock."""
+"""The emulated robot on the network: one event loop over its ports, in
+lock-step or by the wall clock.
+"""
 
 import select
 import socket
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from threading import Thread
 from typing import Self
 
@@ -29,10 +32,10 @@ OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
 class RobotServer:
     """Arm and hand at `address`, for one client each.
 
-    `start` (7,) [rad] are the joints to begin with, `surroundings` and `between` what arm and hand
-    feel of the world, `faults` what goes wrong; `on_command` sees every command that is followed.
-    Listens from its construction on; serves between `start` and `close`, or inside a `with`, in a
-    thread, or in the caller's by `serve`.
+    `start` (7,) [rad] are the initial joints, `surroundings` and `between` the forces on the arm
+    and the object in the hand, `faults` the scheduled faults; `on_command` is called with every
+    command that is followed. Listens from its construction on; serves between `start` and `close`,
+    or inside a `with`, in a thread, or in the caller's by `serve`.
     """
 
     def __init__(
@@ -75,9 +78,9 @@ class RobotServer:
         return self
 
     def close(self) -> None:
-        """Hang up on everybody and free the address; harmless when repeated."""
+        """Disconnect everybody and free the address; harmless when repeated."""
         self._stopping = True
-        if self._bell.fileno() >= 0:
+        with suppress(OSError):  # it has hung up by itself
             self._bell.send(b"!")
         if self._thread is not None:
             self._thread.join()
@@ -92,7 +95,7 @@ class RobotServer:
         self.close()
 
     def inject(self, fault: Fault) -> None:
-        """One more fault for the script, at its tick or at the next."""
+        """Add one more fault to the script, at its tick or at the next."""
         self._disturbance.add(fault)
         self._bell.send(b"!")
 
@@ -132,7 +135,7 @@ class RobotServer:
             self._wait_for_period()
 
     def _idle(self) -> bool:
-        """Whether nobody listens and nothing moves."""
+        """Whether no client is connected and nothing moves."""
         alone = self._arm.client is None and self._hand_port.client is None
         return alone and self.robot.posture.at_rest and not self.hand.moving
 
@@ -188,7 +191,7 @@ class RobotServer:
         self.robot.step(command)
 
     def _advance(self) -> None:
-        """One millisecond of robot time is over: the hand moves, faults strike, states go out."""
+        """One millisecond of robot time has passed: step the hand, apply faults, send states."""
         robot = self.robot
         self._strike()
         robot.time += 1
@@ -216,9 +219,9 @@ class RobotServer:
             self._pace.restart()
 
     def _attend(self, seconds: float | None) -> bool:
-        """Wait for `seconds` at most, then attend to TCP; whether anything came.
+        """Wait for `seconds` at most, then handle TCP; returns whether anything came.
 
-        The hand is heard before the arm, so that a command for it counts from the same tick.
+        The hand is handled before the arm, so that a command for it counts from the same tick.
         """
         if seconds is not None and seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds

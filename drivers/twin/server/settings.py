@@ -1,4 +1,4 @@
-"""What a server of the twin is told when it starts."""
+"""Settings of the twin's server."""
 
 from ipaddress import IPv4Address
 from typing import Annotated
@@ -13,11 +13,11 @@ def _address(text: str) -> str:
 
 
 class ServerSettings(Settings):
-    """Where the server listens and whose clock the robot follows.
+    """Address of the server and the clock that the robot follows.
 
-    Without an `address` it takes a free one of its own on the loopback, because the clients fix
-    the ports. In `lock_step` a motion advances one control period for each command; otherwise it
-    runs by the wall clock, where a command that is late is missed.
+    Without an `address` it takes a free one on the loopback, because the clients fix the ports. In
+    `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
+    clock, where a late command counts as missed.
     """
 
     address: Annotated[str, AfterValidator(_address)] | None = None

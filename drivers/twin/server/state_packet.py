@@ -1,4 +1,4 @@
-"""The state that the arm sends over UDP: 1377 bytes, of which most are float32."""
+"""The arm's state datagram over UDP: 1377 bytes, most of them float32."""
 
 from struct import Struct, pack_into
 
@@ -79,20 +79,20 @@ class StatePacket:
         self.fields[name][:] = matrix.T.ravel()
 
     def put_modes(self, generator: Generator, controller: Controller, mode: Mode) -> None:
-        """Write what is commanded, by which controller it is followed, what the robot does."""
+        """Write the motion generator, the controller and the robot mode."""
         self._bytes[_TAIL] = generator
         self._bytes[_TAIL + 1] = controller
         self._bytes[_MODE] = mode
 
     def put_errors(self, errors: frozenset[Reflex], reasons: frozenset[Reflex]) -> None:
-        """Write the errors of now, and those that ended the last motion."""
+        """Write the current errors, and those that ended the last motion."""
         for start, flags in ((_ERRORS, errors), (_REASONS, reasons)):
             self._bytes[start : start + FLAGS] = bytes(FLAGS)
             for flag in flags:
                 self._bytes[start + flag] = 1
 
     def sealed(self, message_id: int, success_rate: float) -> bytes:
-        """The datagram with robot time [ms] and the share of commands that came in time."""
+        """The datagram with robot time [ms] and the fraction of commands that arrived in time."""
         pack_into("<Q", self._bytes, 0, message_id)
         pack_into("<f", self._bytes, _MODE + 1, success_rate)
         return bytes(self._bytes)

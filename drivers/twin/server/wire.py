@@ -20,7 +20,7 @@ LARGEST = 1e6  # in any unit; nothing that an arm is told is near it
 
 
 class Command(IntEnum):
-    """What a client asks for over TCP."""
+    """Commands of a client over TCP."""
 
     CONNECT = 0
     MOVE = 1
@@ -76,7 +76,7 @@ class MoveStatus(IntEnum):
 
 
 class Generator(IntEnum):
-    """What a client commands, as the state tells it; a request counts from one less."""
+    """Motion generators as numbered in the state; a request numbers them from one less."""
 
     IDLE = 0
     JOINT_POSITION = 1
@@ -96,7 +96,7 @@ class Controller(IntEnum):
 
 
 class Mode(IntEnum):
-    """What the robot as a whole is doing."""
+    """Modes of the robot."""
 
     OTHER = 0
     IDLE = 1
@@ -108,12 +108,12 @@ class Mode(IntEnum):
 
 
 class Malformed(Exception):
-    """Bytes that are no message of the protocol; the connection they came by is not kept."""
+    """Bytes that are not a message of the protocol; the connection is closed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request over TCP: what, its id, its payload of the length that PAYLOAD tells."""
+    """One request over TCP: command, id, payload of the length given in PAYLOAD."""
 
     command: Command
     command_id: int
@@ -150,7 +150,7 @@ class RobotCommand:
 
     @classmethod
     def read(cls, packet: bytes) -> Self:
-        """One datagram (371 bytes); Malformed for any other length."""
+        """One command from a datagram (371 bytes); raises Malformed for any other length."""
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
         message_id, *values = COMMAND.unpack(packet)
@@ -167,14 +167,14 @@ class RobotCommand:
 
 
 def usable(numbers: Array | tuple[float, ...]) -> bool:
-    """Whether numbers are finite and small enough to be computed with."""
+    """Whether numbers, of any shape, are finite and within LARGEST."""
     return bool(np.abs(numbers).max() < LARGEST)
 
 
 def take_request(buffer: bytearray) -> Request | None:
-    """Remove the first whole request from what was received; None while it is incomplete.
+    """Remove the first whole request from the received bytes; None while it is incomplete.
 
-    Malformed for an unknown command or a size that is not that command's.
+    Raises Malformed for an unknown command or a wrong size.
     """
     if len(buffer) < HEADER.size:
         return None

@@ -128,11 +128,12 @@ def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) 
     assert not (tmp_path / "r").exists()
 
 
-def test_drivers_of_later_versions_are_refused(monkeypatch, capsys, tmp_path) -> None:
+def test_real_camera_that_no_file_describes_is_refused(monkeypatch, capsys, tmp_path) -> None:
+    camera = ("--camera", "v4l2")
     line = refused(
-        monkeypatch, capsys, "fold", "--strip", "denim", "--arm", "fci", "--runs", tmp_path / "r"
+        monkeypatch, capsys, "fold", "--strip", "denim", *camera, "--runs", tmp_path / "r"
     )
-    assert "fci" in line
+    assert "camera" in line
     assert not (tmp_path / "r").exists()
 
 

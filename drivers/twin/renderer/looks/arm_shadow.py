@@ -1,4 +1,4 @@
-"""One strong lamp beside the camera."""
+"""Look: one strong lamp beside the camera, so that the arm casts a shadow."""
 
 from drivers.twin.renderer.looks.blue_mat import ROOM
 from drivers.twin.renderer.looks.look import Lamp, Look

@@ -1,4 +1,4 @@
-"""A work place with an antistatic mat: what preflight asks for where a strip is grey."""
+"""Look: a blue antistatic mat, which preflight asks for where a strip is grey."""
 
 from drivers.twin.renderer.looks.look import Look
 

@@ -1,4 +1,4 @@
-"""A checked strip."""
+"""Look: a chequered strip."""
 
 from drivers.twin.renderer.looks.blue_mat import ROOM
 from drivers.twin.renderer.looks.look import Look, Pattern

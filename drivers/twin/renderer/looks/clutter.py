@@ -1,4 +1,6 @@
-"""A bench in use: boxes, cables and edges of tools at different depths behind the strip."""
+"""Look: a bench in use, with boxes, cables and edges of tools at different
+depths behind the strip.
+"""
 
 from drivers.twin.renderer.looks.look import Box, Cable, Look, Thing
 

@@ -1,4 +1,4 @@
-"""A dark strip on a dark desk."""
+"""Look: a dark strip on a dark desk."""
 
 from drivers.twin.renderer.looks.look import Look, Pattern
 

@@ -1,4 +1,4 @@
-"""A lamp on the mains of 50 Hz, seen by a rolling shutter."""
+"""Look: a lamp on 50 Hz mains, seen by a rolling shutter."""
 
 from drivers.twin.renderer.looks.blue_mat import ROOM
 from drivers.twin.renderer.looks.look import Flicker, Look

@@ -1,4 +1,4 @@
-"""The cell as it is by default."""
+"""Look: the default cell with a green mat."""
 
 from drivers.twin.renderer.looks.look import Look
 

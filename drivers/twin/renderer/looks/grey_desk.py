@@ -1,4 +1,4 @@
-"""A bare desk, as in most laboratories."""
+"""Look: a bare grey desk, as in most laboratories."""
 
 from drivers.twin.renderer.looks.look import Look
 

@@ -35,9 +35,9 @@ Thing = Box | Cable
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A lamp at `place` [m] that throws the arm's shadow; `size` [m] is its radius.
+    """A lamp at `place` [m] that casts the arm's shadow; `size` [m] is its radius.
 
-    `share` is how much of the light at the desk comes from it.
+    `share` is its fraction of the light at the desk.
     """
 
     place: Point
@@ -86,9 +86,11 @@ UNIFORM = Pattern()
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One look: what it `says` to the operator and what differs from the plain green cell.
+    """One look: the sentence that it `says` to the operator and its differences from the plain
+    green cell.
 
-    `colours` are sRGB by key of the twin's surroundings; `things` stand still about the strip.
+    `colours` are sRGB by key of the twin's surroundings; `things` are static objects around the
+    strip.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""A strip with stripes across it."""
+"""Look: a strip with stripes across it."""
 
 from drivers.twin.renderer.looks.blue_mat import ROOM
 from drivers.twin.renderer.looks.look import Look, Pattern

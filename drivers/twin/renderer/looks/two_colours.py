@@ -1,4 +1,4 @@
-"""A strip sewn of two fabrics."""
+"""Look: a strip sewn from two fabrics."""
 
 from drivers.twin.renderer.looks.blue_mat import ROOM
 from drivers.twin.renderer.looks.look import Look, Pattern

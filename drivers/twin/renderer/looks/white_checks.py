@@ -1,4 +1,4 @@
-"""A strip that is partly as white as the wall behind it."""
+"""Look: a strip that is partly as white as the wall behind it."""
 
 from drivers.twin.renderer.looks.grey_desk import ROOM
 from drivers.twin.renderer.looks.look import Look, Pattern

@@ -1,4 +1,4 @@
-"""All at once, as in a workshop."""
+"""Look: clutter, shadow and flicker together, as in a workshop."""
 
 from drivers.twin.renderer.looks.arm_shadow import LAMP
 from drivers.twin.renderer.looks.clutter import BENCH, THINGS

@@ -1,4 +1,4 @@
-"""A twin's clock that keeps step with the wall, for a twin beside a real device."""
+"""A twin's clock that keeps step with the wall clock, for a twin beside a real device."""
 
 import math
 import threading
@@ -9,13 +9,13 @@ from drivers.twin.clock import TwinClock
 NEAR = 0.002  # s that the world may be behind the wall
 
 
-class PacedClock:
+class RealTimeClock:
     """Satisfies `drivers.protocols.Clock`: time is the wall's, and the twin's world follows it.
 
-    The wall begins to count at the first use, so that what is made before it costs no time. A
-    caller that comes late finds the world at the present, as with a real arm. A world that is
-    slower than the wall falls behind `now`, and the arm's states with it, which their monitor
-    sees.
+    Its readers may be threads; the twin's own devices read `twin`, so that their stamps say how
+    far the world has come. The wall clock starts at the first use, so that construction time does
+    not count. A late caller finds the world at the present, as with a real arm. A world that is
+    slower than the wall falls behind `now`, and so do the arm's stamps, which a monitor checks.
     """
 
     def __init__(self, twin: TwinClock) -> None:
@@ -29,7 +29,7 @@ class PacedClock:
         return self._start + self._running().now()
 
     def wait_until(self, time: float) -> None:
-        """Sleep until `time` [s], then let the twin's world go on to the present."""
+        """Sleep until `time` [s], then advance the twin's world to the present."""
         self._running().wait_until(time - self._start)
         self._twin.wait_until(time)
         behind = math.inf
