@@ -1,6 +1,6 @@
 """The devices of a cell, as the orchestrator drives them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,7 +35,8 @@ class CalibrationAids(Protocol):
 class Devices:
     """What the orchestrator drives. `camera_identity` is what a calibration must belong to.
 
-    `others` is what else has to be let go in the end.
+    `others` is what else has to be let go in the end; `arm_timing` tells, once it is, how evenly
+    the states of an arm came whose time runs by itself.
     """
 
     clock: Clock
@@ -46,6 +47,7 @@ class Devices:
     aids: CalibrationAids | None
     plant: "Plant | None"
     others: tuple[Closable, ...] = ()
+    arm_timing: Callable[[], Mapping[str, Any]] = dict
 
     def connect(self) -> None:
         """Take hold of arm and camera."""

@@ -77,6 +77,7 @@ def fci_devices(
         aids=None,
         plant=TwinPlant(desk, plant),
         others=tuple(others),
+        arm_timing=lambda: arm.timing,
     )
 
 

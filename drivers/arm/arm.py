@@ -101,7 +101,9 @@ class FciArm:
     @property
     def timing(self) -> dict[str, object]:
         """How evenly the robot's states came, once it is closed; empty in lock-step."""
-        return {} if self._bridge is None else self._bridge.timing
+        if self._bridge is None or self._bridge.lock_step:
+            return {}
+        return self._bridge.timing
 
     def _caught_up(self) -> Bridge:
         """The bridge, with the robot at the clock's time."""
