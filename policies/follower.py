@@ -82,9 +82,7 @@ class PathPolicy:
         self._follower: Follower | None = None
 
     def path(self, length: float) -> Path:
-        """The whole path for a strip of `length` [m]; raises
-        NotImplementedError unless overridden.
-        """
+        """The whole path for a strip of `length` [m]; NotImplementedError unless overridden."""
         raise NotImplementedError
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:

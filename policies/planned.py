@@ -5,6 +5,7 @@ the rod before the fold.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
@@ -113,8 +114,11 @@ def plan(strips: Sequence[StripFile], speed: float) -> Array:
     d = _displacements(strips, motions, coarse)
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
-    fine = (np.round(_zeros(coarse, d))[:, None] + FINE).astype(int)
-    return _zeros(fine, _displacements(strips, motions, fine)) * STEP * length
+    rough = _zeros(coarse, d)
+    fine = (np.round(rough)[:, None] + FINE).astype(int)
+    close = _displacements(strips, motions, fine)
+    found = np.where(_bracketed(close), _zeros(fine, close), rough)
+    return found * STEP * length
 
 
 class Motions:
@@ -137,20 +141,20 @@ class Motions:
 
     def _work_out(self, steps: list[int]) -> None:
         length = self._strip.length
-        tape = _Tape()
+        recorder = _PoseRecorder()
         roll_out(
             Paths([raised(length, step * STEP * length) for step in steps]),
-            tape,
+            recorder,
             self._strip,
             [describe(self._strip)] * len(steps),
             settings=self._settings,
             rng=np.random.default_rng(0),
         )
-        self.dt = tape.dt
-        self._known |= {step: tape.poses[:, i] for i, step in enumerate(steps)}
+        self.dt = recorder.dt
+        self._known |= {step: recorder.poses[:, i] for i, step in enumerate(steps)}
 
 
-class _Tape:
+class _PoseRecorder:
     """An engine without strips that records the grippers' poses."""
 
     def __init__(self) -> None:
@@ -194,6 +198,13 @@ def _check(strip: StripFile, d: Array) -> None:
             f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
             f"least |d| {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another policy"
         )
+
+
+def _bracketed(d: Array) -> NDArray[np.bool_]:
+    """Which rows of the displacements `d` (n, m) hold both signs: beside the zero that the far ones
+    promised, those of the close rises say nothing.
+    """
+    return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
 def _zeros(steps: Array, d: Array) -> Array:

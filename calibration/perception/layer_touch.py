@@ -40,13 +40,13 @@ class LayerTouch:
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
-    def tell(self, sight: StripMeasurement, gripper: Pose) -> SeenTouch | None:
+    def tell(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
         """The touch, from the frame that completes the evidence on, else None.
 
         `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
         """
         if self._touch is None:
-            fall = _fall(sight, gripper)
+            fall = _fall(measurement, gripper)
             if fall is not None and self._follows(fall):
                 self._falls = [*self._falls, fall][-self._settings.touch_frames :]
                 self._touch = self._judged()
@@ -91,23 +91,23 @@ class LayerTouch:
         return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
 
 
-def _fall(sight: StripMeasurement, gripper: Pose) -> Fall | None:
+def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
     """The falling fold in one measurement, or None where no gap is seen."""
-    if not np.isfinite(sight.gap) or len(sight.profile) < 4:
+    if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
         return None
-    points = np.vstack([sight.profile, [(gripper.x, gripper.z)]])
+    points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
     steps = np.hypot(*np.diff(points, axis=0).T)
     remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
     tip = int(np.argmax(points[:, 0]))
     upper = points[tip:]
-    past = np.flatnonzero(upper[:, 0] <= sight.gap_x)
+    past = np.flatnonzero(upper[:, 0] <= measurement.gap_x)
     if len(past) == 0 or past[0] == 0:
         return None
     j = tip + int(past[0])
     ahead, behind = points[j - 1, 0], points[j, 0]
-    share = (ahead - sight.gap_x) / (ahead - behind)
+    share = (ahead - measurement.gap_x) / (ahead - behind)
     l1 = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
-    return Fall(sight.stamp, sight.gap, sight.gap_x, float(l1))
+    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(l1))
 
 
 def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:

@@ -52,11 +52,11 @@ def benchmark(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    asked = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
+    spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
     meter = Meter(Console(stderr=True))
     try:
         results = measure(
-            asked, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
+            spec, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
         )
     except KeyboardInterrupt:
         sys.stderr.write(

@@ -198,15 +198,15 @@ def each_of(
     Once `interrupted`, the folds under way stop under control and no other begins; after a
     KeyboardInterrupt they stop at once.
     """
-    team = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
+    pool = WorkerPool([Worker() for _ in range(min(jobs, len(wanted)))], wanted, calibration)
     try:
         for number in range(len(wanted)):
-            result = team.result(number, interrupted)
+            result = pool.result(number, interrupted)
             if result is None:
                 return
             yield result
     finally:
-        team.close()
+        pool.close()
 
 
 class WorkerPool:

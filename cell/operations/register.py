@@ -54,7 +54,10 @@ def mounting_from(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Put `mounting` into cell.yaml, the old one kept as a comment; the file, checked."""
+    """Put `mounting` into cell.yaml, the old one kept as a comment; returns the file, checked.
+
+    Raises ConfigurationError where the file has no such line.
+    """
     path = configs.folder / "cell.yaml"
     text = path.read_text(encoding="utf-8")
     found = LINE.search(text)

@@ -108,8 +108,8 @@ def _look_again(
         _check_size(run, frame, calibration)
         row = recorded.get(frame.sequence)
         if row is not None:
-            sight = perception.look(frame, _gripper(run, float(sights.stamp[row])))
-            differences.extend(_differences(sight, sights, row))
+            measurement = perception.look(frame, _gripper(run, float(sights.stamp[row])))
+            differences.extend(_differences(measurement, sights, row))
             images += 1
     return images, differences
 
@@ -123,13 +123,17 @@ def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
         )
 
 
-def _differences(sight: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
-    now = {"contact_x": sight.contact_x, "tip_x": sight.tip[0], "tip_z": sight.tip[1]}
-    now |= {"gap": sight.gap, "gap_x": sight.gap_x}
+def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
+    now = {
+        "contact_x": measurement.contact_x,
+        "tip_x": measurement.tip[0],
+        "tip_z": measurement.tip[1],
+    }
+    now |= {"gap": measurement.gap, "gap_x": measurement.gap_x}
     for name, value in now.items():
         then = float(getattr(sights, name)[row])
         if not np.isclose(value, then, rtol=0, atol=SAME, equal_nan=True):
-            yield f"image {sight.sequence}: {name} was {then:.6f}, is {value:.6f} m"
+            yield f"image {measurement.sequence}: {name} was {then:.6f}, is {value:.6f} m"
 
 
 def _other_decisions(

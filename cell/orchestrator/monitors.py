@@ -95,8 +95,8 @@ def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
 
 def _tracking(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
-    seen, asked = snapshot.arm.pose, snapshot.arm.commanded
-    error = float(np.hypot(seen.x - asked.x, seen.z - asked.z))
+    measured, commanded = snapshot.arm.pose, snapshot.arm.commanded
+    error = float(np.hypot(measured.x - commanded.x, measured.z - commanded.z))
     if error <= limits.tracking_error:
         return None
     return (

@@ -31,7 +31,7 @@ class Record(Protocol):
         """One cycle of the control loop that took `cost` [s] to compute."""
         ...
 
-    def sight(self, sight: StripMeasurement) -> None:
+    def sight(self, measurement: StripMeasurement) -> None:
         """The measurement from one image."""
         ...
 
@@ -82,10 +82,10 @@ class Recorder:
         row = Tick.of(snapshot.arm, snapshot.state, cost)
         self._writer.tick(replace(row, t=row.t - self._origin))
 
-    def sight(self, sight: StripMeasurement) -> None:
+    def sight(self, measurement: StripMeasurement) -> None:
         """Add the measurement from one image."""
-        if self._origin is not None and sight.stamp >= self._origin:
-            self._writer.sight(replace(sight, stamp=sight.stamp - self._origin))
+        if self._origin is not None and measurement.stamp >= self._origin:
+            self._writer.sight(replace(measurement, stamp=measurement.stamp - self._origin))
 
     def frame(self, frame: Frame) -> None:
         """Add an image that perception processed."""
@@ -139,7 +139,7 @@ class NullRecorder:
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Discards."""
 
-    def sight(self, sight: StripMeasurement) -> None:
+    def sight(self, measurement: StripMeasurement) -> None:
         """Discards."""
 
     def frame(self, frame: Frame) -> None:

@@ -87,14 +87,14 @@ class RunWriter:
         with self._recording():
             self._ticks.append({**row, "image_age": tick.t - self._newest})
 
-    def sight(self, sight: StripMeasurement) -> None:
+    def sight(self, measurement: StripMeasurement) -> None:
         """Add the measurement from one image."""
-        row = {name: getattr(sight, name) for name in ("stamp", "sequence", "contact_x")}
-        row |= {name: getattr(sight, name) for name in ("gap", "gap_x", "contact_confidence")}
-        row |= {"profile_confidence": sight.profile_confidence}
-        row |= {"tip_x": sight.tip[0], "tip_z": sight.tip[1]}
-        row |= {"profile_x": sight.profile[:, 0], "profile_z": sight.profile[:, 1]}
-        self._newest = sight.stamp
+        row = {name: getattr(measurement, name) for name in ("stamp", "sequence", "contact_x")}
+        row |= {name: getattr(measurement, name) for name in ("gap", "gap_x", "contact_confidence")}
+        row |= {"profile_confidence": measurement.profile_confidence}
+        row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
+        row |= {"profile_x": measurement.profile[:, 0], "profile_z": measurement.profile[:, 1]}
+        self._newest = measurement.stamp
         with self._recording():
             self._sights.append(row)
 

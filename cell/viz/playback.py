@@ -15,7 +15,7 @@ from drivers.types import Array, Frame, Image
 @dataclass(frozen=True, slots=True)
 class TickView:
     """One tick: `clock` [s], `t` since the lift began [s] (NaN before), gripper `pose` (3,);
-    `sight` and `image` only when they are new.
+    `measurement` and `image` only when they are new.
     """
 
     clock: float
@@ -23,7 +23,7 @@ class TickView:
     tick: int
     state: str
     pose: Array
-    sight: StripMeasurement | None = None
+    measurement: StripMeasurement | None = None
     image: Image | None = None
 
 
@@ -61,7 +61,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
 
 def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     frames, sights = run.frames(), iter(_sights(run))
-    frame, sight = next(frames, None), next(sights, None)
+    frame, measurement = next(frames, None), next(sights, None)
     still = np.full(3, np.nan)
     while frame is not None and frame.stamp < 0:
         yield TickView(frame.stamp + origin, np.nan, 0, "", still, image=frame.image)
@@ -71,8 +71,8 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     for row, t in enumerate(ticks.t):
         seen: StripMeasurement | None = None
         shown: Frame | None = None
-        while sight is not None and sight.stamp <= t:
-            seen, sight = sight, next(sights, None)
+        while measurement is not None and measurement.stamp <= t:
+            seen, measurement = measurement, next(sights, None)
         while frame is not None and frame.stamp <= t:
             shown, frame = frame, next(frames, None)
         yield TickView(
@@ -81,7 +81,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             tick=row,
             state=ticks.state[row] if ticks.state else "",
             pose=poses[row],
-            sight=seen,
+            measurement=seen,
             image=None if shown is None else shown.image,
         )
 

@@ -172,9 +172,9 @@ class Screen:
             self._state = (item.state, started)
             self._to.log("cell/state", rr.StateChange(state=item.state))
         if item.image is not None:
-            self._picture(item.image, item.sight)
-        if started and item.sight is not None:
-            self._sight(item, item.sight)
+            self._picture(item.image, item.measurement)
+        if started and item.measurement is not None:
+            self._measurement(item, item.measurement)
         if started:
             self._motion(item)
 
@@ -213,22 +213,24 @@ class Screen:
         if isinstance(item, TickView):
             self._to.set_time("tick", sequence=item.tick)
 
-    def _sight(self, moment: TickView, sight: StripMeasurement) -> None:
-        self._seen.append((moment.t, moment.tick, [sight.contact_x, *sight.tip, sight.gap]))
-        self._to.log("strip/measured", _curve(sight.profile, SEEN, 0.002))
+    def _measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
+        self._seen.append(
+            (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
+        )
+        self._to.log("strip/measured", _curve(measurement.profile, SEEN, 0.002))
 
-    def _picture(self, image: Image, sight: StripMeasurement | None) -> None:
+    def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
         """An image, and the measurement from it."""
         self._to.log("camera/image", jpeg(image))
-        if sight is None or self._calibration is None:
+        if measurement is None or self._calibration is None:
             self._to.log("camera/overlay", rr.Clear(recursive=True))
         else:
-            self._overlay(sight, self._calibration)
+            self._overlay(measurement, self._calibration)
 
-    def _overlay(self, sight: StripMeasurement, calibration: Calibration) -> None:
-        pixels = calibration.to_image(sight.profile)
+    def _overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
+        pixels = calibration.to_image(measurement.profile)
         self._to.log("camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN, radii=1.5))
-        marks = np.array([(sight.contact_x, 0.0), sight.tip])
+        marks = np.array([(measurement.contact_x, 0.0), measurement.tip])
         seen = np.isfinite(marks).all(axis=1)
         colours = np.array([CONTACT, TIP], dtype=np.uint32)[seen]
         points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)

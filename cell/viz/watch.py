@@ -57,11 +57,11 @@ class Viz:
 
     def see(self, snapshot: Snapshot) -> None:
         """Queue one tick."""
-        sight = snapshot.view.measurement
-        if sight is not None and sight.sequence == self._sequence:
-            sight = None
-        if sight is not None:
-            self._sequence = sight.sequence
+        measurement = snapshot.view.measurement
+        if measurement is not None and measurement.sequence == self._sequence:
+            measurement = None
+        if measurement is not None:
+            self._sequence = measurement.sequence
         self._ticks += 1
         self._put(
             TickView(
@@ -70,7 +70,7 @@ class Viz:
                 tick=self._ticks,
                 state=str(snapshot.state),
                 pose=snapshot.arm.pose.as_array(),
-                sight=sight,
+                measurement=measurement,
                 image=self._image(snapshot),
             )
         )

@@ -24,10 +24,10 @@ SLOW = 0.02  # m/s, of the level motion
 LEARNED = "feedback"  # the policy that the paper's figures of paths are about
 
 
-def order(asked: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
-    """All parts of the benchmark `asked` for, the longest first; runs go to `runs`."""
+def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
+    """All parts of a benchmark by its `spec`, the longest first; runs go to `runs`."""
     speed = configs.cell().fold.speed
-    return (*_in_the_model(asked, speed), *_through_images(asked, configs, runs))
+    return (*_in_the_model(spec, speed), *_through_images(spec, configs, runs))
 
 
 def weights_digest() -> str:
@@ -42,10 +42,10 @@ def digest(*texts: str) -> str:
     return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:12]
 
 
-def _in_the_model(asked: BenchmarkSpec, speed: float) -> Iterator[Part]:
+def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     of = digest(version("folding-cell"), weights_digest())
-    extent = asked.extent
-    for policy in asked.policies:
+    extent = spec.extent
+    for policy in spec.policies:
         yield OverRange(policy, "rod", extent.grid, speed, of)
         yield OverRange(policy, "chain", extent.chain, speed, of)
     for pace in (SLOW, speed):
@@ -53,29 +53,29 @@ def _in_the_model(asked: BenchmarkSpec, speed: float) -> Iterator[Part]:
     for place in np.linspace(0.0, 1.0, extent.laid):
         yield LaidDown(float(place), of)
     yield Evolved(LEVEL, SLOW, of)
-    if LEARNED in asked.policies:
+    if LEARNED in spec.policies:
         yield Evolved(LEARNED, speed, of)
         yield Adapted(LEARNED, speed, of)
 
 
-def _through_images(asked: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
-    for strip in asked.strips:
-        for policy in asked.policies:
-            yield _fold(asked, configs, runs, strip, policy, 0)
-    for policy in asked.policies:
-        for repeat in range(1, asked.repeats):
-            yield _fold(asked, configs, runs, asked.repeated, policy, repeat)
+def _through_images(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
+    for strip in spec.strips:
+        for policy in spec.policies:
+            yield _fold(spec, configs, runs, strip, policy, 0)
+    for policy in spec.policies:
+        for repeat in range(1, spec.repeats):
+            yield _fold(spec, configs, runs, spec.repeated, policy, repeat)
 
 
 def _fold(
-    asked: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
+    spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
 ) -> ThroughImages:
     """The fold whose noise has the seed asked for plus `repeat`; the strip is always new."""
     request = Request(
         strip=strip,
         policy=policy,
         checkpoint=None,
-        choice=DeviceSelection(seed=asked.seed + repeat),
+        choice=DeviceSelection(seed=spec.seed + repeat),
         runs=runs,
         configs=configs.folder,
         frames=None,

@@ -62,18 +62,18 @@ class Evolved:
         return _Seen.of(motion.shapes, motion.contact_x, path, motion.touch, HEIGHT - 1e-9)
 
     def _fold(self) -> "_Seen":
-        strip, witness = strip_at(*PLACE), RecordingEngine(Rod(), shapes=True)
+        strip, recording = strip_at(*PLACE), RecordingEngine(Rod(), shapes=True)
         folds = roll_out(
             knowing(self.policy, [strip]),
-            witness,
+            recording,
             strip,
             [describe(strip)],
             settings=Rollout(speed=self.speed, sensing=EXACT),
             rng=np.random.default_rng(0),
         )
-        end = int(witness.frames[0])
-        shapes = np.array(witness.midlines[:end])[:, 0]
-        contacts = np.array(witness.contacts[:end])[:, 0]
+        end = int(recording.frames[0])
+        shapes = np.array(recording.midlines[:end])[:, 0]
+        contacts = np.array(recording.contacts[:end])[:, 0]
         return _Seen.of(shapes, contacts, folds.trace[:end, 0], folds.touch[0], TAKEOVER_HEIGHT)
 
 

@@ -21,8 +21,8 @@ class ThroughImages:
     @property
     def key(self) -> str:
         """Strip, policy and seed."""
-        asked = self.request
-        return f"fold {asked.strip} by {asked.policy}, seed {asked.choice.seed}"
+        request = self.request
+        return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
 
     def measure(self) -> ImageFold:
         """Fold; raises KeyboardInterrupt when the operator stopped it."""

@@ -48,10 +48,10 @@ class OverRange:
     def measure(self) -> RangeFolds:
         """Fold all strips."""
         strips = grid(self.side)
-        witness = RecordingEngine(_engine(self.engine))
+        recording = RecordingEngine(_engine(self.engine))
         folds = roll_out(
             knowing(self.policy, strips),
-            witness,
+            recording,
             strips[0],
             [describe(strip) for strip in strips],
             settings=Rollout(speed=self.speed),
@@ -62,7 +62,7 @@ class OverRange:
             engine=self.engine,
             side=self.side,
             displacement=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
-            force=tuple(witness.holding_force.tolist()),
+            force=tuple(recording.holding_force.tolist()),
         )
 
 

@@ -33,7 +33,7 @@ class GripperPath(NamedTuple):
 def simulate_all(
     rod: Rod,
     models: Sequence[StripModel],
-    ways: Sequence[GripperPath],
+    paths: Sequence[GripperPath],
     *,
     dt: float = 0.005,
     every: int = 0,
@@ -44,10 +44,10 @@ def simulate_all(
     `shapes` then has (k // every, nodes, 2). A motion ends at its layer_touch or at the end of its
     path.
     """
-    ways = [_true(model, way) for model, way in zip(models, ways, strict=True)]
-    counts = [max(1, round((way.t[-1] - way.t[0]) / dt)) for way in ways]
-    poses = np.stack([_sampled(way, dt, max(counts)) for way in ways], axis=1)
-    rod.reset(models, _starts(models, ways) if any(way.hanging for way in ways) else None)
+    paths = [_true(model, path) for model, path in zip(models, paths, strict=True)]
+    counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
+    poses = np.stack([_sampled(path, dt, max(counts)) for path in paths], axis=1)
+    rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
     piece = max(1, round(PIECE / dt) // max(every, 1)) * max(every, 1)
     shown = []
     for begin in range(0, len(poses), piece):
@@ -57,32 +57,32 @@ def simulate_all(
             break
     seen = Showing(*(np.concatenate(channel) for channel in zip(*shown, strict=True)))
     return [
-        _motion(seen, poses, i, way, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
-        for i, (way, count) in enumerate(zip(ways, counts, strict=True))
+        _motion(seen, poses, i, path, min(count, len(seen.contact_x)), rod.touch[i], dt, every)
+        for i, (path, count) in enumerate(zip(paths, counts, strict=True))
     ]
 
 
-def _true(model: StripModel, way: GripperPath) -> GripperPath:
-    t, poses = true_path(model.rig, way.t, way.poses, hanging=way.hanging)
-    return way._replace(t=t, poses=poses)
+def _true(model: StripModel, path: GripperPath) -> GripperPath:
+    t, poses = true_path(model.rig, path.t, path.poses, hanging=path.hanging)
+    return path._replace(t=t, poses=poses)
 
 
-def _sampled(way: GripperPath, dt: float, count: int) -> Array:
+def _sampled(path: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) at the ends of the steps, the last one held."""
-    times = way.t[0] + dt * np.arange(1, count + 1)
-    return np.stack([np.interp(times, way.t, way.poses[:, c]) for c in range(3)], axis=-1)
+    times = path.t[0] + dt * np.arange(1, count + 1)
+    return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)
 
 
-def _starts(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> Array:
+def _starts(models: Sequence[StripModel], paths: Sequence[GripperPath]) -> Array:
     flat = [(model.stated_length, 0.0, 0.0) for model in models]
-    return np.array([w.poses[0] if w.hanging else f for w, f in zip(ways, flat, strict=True)])
+    return np.array([w.poses[0] if w.hanging else f for w, f in zip(paths, flat, strict=True)])
 
 
 def _motion(
     seen: Showing,
     poses: Array,
     i: int,
-    way: GripperPath,
+    path: GripperPath,
     count: int,
     touch: Touch | None,
     dt: float,
@@ -93,10 +93,10 @@ def _motion(
         touch = None
     if touch is not None:
         count = min(count, int(np.ceil(touch.time / dt - 1e-9)))
-        touch = Touch(way.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
+        touch = Touch(path.t[0] + touch.time, touch.x, touch.to_grasped, touch.to_fixed)
     shapes = seen.shapes[: count // every, i] if every else np.empty((0, *seen.shapes.shape[2:]))
     return StripMotion(
-        t=way.t[0] + dt * np.arange(1, count + 1),
+        t=path.t[0] + dt * np.arange(1, count + 1),
         poses=poses[:count, i],
         contact_x=seen.contact_x[:count, i],
         tip=seen.tip[:count, i],

@@ -27,9 +27,9 @@ def lifted(batch: Batch, start: Array) -> Array:
     reach.
     """
     share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
-    way = batch.held + share[:, :, None] * (start - batch.held)
-    way[:, :, 1] = np.sqrt(share) * start[:, 1]
-    return np.asarray(way)
+    path = batch.held + share[:, :, None] * (start - batch.held)
+    path[:, :, 1] = np.sqrt(share) * start[:, 1]
+    return np.asarray(path)
 
 
 def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
@@ -44,10 +44,10 @@ def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
     batch.held[slack < 0] = goal[slack < 0]
     if (slack > 0).any():
         share = np.linspace(0.0, 1.0, APPROACH + 1)[1:, None]
-        way = batch.held + share[:, :, None] * (goal - batch.held)
+        path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
-        way[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
-        settle(retired(batch, slack <= 0), way)
+        path[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
+        settle(retired(batch, slack <= 0), path)
 
 
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
@@ -62,11 +62,11 @@ def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:
             state[:, at.X1] = state[:, at.X]
 
 
-def settle(batch: Batch, way: Array) -> None:
-    """Move the grips along `way` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
-    _euler(batch, way, PERIOD)
+def settle(batch: Batch, path: Array) -> None:
+    """Move the grips along `path` (k, n, 3), `PERIOD` a step, and let the strips come to rest."""
+    _euler(batch, path, PERIOD)
     for longer in STILLING:
-        _euler(batch, way[-1:], longer)
+        _euler(batch, path[-1:], longer)
 
 
 def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:

@@ -74,7 +74,9 @@ class Joints:
         middles = ends - 0.5 * turn
         if self.edge is not None:
             middles[:, 0] += rate[self.edge]
-        return np.stack([(middles * way).sum(axis=1) for way in (along, normals)], axis=1), along
+        return np.stack(
+            [(middles * direction).sum(axis=1) for direction in (along, normals)], axis=1
+        ), along
 
     def _lengths(self, position: Array) -> Array:
         lengths = self.spans[:, None].copy()

@@ -53,8 +53,10 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
     sequence = k // every
     frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))
     curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 20)
-    sight = StripMeasurement(time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan)
-    view = View(frame, k % every == 0, 1, sight)
+    measurement = StripMeasurement(
+        time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan
+    )
+    view = View(frame, k % every == 0, 1, measurement)
     return Snapshot(time, state, 0.0, arm, hand, view)
 
 
