@@ -6,13 +6,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 import typer
 
 from cell.cli.options import Json
 
 if TYPE_CHECKING:
+    from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
@@ -61,12 +62,8 @@ def exam(
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
     from cell.exam.run import run_exam
-    from cell.exam.run_case import Steps
-    from drivers.errors import ConfigurationError
 
-    if only_make and only_judge:
-        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
-    steps: Steps = "make" if only_make else "judge" if only_judge else "all"
+    steps = _steps(only_make=only_make, only_judge=only_judge)
     wide = min(jobs, os.cpu_count() or 1)
     out = out or Path("runs") / f"exam-{tier}-{seed}"
     try:
@@ -74,18 +71,27 @@ def exam(
             wanted = load_or_draw(out, tier, cases, seed)
             entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
-        )
-        sys.exit(INTERRUPTED)
+        _interrupted(out)
     if only_make:
-        failed = sum(e.state == "failed" for e in entries)
-        sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
+        _tell_made(entries, len(wanted))
         return
     command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
     others = [entry for folder in beside or () for entry in _kept(folder)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
+
+
+def _steps(*, only_make: bool, only_judge: bool) -> "Steps":
+    from drivers.errors import ConfigurationError
+
+    if only_make and only_judge:
+        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+    return "make" if only_make else "judge" if only_judge else "all"
+
+
+def _interrupted(out: Path) -> NoReturn:
+    sys.stderr.write(f"interrupted; what is finished is kept in {out}: the same command goes on\n")
+    sys.exit(INTERRUPTED)
 
 
 def _kept(folder: Path) -> "tuple[Entry, ...]":
@@ -97,6 +103,11 @@ def _kept(folder: Path) -> "tuple[Entry, ...]":
     if not (folder / LEDGER).is_file():
         raise ConfigurationError(f"--beside: {folder} holds no {LEDGER}; name an exam's folder")
     return Ledger(folder / LEDGER).entries
+
+
+def _tell_made(entries: "tuple[Entry, ...]", cases: int) -> None:
+    failed = sum(e.state == "failed" for e in entries)
+    sys.stdout.write(f"{cases} cases, {failed} failed; next: --only-judge\n")
 
 
 def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
