@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from drivers.types import Array, Image
 
-BRIGHT = 170  # grey level of the darkest channel from which a pixel may belong to the disc
+BRIGHT = (170, 110)  # grey levels of the darkest channel of a lit disc, and of one in shadow
 CONTRAST = 90.0  # grey levels between disc and plate
 RADII = (3.0, 30.0)  # px, sizes that are looked for
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
@@ -19,10 +19,13 @@ def find_pointer(image: Image) -> Array | None:
     seen.
     """
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
-    _, bright = cv2.threshold(darkest, BRIGHT, 255, cv2.THRESH_BINARY)
-    outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    centres = [centre for outline in outlines if (centre := _disc(darkest, outline)) is not None]
-    return centres[0] if len(centres) == 1 else None
+    for level in BRIGHT:
+        _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)
+        outlines, _ = cv2.findContours(bright, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        found = [centre for outline in outlines if (centre := _disc(darkest, outline)) is not None]
+        if found:
+            return found[0] if len(found) == 1 else None
+    return None
 
 
 def _disc(grey: Image, outline: NDArray[np.int32]) -> Array | None:

@@ -68,6 +68,11 @@ class TouchedPoints:
         return self._queue[0] if self._queue else None
 
     @property
+    def held_out(self) -> bool:
+        """Whether the pose that is asked for decides and is not fitted."""
+        return bool(self._queue) and held_out(self._queue[0], self._settings)
+
+    @property
     def again(self) -> bool:
         """Whether the points that disagreed are being touched once more."""
         return self._second

@@ -126,7 +126,8 @@ def _changed(seen: Image, behind: Image, light: Image, visible: Image) -> Places
     expected = cv2.multiply(behind, cv2.merge([light, light, light]), scale=1 / EVEN)
     away = cv2.blur(cv2.absdiff(seen, expected), (3, 3))
     most = cv2.max(cv2.max(away[..., 0], away[..., 1]), away[..., 2])
-    rows, columns = np.nonzero(cv2.compare(most, CHANGE, cv2.CMP_GE) & visible)
+    places = cv2.findNonZero(cv2.compare(most, CHANGE, cv2.CMP_GE) & visible)
+    columns, rows = np.empty((2, 0), np.intp) if places is None else places.reshape(-1, 2).T
     return rows, columns
 
 

@@ -13,11 +13,10 @@ from calibration.wizard.touch_verdict import TouchVerdict
 from drivers.types import Array, Image
 
 ENLARGED = 300.0  # times by which errors are drawn longer than they are
-FITTED, HELD_OUT, BAD, COMING, WHITE = (
+FITTED, HELD_OUT, BAD, WHITE = (
     (80, 210, 110),
     (255, 170, 40),
     (60, 60, 235),
-    (170, 170, 170),
     (255, 255, 255),
 )  # BGR
 LINE = cv2.LINE_AA

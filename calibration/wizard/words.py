@@ -100,9 +100,10 @@ def _latency_lines(latency: LatencyVerdict | None, speed: float) -> Iterator[Lin
         return
     if not latency.reasons:
         behind = 1e3 * abs(latency.latency) * speed
+        late = round(1e3 * latency.latency, 1) + 0.0  # never minus nothing
         yield Line(
             _level(1e3 * latency.apart, 2.0, 5.0),
-            f"images show the world {1e3 * latency.latency:+.1f} ms before their stamps, halves "
+            f"images show the world {late:+.1f} ms before their stamps, halves "
             f"agree within {1e3 * latency.apart:.1f} ms; taken back: at {speed:.2f} m/s this would "
             f"be {behind:.1f} mm",
         )

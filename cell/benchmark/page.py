@@ -29,8 +29,17 @@ from cell.benchmark.numbers import newtons, numeral
 from cell.benchmark.results import Refused, Results
 from cell.benchmark.summary import Row, rows
 from cell.record.documents import plain, replace_file
-from cell.report.markup import definitions, drawing, masthead, page, section, table, verdict_box
-from cell.report.verdict import Tone, Verdict
+from cell.report.markup import (
+    Tone,
+    definitions,
+    drawing,
+    masthead,
+    page,
+    section,
+    table,
+    verdict_box,
+)
+from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres
 from drivers.errors import ConfigurationError
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from cell.cli.arm import home, jog, open_hand, park, register
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
 from cell.cli.camera import camera
@@ -32,6 +33,11 @@ app.command()(viz)
 app.command()(replay)
 app.command()(camera)
 app.add_typer(calibrate, name="calibrate")
+app.command()(home)
+app.command()(park)
+app.command()(jog)
+app.command(name="open")(open_hand)
+app.command()(register)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
 app.add_typer(gap, name="gap")

@@ -8,6 +8,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from cell.cli.options import Configs, Json
+from cell.cli.table import wide_console
 
 INTERRUPTED = 130  # exit code
 
@@ -48,7 +49,6 @@ def benchmark(
     from cell.benchmark.run import benchmark as measure
     from cell.benchmark.screen import Meter, show
     from cell.benchmark.spec import BenchmarkSpec, split
-    from cell.cli.table import wide_console
     from cell.config.places import find_configs
 
     found = find_configs(configs)

@@ -49,10 +49,16 @@ class Viz(StrEnum):
 
 
 def fold(
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    strip: Annotated[
+        str,
+        typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length."),
+    ],
     policy: Annotated[
         str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")
-    ] = "feedback",
+    ] = "adaptive",
+    length: Annotated[
+        float | None, typer.Option(help="Length [m] of a strip that has no file.")
+    ] = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Annotated[
         list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
@@ -74,16 +80,19 @@ def fold(
     no_truth: Annotated[
         bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
     ] = False,
+    full_speed: Annotated[
+        bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
     from cell.devices.devices import DeviceSelection
-    from cell.operations.batch import checked, requests
+    from cell.operations.batch import checked, doubts_about, requests
     from cell.operations.fold import Request
 
     choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
-        strip=strip,
+        strip=_named(strip, length),
         policy=policy,
         checkpoint=checkpoint,
         choice=choice,
@@ -92,23 +101,64 @@ def fold(
         frames=frames.value if frames else None,
         truth=not no_truth,
         viz=viz.value,
+        full_speed=full_speed,
     )
     wanted = checked(requests(base, plant or [], repeat))
+    for doubt in doubts_about(wanted):
+        _remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
         return
+    sys.exit(_folded(base, wanted, jobs, as_json=as_json))
+
+
+def _folded(base: "Request", wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
+    """Fold and tell; the largest exit code."""
+    real = _real(base)
     code = 0
     try:
-        for result in _results(wanted, jobs, quiet=as_json):
+        for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
             _tell(result, as_json=as_json)
             code = max(code, result.exit_code)
     except CellError as error:
         sys.stderr.write(f"cell: {error}\n")
         code = max(code, error.exit_code)
-    sys.exit(code)
+    return code
 
 
-def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterator[FoldResult]":
+def _named(strip: str, length: float | None) -> str:
+    """The strip as requests name it: one without a file by its length."""
+    from cell.config.unknown import MARK, NAME
+    from drivers.errors import ConfigurationError
+
+    if (strip == NAME) != (length is not None):
+        raise ConfigurationError(
+            "--length: goes with `--strip unknown`, which needs it; other strips have a file"
+        )
+    return strip if length is None else f"{MARK}{length:g}"
+
+
+def _real(base: "Request") -> bool:
+    """Whether a real robot will move; then the operator has typed the cell's name."""
+    from cell.config.places import find_configs
+    from cell.operations.real_robot import confirm, is_real
+
+    settings = find_configs(base.configs).cell()
+    if not is_real(settings, base.choice):
+        return False
+    confirm(settings, _ask)
+    return True
+
+
+def _ask(question: str) -> str:
+    sys.stderr.write(question)
+    sys.stderr.flush()
+    return sys.stdin.readline()
+
+
+def _results(
+    wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
+) -> "Iterator[FoldResult]":
     from cell.config.places import find_configs
     from cell.operations.batch import each_of
     from cell.operations.calibrate import calibration_of
@@ -125,7 +175,9 @@ def _results(wanted: "Sequence[Request]", jobs: int, *, quiet: bool) -> "Iterato
             ):
                 yield _as_result(request, made)
         return
-    for request in wanted:
+    for number, request in enumerate(wanted):
+        if real and number > 0:
+            _ask("Lay the strip again, flat and straight, then press Enter: ")
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             try:

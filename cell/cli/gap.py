@@ -98,6 +98,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         advice = [item.model_dump(mode="json") for item in verdict.advice]
         sys.stdout.write(json.dumps(advice) + "\n")
         return
+    for line in _repeatability(fitted):
+        sys.stdout.write(f"{line}\n")
     if not verdict.advice:
         sys.stdout.write("no experiment is worth more than those that were made\n")
     for item in verdict.advice:
@@ -105,6 +107,16 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
             f"{item.experiment}: separates {' from '.join(item.separates)} by "
             f"{item.expected_sigma:.1f} sigma in {item.minutes:.1f} minutes\n"
         )
+
+
+def _repeatability(fitted: Path) -> Iterator[str]:
+    """By how much the runs differ for no reason, and what would help before another motion."""
+    from cell.gap.report.repeats import remedies
+    from cell.gap.verdict.accept import RECORD
+    from cell.gap.verdict.stored import FitRecord, read_stored
+
+    record = read_stored(fitted / RECORD, FitRecord)
+    yield from remedies({s.name: (s.value, s.unit) for s in record.scatter})
 
 
 def _summary(verdict: "Verdict") -> Iterator[str]:

@@ -6,28 +6,21 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from cell.cli.options import Json
 
 if TYPE_CHECKING:
-    from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
+OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 
 def exam(
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            help="Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED].",
-            show_default=False,
-        ),
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
     tier: Annotated[
         Literal["state", "images", "small"],
         typer.Option(help="From the state, through images, or six cases from the state."),
@@ -62,36 +55,30 @@ def exam(
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
     from cell.exam.run import run_exam
+    from cell.exam.run_case import Steps
+    from drivers.errors import ConfigurationError
 
-    steps = _steps(only_make=only_make, only_judge=only_judge)
-    wide = min(jobs, os.cpu_count() or 1)
-    out = out or Path("runs") / f"exam-{tier}-{seed}"
+    if only_make and only_judge:
+        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+    steps: Steps = "make" if only_make else "judge" if only_judge else "all"
+    out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
             wanted = load_or_draw(out, tier, cases, seed)
             entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
-        _interrupted(out)
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
+        )
+        sys.exit(INTERRUPTED)
     if only_make:
-        _tell_made(entries, len(wanted))
+        failed = sum(e.state == "failed" for e in entries)
+        sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
     others = [entry for folder in beside or () for entry in _kept(folder)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
-
-
-def _steps(*, only_make: bool, only_judge: bool) -> "Steps":
-    from drivers.errors import ConfigurationError
-
-    if only_make and only_judge:
-        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
-    return "make" if only_make else "judge" if only_judge else "all"
-
-
-def _interrupted(out: Path) -> NoReturn:
-    sys.stderr.write(f"interrupted; what is finished is kept in {out}: the same command goes on\n")
-    sys.exit(INTERRUPTED)
 
 
 def _kept(folder: Path) -> "tuple[Entry, ...]":
@@ -103,11 +90,6 @@ def _kept(folder: Path) -> "tuple[Entry, ...]":
     if not (folder / LEDGER).is_file():
         raise ConfigurationError(f"--beside: {folder} holds no {LEDGER}; name an exam's folder")
     return Ledger(folder / LEDGER).entries
-
-
-def _tell_made(entries: "tuple[Entry, ...]", cases: int) -> None:
-    failed = sum(e.state == "failed" for e in entries)
-    sys.stdout.write(f"{cases} cases, {failed} failed; next: --only-judge\n")
 
 
 def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:

@@ -59,8 +59,17 @@ def plan(
             _tell(i, len(wanted), wanted[i], result, as_json=as_json)
             code = max(code, 0 if went_as_planned(result) else result.exit_code)
     if not as_json:
-        sys.stdout.write(f"next: cell gap fit {folder} --strip FILE --out DIR\n")
+        sys.stdout.write(f"next: {_next(strip, folder, configs)}\n")
     sys.exit(code)
+
+
+def _next(strip: str, folder: Path, configs: Path | None) -> str:
+    """The command to type next, with the very files."""
+    from cell.config.places import find_configs
+
+    file = Path(strip) if strip.endswith(".yaml") else find_configs(configs).strip_path(strip)
+    near = file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
+    return f"cell gap fit {folder} --strip {near} --out {folder.with_name(folder.name + '-fit')}"
 
 
 def _announce(wanted: "tuple[Request, ...]") -> None:
@@ -73,9 +82,23 @@ def _announce(wanted: "tuple[Request, ...]") -> None:
         sys.stdout.write(f"{i:2d}  {name:15s} {request.speed:.2f} m/s  shows {reveals}\n")
 
 
+def _gave(result: "FoldResult") -> str:
+    """What a run gave, in a few words."""
+    if result.displacement is None:
+        return str(result.outcome)
+    return f"{result.outcome}, displacement {1e3 * result.displacement:.1f} mm"
+
+
 def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
         sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
     else:
-        sys.stdout.write(f"{i + 1}/{of}  {request.policy}: {result.outcome}  {result.run}\n")
+        from policies.registry import MOTION
+        from policies.standard import STANDARD
+
+        name = request.policy.removeprefix(MOTION)
+        gave = _gave(result)
+        sys.stdout.write(
+            f"{i + 1}/{of}  {name:15s} {gave:32s} shows {STANDARD[name].reveals}  {result.run}\n"
+        )
     sys.stdout.flush()

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cell.config.cell import CellFile
+from cell.config.unknown import MARK, unknown_strip
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.strip.describe import load_strip
@@ -47,7 +48,9 @@ class Configs:
         return path
 
     def strip(self, name: str) -> StripFile:
-        """The strip called `name`, checked."""
+        """The strip called `name`, checked; `unknown:LENGTH` is one without a file."""
+        if name.startswith(MARK):
+            return unknown_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))
 
     def strip_names(self) -> tuple[str, ...]:

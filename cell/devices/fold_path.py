@@ -13,12 +13,18 @@ HANGING = np.pi / 2
 
 
 def whole_path(
-    length: float, home: float, fold: FoldSettings, limits: MotionLimits, carry: Array
+    length: float,
+    home: float,
+    fold: FoldSettings,
+    limits: MotionLimits,
+    carry: Array,
+    end: float | None = None,
 ) -> tuple[Array, Array]:
     """Poses (n, 3) of x, z [m], pitch [rad], and the speeds (n,) [m/s] of the moves to them.
 
     From `home` [m] over the edge of a strip of `length` [m]; `carry` (k, 2) leads from the grasped
-    edge to where the layers touch. The lay and the retreat follow.
+    edge to where the layers touch. Lay and retreat follow; the edge is laid at `end` [m], or where
+    that of a taut layer would be.
     """
     away, quick = fold.approach, min(limits.x.velocity, limits.z.velocity)
     comes = [(length, home), (length + away, fold.clear_height), (length + away, 2 * away)]
@@ -26,7 +32,7 @@ def whole_path(
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(carry, axis=0).T))])
     carried = np.column_stack([carry, lift_pitch(travel)])
     x, z = carry[-1].tolist()
-    end = x - z if x > z else 0.0  # where the taut upper layer would lie
+    end = max(x - z, 0.0) if end is None else end
     goes = [(end, 0.001), (end - away, 0.001), (end - away, 2 * away)]
     poses = np.concatenate([_with_pitch(comes, 0.0), carried[1:], _with_pitch(goes, np.pi)])
     speeds = [quick] * len(comes) + [fold.speed] * (len(carry) - 1) + [fold.lay_speed, quick, quick]

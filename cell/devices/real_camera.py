@@ -7,8 +7,9 @@ from cell.devices.devices import Devices
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
-from drivers.twin.clock import TwinClock
-from drivers.twin.paced_clock import PacedClock
+from drivers.protocols import Clock
+from drivers.twin.clock import PacedClock, TwinClock
+from drivers.twin.real_time_clock import RealTimeClock
 
 
 def camera_settings(settings: CellFile) -> V4l2Settings:
@@ -27,10 +28,8 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
     chosen = camera_settings(settings)
-    clock = devices.clock
-    if isinstance(clock, TwinClock):
-        clock = PacedClock(clock)
-    camera = V4l2Camera(chosen, clock)
+    clock, wall = _in_real_time(devices.clock)
+    camera = V4l2Camera(chosen, wall)
     return replace(
         devices,
         clock=clock,
@@ -40,3 +39,12 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
         plant=None,
         camera_locks=dict(chosen.controls),
     )
+
+
+def _in_real_time(clock: Clock) -> tuple[Clock, Clock]:
+    """A clock of the cell that keeps step with the wall, and one for the camera's own thread."""
+    if isinstance(clock, PacedClock):
+        return clock, clock.wall
+    if isinstance(clock, TwinClock):
+        clock = RealTimeClock(clock)
+    return clock, clock

@@ -75,7 +75,7 @@ def open_subject(
 ) -> Subject:
     """The subject that `file` describes, with its measured runs; effects `without` are withheld.
 
-    Raises ConfigurationError for a broken file or run, or an unknown kind.
+    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
     """
     kind = read_yaml(file).get("kind", "strip")
     if kind == "pendulum":
@@ -93,7 +93,7 @@ def open_subject(
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write everything but the verdict itself, which comes last."""
-    record = {"file": str(file), "file_sha256": sha256(file),
+    record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects],
               "scatter": [asdict(s) for s in found.judged.scatter],
               "law": found.offered and asdict(found.offered)}  # fmt: skip

@@ -14,17 +14,23 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.spreads import Spread, estimated, scattered, spreads, with_scatter
+from cell.gap.fitting.scatter import estimated, scattered, with_scatter
+from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, holm, likelihood_scale
+from cell.gap.selection.likelihood import (
+    LEVEL,
+    LikelihoodScale,
+    holm,
+    likelihood_scale,
+    margin,
+)
 from cell.gap.selection.screening import (
     Probed,
     Score,
-    best_responses,
     probe,
     ranked,
     ranked_pairs,
@@ -54,11 +60,6 @@ def investigate(
     fitted = _fit_base(subject, whole, simulate, rng)
     progress("screen the candidates", 0.12)
     screened = _screen(subject, fitted, simulate)
-    less = _less_scatter(fitted, screened, whole, simulate)
-    if less is not None:
-        again = with_scatter(fitted.base.estimate, less, whole)
-        fitted = _judged_base(subject, again, less, simulate, rng)
-        screened = _screened(subject, fitted, screened.probed)
     progress("refit the best", 0.25)
     fits = _refit_singles(subject, fitted, screened, simulate)
     beside = _scatter_beside(fits, fitted, whole, simulate)
@@ -126,25 +127,6 @@ def _judged_base(
     )
 
 
-def _less_scatter(
-    fitted: Fitted, screened: Screened, whole: Evidence, simulate: Simulate
-) -> tuple[Spread, ...] | None:
-    """Spreads beside the most promising candidate, where they are clearly smaller.
-
-    A base that lacks an effect takes a part of it for scatter.
-    """
-    by = likelihood_scale([fitted.base])
-    first = next(iter(screened.singles), None)
-    if first is None or not fitted.scatter or first.gain < by.least * by.inefficiency:
-        return None
-    base = fitted.base.estimate
-    probed = next(p for p in screened.probed if p.candidate.name == first.names[0])
-    found = estimated(simulate, base, whole, best_responses(projection(base), probed))
-    before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
-    smaller = any(now.get(name, 0.0) < SMALLER * value for name, value in before.items())
-    return found if smaller else None
-
-
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
@@ -181,10 +163,14 @@ def _screened_p(
 def _scatter_beside(
     fits: Fits, fitted: Fitted, whole: Evidence, simulate: Simulate
 ) -> tuple[Spread, ...] | None:
-    """Spreads beside the best single effect, where they differ clearly from those at the base."""
-    best = choose(fits).accepted
-    if not best.model.effects:
+    """Spreads beside the best single effect, where they differ clearly from those at the base.
+
+    A base that lacks an effect takes a part of it for scatter, or does not see the scatter for it.
+    """
+    singles, by = fits.of_size(1), fits.scale
+    if not singles or margin(singles[0], fits.base, by).gain < by.least:
         return None
+    best = singles[0]
     found = estimated(simulate, best.estimate, whole)
     before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
     changed = set(before) ^ set(now) or any(

@@ -17,6 +17,7 @@ from cell.operations.interrupt import Interrupted
 from cell.operations.result import FoldResult
 from drivers.errors import CellError, Fault, Unexpected
 from drivers.strip.describe import load_plant
+from drivers.strip.validity import doubts
 from policies.registry import make_policy
 
 PATIENCE = 60.0  # s that a fold may take to end its record once it was told to stop
@@ -161,6 +162,13 @@ def checked(wanted: Sequence[Request]) -> Sequence[Request]:
         if request.choice.plant is not None:
             load_plant(request.choice.plant)
     return wanted
+
+
+def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
+    """What of the strips and plants lies where an engine is not known to hold, once each."""
+    named = find_configs(wanted[0].configs).strip(wanted[0].strip)
+    plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
+    return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
 
 
 def side_by_side(

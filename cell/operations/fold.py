@@ -14,12 +14,15 @@ from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
+from cell.config.unknown import NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
+from cell.operations.learned import offer
+from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
@@ -56,6 +59,7 @@ class Request:
     truth: bool
     viz: Mode | Literal["off"]
     speed: float | None = None  # m/s on the path, instead of the cell's own
+    full_speed: bool = False  # of a real robot, which is slowed otherwise
 
 
 def fold(
@@ -74,6 +78,8 @@ def fold(
     """
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
@@ -97,6 +103,8 @@ def fold(
         outcome = conduct(run, devices, recorder)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
+    if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
+        offer(writer.folder, strip, outcome.foretold)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
 
 

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from cell.config.cell import CellFile
 from cell.config.places import find_configs
+from cell.operations.arm_prediction import ArmPrediction, predict_arm
 from cell.operations.fold import Request
 from drivers.errors import ConfigurationError
 from drivers.limits import Workspace
@@ -35,6 +37,7 @@ class Prediction:
     low: float | None
     high: float | None
     reach: tuple[float, float, float, float]
+    arm: ArmPrediction | None = None
 
     def line(self) -> dict[str, Any]:
         """The object that `cell fold --dry-run --json` prints."""
@@ -46,6 +49,7 @@ class Prediction:
             "displacement_low": self.low,
             "displacement_high": self.high,
             "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+            **({} if self.arm is None else {"arm": self.arm.line()}),
         }
 
     def text(self) -> str:
@@ -57,6 +61,7 @@ class Prediction:
             "the strip\n"
             f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
             f"{z_max:.0f} mm: inside its limits; nothing was moved"
+            + ("" if self.arm is None else f"\n  {self.arm.text()}")
         )
 
 
@@ -86,7 +91,19 @@ def predict(request: Request) -> Prediction:
         low=float(spread.min()) if spread.size else None,
         high=float(spread.max()) if spread.size else None,
         reach=reach,
+        arm=_arm(settings, strip, request, folds),
     )
+
+
+def _arm(
+    settings: CellFile, strip: StripFile, request: Request, folds: Folds
+) -> ArmPrediction | None:
+    """Whether a Franka arm can follow the nominal fold, if that is what is asked."""
+    if (request.choice.arm or settings.drivers.arm) != "fci":
+        return None
+    touch = folds.touch[0]
+    end = None if touch is None else touch.x - touch.to_grasped
+    return predict_arm(settings, strip, folds.trace[:, 0], end)
 
 
 def _displacement(value: float | None) -> str:

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Any, Self
 
+from cell.config.unknown import NAME as UNKNOWN
+from cell.operations.learned import LEARNED
 from cell.orchestrator.outcome import StopReason
 from drivers.errors import CellError
 
@@ -82,4 +84,6 @@ class FoldResult:
             text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
         if self.foretold is not None:
             text += f"\n  {self.foretold}"
+            if self.strip == UNKNOWN:
+                text += f"\n  strip file with what was learned: {self.run}/{LEARNED}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

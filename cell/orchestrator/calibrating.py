@@ -66,10 +66,10 @@ def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) 
             points.repeat()
         else:
             yield from move(pose)
-            yield from _touch(cell, points, record)
+            yield from _touch(cell, points, record, why)
 
 
-def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
+def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why: str) -> Doing:
     """Take images at rest until the point is accepted or given up."""
     number, again, wanted = points.number, points.again, points.ask()
     settle = True
@@ -84,7 +84,7 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record) -> D
                 plan=points.plan,
                 touches=points.touches,
                 wanted=wanted,
-                why="",
+                why=why,
                 frame=picture.frame,
                 pose=picture.gripper,
                 told=told,
@@ -152,7 +152,8 @@ def _why(points: TouchedPoints) -> str:
     if points.again:
         return f"point {points.number} disagrees with the others: touch it once more"
     done = len(points.touches)
-    return f"point {points.number}: {done} of {len(points.plan)} points are touched"
+    part = "held out, it decides" if points.held_out else "fitted"
+    return f"point {points.number} ({part}): {done} of {len(points.plan)} points are touched"
 
 
 def _news(points: TouchedPoints, wanted: Pose, why: str, stage: Stage | None = None) -> TouchNews:

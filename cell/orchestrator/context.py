@@ -1,5 +1,6 @@
 """Inputs and results of a run: one context for a fold, one for a calibration."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from calibration.calibration import Calibration
@@ -11,6 +12,8 @@ from calibration.wizard.news import Watcher, nobody
 from calibration.wizard.touch_verdict import TouchVerdict
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.steps import Motion
 from cell.orchestrator.vision import StripReader
 from drivers.strip.file import StripFile
 from drivers.types import Pose
@@ -58,4 +61,13 @@ class CalibrationContext:
     reader: None = None
 
 
-Context = FoldContext | CalibrationContext
+@dataclass(slots=True)
+class ManualContext:
+    """One `motion` by hand, made from the snapshot that it starts at; no image is looked at."""
+
+    settings: CellSettings
+    motion: Callable[[Snapshot], Motion]
+    reader: None = None
+
+
+Context = FoldContext | CalibrationContext | ManualContext

@@ -12,7 +12,7 @@ from calibration.perception.laid import edge_offset
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Snapshot
 from cell.orchestrator.states import Event, State
@@ -174,6 +174,12 @@ def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
     return edge_offset(strip.length, float(tip_x), bending_length, friction)
 
 
+def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:
+    """Do the one motion that was asked for."""
+    yield from context.motion(snapshot)
+    return Event.MOVED
+
+
 PhaseFactory = Callable[[Record, Snapshot], Phase]
 _FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.PREFLIGHT: preflight,
@@ -194,6 +200,8 @@ def phases_of(context: Context) -> dict[State, PhaseFactory]:
     """Phases of a run with this context; each starts from the snapshot of the transition."""
     if isinstance(context, CalibrationContext):
         return {state: partial(phase, context) for state, phase in _CALIBRATION.items()}
+    if isinstance(context, ManualContext):
+        return {State.PREFLIGHT: partial(move_by_hand, context)}
     return {state: partial(phase, context) for state, phase in _FOLD.items()}
 
 

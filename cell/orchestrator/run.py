@@ -7,7 +7,7 @@ from typing import Protocol
 
 from cell.devices.devices import Devices
 from cell.orchestrator.arm_history import ArmHistory
-from cell.orchestrator.context import CalibrationContext, Context, FoldContext
+from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.monitors import Rules, check_all
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import phases_of
@@ -231,6 +231,8 @@ def _reached(context: Context) -> tuple[str, str, int]:
     """Name, reason and exit code of a run that completed."""
     if isinstance(context, CalibrationContext):
         return "calibrated", "all points were touched", 0
+    if isinstance(context, ManualContext):
+        return "moved", "the motion has ended", 0
     if context.seen_touch is not None:
         return "layer_touch", "the layers touch", 0
     return "path_done", "the path ended and no touch was seen", 1

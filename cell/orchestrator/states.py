@@ -36,6 +36,7 @@ class Event(StrEnum):
     SETTLED = "settled"
     LAID = "laid"
     RELEASED = "released"
+    MOVED = "moved"
     STOP = "stop"
     STOPPED = "stopped"
 
@@ -46,6 +47,7 @@ _FORWARD: dict[tuple[State, Event], State] = {
     (State.IDLE, Event.START): State.PREFLIGHT,
     (State.PREFLIGHT, Event.NEEDS_CALIBRATION): State.CALIBRATE,
     (State.CALIBRATE, Event.CALIBRATED): State.DONE,
+    (State.PREFLIGHT, Event.MOVED): State.DONE,
     (State.PREFLIGHT, Event.CHECKED): State.GRASP,
     (State.GRASP, Event.GRASPED): State.LIFT,
     (State.LIFT, Event.LIFTED): State.FOLD,

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
+from typing import Literal
 
-from cell.report.verdict import Tone
+Tone = Literal["good", "fair", "bad"]
 
 
 def page(title: str, body: Sequence[str]) -> str:

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import Result
 from cell.record.run import Run
+from cell.report.markup import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
-Tone = Literal["good", "fair", "bad"]
 LINE = "\n"
 GOOD = 0.020  # m, within this the paper calls a strip folded
 

@@ -22,6 +22,7 @@ class Cause(StrEnum):
     LIBRARY = "arm_library"
     SILENT = "arm_silent"
     UNHEARD = "arm_cell_silent"
+    REACH = "arm_out_of_reach"
     NOT_FINITE = "arm_pose_not_finite"
     LOST = "arm_driver_lost"
     PLACE = "arm_out_of_place"
@@ -38,6 +39,7 @@ REMEDY = {
     Cause.COMMAND: "this is an error of the cell; keep the record",
     Cause.LIBRARY: "keep the record; the library's own words are above",
     Cause.SILENT: "check robot and network, then start again",
+    Cause.REACH: "stay nearer to the robot: see `cell fold --dry-run --arm fci`",
     Cause.NOT_FINITE: "keep the record and look for an update of the robot",
     Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
     Cause.LOST: "start again; the motion ended with the process",

@@ -6,6 +6,7 @@ from math import degrees, hypot, isfinite
 from typing import Any, Protocol
 
 from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.guard import ReachGuard
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
@@ -15,6 +16,8 @@ from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
+FIRST = 20  # commands at most until the robot has heard one
+LOOK = 10  # ticks between looks ahead
 SPAN = 8  # ticks over which the velocity is measured
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
@@ -73,11 +76,23 @@ class Loop:
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
-        self._publish(state)
+        self._guard = ReachGuard(self._plane, limits, state.q)
+        self._publish(self._heard(pose, state))
+
+    def _heard(self, pose: list[float], state: Any) -> Any:
+        """The state once the robot follows commands; until then it is told to stay at `pose`."""
+        for _ in range(FIRST):
+            self._robot.write_pose(self._motion, pose)
+            state = self._robot.read(self._motion)
+            if state.control_command_success_rate > 0:
+                break
+        return state
 
     def step(self) -> None:
         """One tick of the robot's time; Failed when the robot has stopped."""
         self._obey(self._orders.read())
+        if self.ticks % LOOK == 0:
+            self._look_ahead()
         command = self._profile.tick()
         self._robot.write_pose(self._motion, self._plane.command(*command))
         state = self._robot.read(self._motion)
@@ -132,6 +147,15 @@ class Loop:
         limit = self._settings.guard
         if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
+
+    def _look_ahead(self) -> None:
+        """Brake while the arm still can, before it comes where it could not follow."""
+        if not self._profile.moving:
+            return
+        reason = self._guard.objection(self._profile.pose, self._profile.velocity)
+        if reason:
+            pose = self._profile.pose
+            self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
 
     def _halt(self, cause: Cause, words: str) -> None:
         """Brake for good and keep the first reason."""

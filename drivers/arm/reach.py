@@ -74,7 +74,7 @@ def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
 
 def _ways(installation: Installation, path: Array, speeds: Array, turned: bool) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
-    poses, times = _dense(path, speeds)
+    poses, times = dense(path, speeds)
     for elbow in ELBOWS:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
@@ -133,7 +133,7 @@ def _objection(joints: Array, there: Array, time: float) -> str:
     return ""
 
 
-def _dense(path: Array, speeds: Array) -> tuple[Array, Array]:
+def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     """Poses (m, 3) along `path` at most STEP apart, and the time [s] from each to the next."""
     poses, times = [path[:1]], [np.array([1.0])]
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):

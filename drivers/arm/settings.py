@@ -37,9 +37,9 @@ class HandLimits(Settings):
 
 
 REACHABLE = MotionLimits(
-    x=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
-    z=AxisLimits(velocity=0.2, acceleration=1.0, jerk=100.0),
-    pitch=AxisLimits(velocity=2.45, acceleration=5.0, jerk=1000.0),
+    x=AxisLimits(velocity=0.2, acceleration=0.8, jerk=100.0),
+    z=AxisLimits(velocity=0.2, acceleration=0.8, jerk=100.0),
+    pitch=AxisLimits(velocity=2.5, acceleration=4.0, jerk=1000.0),
 )
 
 
@@ -61,7 +61,7 @@ class FciSettings(Settings):
     limits: MotionLimits = REACHABLE
     silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes
     answer: float = Field(1.6, ge=1.2, le=1.8)  # of the robot, after which it is given up
-    start: float = Field(10.0, ge=2.0, le=60.0)  # to connect, all in all
+    start: float = Field(30.0, ge=2.0, le=60.0)  # to connect, all in all
     collision: CollisionSettings = CollisionSettings()
     hand: HandLimits = HandLimits()
 

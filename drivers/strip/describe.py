@@ -12,6 +12,7 @@ from drivers.strip.effects import apply_effects, check_effects, registry
 from drivers.strip.file import StripFile
 from drivers.strip.law import check_law, with_law
 from drivers.strip.model import CELLS, Effects, Mechanics, StripModel
+from drivers.strip.validity import check_valid
 from drivers.types import frozen
 
 
@@ -80,7 +81,10 @@ def load_plant(path: Path) -> StripFile:
 
 
 def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for effects whose values do not fit this strip."""
+    """Raise ConfigurationError for a strip that no engine simulates, and for effects whose values
+    do not fit it.
+    """
+    check_valid(strip, origin)
     try:
         describe(strip)
     except ConfigurationError as error:

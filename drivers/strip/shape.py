@@ -10,6 +10,8 @@ import numpy as np
 
 from drivers.types import Array
 
+LYING = 0.05  # m of strip that lies, which ends the search for the desk contact
+
 
 @dataclass(frozen=True, slots=True)
 class Touch:
@@ -38,22 +40,32 @@ class Gap:
 def desk_contact(points: Array, height: float) -> float:
     """x [m] where the midline `points` (n, 2) leaves the desk for the fold, `height` [m] over rest.
 
-    Searched from the fold's rightmost point back to the desk, so that ripples in the lying strip do
-    not count. Where the rightmost point itself lies on the desk, the search goes towards the
-    grasped end and returns its x if nothing is higher.
+    Searched from the fold's rightmost point back to where the strip lies: for `LYING`, or to the
+    fixed edge. So neither ripples that friction leaves in the lying strip count, nor a dip behind
+    the buckle of a lift. Where the whole strip lies it is the x of its grasped end.
     """
     tip = int(np.argmax(points[:, 0]))
-    lying = np.flatnonzero(points[: tip + 1, 1] <= height)
-    if len(lying) == 0:
-        return float(points[0, 0])
-    j = int(lying[-1])
-    if j == tip:
-        above = np.flatnonzero(points[tip:, 1] > height)
-        if len(above) == 0:
+    if points[tip, 1] <= height:
+        tip = _last_low(points[:, 1], tip, height)
+        if tip == len(points) - 1:
             return float(points[-1, 0])
-        j = tip + int(above[0]) - 1
-    (xa, za), (xb, zb) = points[j], points[j + 1]
-    return float(xa + (xb - xa) * (height - za) / (zb - za))
+    low = points[: tip + 1, 1] <= height
+    ends = np.flatnonzero(low[:-1] & ~low[1:]).tolist()
+    if low[tip]:
+        ends.append(tip)
+    for j in reversed(ends):
+        above = np.flatnonzero(~low[:j])
+        begin = int(above[-1]) + 1 if len(above) else 0
+        if begin == 0 or points[j, 0] - points[begin, 0] >= LYING:
+            (xa, za), (xb, zb) = points[j], points[j + 1]
+            return float(xa + (xb - xa) * (height - za) / (zb - za))
+    return float(points[0, 0])
+
+
+def _last_low(z: Array, start: int, height: float) -> int:
+    """Index of the last of the values `z` (n,) from `start` on that stand no higher."""
+    above = np.flatnonzero(z[start:] > height)
+    return start + int(above[0]) - 1 if len(above) else len(z) - 1
 
 
 def fold_tip(points: Array) -> tuple[float, float]:

@@ -122,6 +122,11 @@ class PacedClock(TwinClock):
         super().__init__()
         self._wall = wall
 
+    @property
+    def wall(self) -> Clock:
+        """The clock that it keeps step with, which any thread may read."""
+        return self._wall
+
     def now(self) -> float:
         """Seconds since the run began."""
         event = super().now()

@@ -132,14 +132,12 @@ class World:
         return self._grip is not None
 
     @property
-    def pull(self) -> tuple[float, float]:
-        """Force of the strip on the gripper, along x and up [N]: tension, and weight lifted."""
+    def load(self) -> float:
+        """Weight of the strip that hangs between the desk and the gripper [N]."""
         if not self.holds_strip or not self._seen:
-            return 0.0, 0.0
-        seen, mechanics = self._seen[-1], self.model.mechanics
-        lifted = max(float(self._arc[-1]) - float(seen.contact_x[0]), 0.0)
-        weight = GRAVITY * float(np.mean(mechanics.linear_density)) * lifted
-        return float(seen.holding_force[0]), -weight
+            return 0.0
+        lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
+        return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     def truth(self) -> Truth:
         """The true history since the grasp."""

@@ -10,7 +10,7 @@ from policies.adaptive.critic import Belief
 MEAN, OF_LENGTH, OF_TIME, OF_FRICTION = 2.8e-3, -2.35e-3, -0.3e-3, -1.5e-3
 LENGTH, TIME = np.log(0.02), np.log(0.05)  # ln of m, s, about which the fit is made
 MOST = 5e-3  # m
-SHARE = 0.4  # of it that the fold is displaced to the other side: d and offset both stay small
+SHARE = 0.15  # of it that the fold is displaced to the other side: d and offset both stay small
 
 
 def rolled(belief: Belief) -> Array:

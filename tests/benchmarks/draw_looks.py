@@ -12,21 +12,18 @@ import numpy as np
 from PIL import Image as Picture
 
 from calibration.perception.perception import Perception
-from calibration.perception.preflight import Preflight, inspect
+from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
-from drivers.strip.file import StripFile
-from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.looks import looks
 from drivers.twin.renderer.looks.look import Look
-from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Image, Pose
+from drivers.types import Image
 from policies.fixed_paths import triangular
 from tests.benchmarks.measure_perception import STRIPS
+from tests.support.look_camera import LookCamera
 from tests.support.twin_calibration import twin_calibration
-from tests.support.twin_fold import FoldCamera, TwinFold, simulate_fold
+from tests.support.twin_fold import TwinFold, simulate_fold
 
 CAMERA, SETTINGS = CameraSettings(noise=0.5), PerceptionSettings()
 SHOWN = (slice(200, 680), slice(300, 1060))  # rows, columns
@@ -36,30 +33,14 @@ SEQUENCE = 250
 RED, YELLOW, WHITE, DARK = (40, 40, 230), (0, 230, 255), (255, 255, 255), (40, 40, 40)
 
 
-class LookCamera(FoldCamera):
-    """The camera before a strip in a look of the cell."""
-
-    def __init__(self, strip: StripFile, look: Look) -> None:
-        self.settings = CAMERA
-        self.renderer = Renderer(CAMERA, StripLook.of(strip, look.pattern), 0, surround=look)
-
-    def judged(self, strip: StripFile) -> Preflight:
-        """Preflight of the strip lying flat, the hand beside it."""
-        arc = np.linspace(0, strip.length, 61)
-        waiting = Pose(strip.length + 0.05, 0.25, 0.0)
-        scene = Scene(0.0, np.column_stack([arc, 0 * arc]), arc, waiting, 0.04, holds_strip=False)
-        frame = Frame(0.0, 0.02, "look", 0, self.renderer.render([scene], 0))
-        return inspect(frame, twin_calibration(CAMERA), SETTINGS, strip)
-
-
 def tile(look: Look, fold: TwinFold) -> Image:
     """One look: its name, what is seen of `fold` or why the strip was refused."""
-    camera = LookCamera(fold.strip, look)
-    judged, frame = camera.judged(fold.strip), camera.frame(fold, SEQUENCE)
+    camera, calibration = LookCamera(fold.strip, look, CAMERA), twin_calibration(CAMERA)
+    judged = inspect(camera.waiting(fold.strip), calibration, SETTINGS, fold.strip)
+    frame = camera.frame(fold, SEQUENCE)
     image = frame.image.copy()
     words = look.name
     if judged.passed and judged.appearance is not None:
-        calibration = twin_calibration(CAMERA)
         reader = Perception(calibration, SETTINGS, fold.strip, judged.appearance)
         seen = reader.look(frame, fold.pose(frame.stamp))
         line = np.rint(calibration.to_image(seen.profile)).astype(np.int32)

@@ -184,7 +184,10 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
     """`count` run folders beside a whole one; every `pages`-th is drawn too."""
     took: Counter[str] = Counter()
     whole = made_run(root / "whole")
-    copied(whole, root / "runs" / "a-whole")
+    for seed_of in (8, 9):  # folds of other seeds, beside which a spoiled one is fitted
+        beside = copied(whole, root / "runs" / f"a-whole-{seed_of}")
+        text = (beside / "run.yaml").read_text()
+        (beside / "run.yaml").write_text(text.replace("seed: 7", f"seed: {seed_of}"))
 
     def check(changes: tuple[Spoiled, ...]) -> None:
         folder = copied(whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes)

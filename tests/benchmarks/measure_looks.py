@@ -1,10 +1,11 @@
 """Folds strips in every look of the cell: a table of what preflight and images made of it.
 
 python -m tests.benchmarks.measure_looks [--looks clutter,flicker] [--strips denim,blanket]
-    [--policy feedback] [--out looks.md]
+    [--policy feedback] [--out looks.md] [--preflight]
 
 One calibration, made in the plain look, serves all: the camera stays where it is. A refused strip
-shows the checks that failed; for a folded one, the seen and the true displacement [mm].
+shows the checks that failed; for a folded one, the seen and the true displacement [mm]. With
+--preflight nothing is folded, one picture each is judged.
 """
 
 import argparse
@@ -16,12 +17,17 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from calibration.calibration import Calibration
+from calibration.perception.preflight import inspect
+from calibration.perception.settings import PerceptionSettings
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
 from cell.operations.calibrate import calibration_of
 from cell.operations.fold import Request, fold
 from cell.operations.result import FoldResult
 from drivers.twin.renderer.looks import looks
+from drivers.twin.settings import CameraSettings
+from tests.support.look_camera import LookCamera
+from tests.support.twin_calibration import twin_calibration
 
 ALLOWED = 6.0  # mm of displacement
 
@@ -32,6 +38,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--strips", default=",".join(find_configs(None).strip_names()))
     parser.add_argument("--policy", default="feedback")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--preflight", action="store_true")
     return parser.parse_args()
 
 
@@ -68,8 +75,26 @@ def good(result: FoldResult) -> bool:
     return result.displacement is not None and true is not None and abs(1e3 * true) < ALLOWED
 
 
+def judged(look: str, name: str) -> str:
+    """The checks that refuse the strip in `look`, or that it is admitted."""
+    strip, settings = find_configs(None).strip(name), CameraSettings()
+    picture = LookCamera(strip, looks()[look], settings).waiting(strip)
+    found = inspect(picture, twin_calibration(settings), PerceptionSettings(), strip)
+    failed = [check.name for check in found.checks if not check.passed]
+    return f"refused: {', '.join(failed)}" if failed else "admitted"
+
+
+def judge(names: list[str], strips: list[str]) -> None:
+    for look in names:
+        for strip in strips:
+            print(f"{look:13s} {strip:14s} {judged(look, strip)}", flush=True)
+
+
 def main() -> None:
     asked = arguments()
+    if asked.preflight:
+        judge(asked.looks.split(","), asked.strips.split(","))
+        return
     strips, configs = asked.strips.split(","), find_configs(None)
     lines = [f"| look | {' | '.join(strips)} |", "|---" * (len(strips) + 1) + "|"]
     calibration = calibration_of(configs.cell())

@@ -23,7 +23,20 @@ from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
 SWEEPS = {
-    "bending_length": (0.002, 0.004, 0.006, 0.008, 0.010, 0.0135, 0.033, 0.045, 0.06, 0.08, 0.1),
+    "bending_length": (
+        0.002,
+        0.004,
+        0.006,
+        0.008,
+        0.010,
+        0.0135,
+        0.033,
+        0.045,
+        0.06,
+        0.08,
+        0.1,
+        0.2,
+    ),
     "length": (0.1, 0.15, 0.2, 0.3, 0.45, 0.9, 1.2, 2.0),
     "width": (0.002, 0.01, 0.2, 1.0),
     "thickness": (1e-5, 1e-4, 0.004, 0.008, 0.02),

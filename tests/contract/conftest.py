@@ -19,7 +19,7 @@ from drivers.strip.describe import load_strip
 from drivers.strip.model import Rig
 from drivers.twin.clock import TwinClock
 from drivers.twin.open import Twin, open_twin
-from drivers.twin.paced_clock import PacedClock
+from drivers.twin.real_time_clock import RealTimeClock
 from drivers.twin.settings import CameraSettings, TwinSettings
 from drivers.types import Pose
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
@@ -101,7 +101,7 @@ BENCHES: dict[str, Callable[[], Bench]] = {
 CLOCKS: dict[str, Callable[[], Clock]] = {
     "twin": TwinClock,
     "wall": WallClock,
-    "paced": lambda: PacedClock(TwinClock()),
+    "real time": lambda: RealTimeClock(TwinClock()),
 }
 
 

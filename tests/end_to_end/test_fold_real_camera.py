@@ -50,7 +50,7 @@ def test_picture_without_a_strip_is_refused_with_the_reasons(tmp_path, monkeypat
     assert done.exit_code == 3
     line = json.loads(done.stdout)
     assert (line["outcome"], line["displacement_true"]) == ("preflight_refused", None)
-    assert "contrast: strip and surroundings differ by" in done.stderr
+    assert "strip lies there: seen along" in done.stderr
     assert "lay the strip along the x-axis" in done.stderr
     header = next((tmp_path / "runs").glob("*/run.yaml")).read_text()
     assert "camera_hz: 30.0" in header

@@ -1,6 +1,7 @@
 """Folds in simulation: the loop that training, tests and benchmark share."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 from policies.path import triangular
 from policies.policy import Decision, Observation
+from policies.profile import POINTS, seen_profile
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 from policies.sensing import EXACT, Eye, Sensing
 
 STRIP = paper_strip(0.1, 0.01)
+ARC = np.linspace(0.0, 0.6, 13)
 
 
 class Ideal:
@@ -42,10 +45,11 @@ class Ideal:
         return Observables(self._time, poses[:, 0], poses[:, :2], 2.0 * ones, tuple(self.touch))
 
     def shapes(self) -> Array:
-        raise NotImplementedError
+        flat = np.stack([ARC, np.zeros_like(ARC)], axis=1)
+        return np.repeat(flat[None], len(self.touch), axis=0)
 
     def arc(self) -> Array:
-        raise NotImplementedError
+        return np.repeat(ARC[None], len(self.touch), axis=0)
 
 
 class Watcher:
@@ -121,7 +125,7 @@ def test_noise_is_drawn_anew_in_each_image_but_alike_in_each_group() -> None:
     eye = Eye(Sensing(0.001, 0.002, 0.0, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng)
     seen = Observables(0.0, np.full(4, 0.3), np.full((4, 2), 0.4), np.zeros(4), (None,) * 4)
     for _ in range(6):
-        eye.remember(seen)
+        eye.remember(seen, np.empty((0, 0, 2)), np.empty((0, 0)), np.empty((0, 2)))
     looks = [eye.look(0.1, np.zeros((4, 2))) for _ in range(400)]
     contact = np.array([look.contact_x for look in looks])
     np.testing.assert_array_equal(contact[:, :2], contact[:, 2:])
@@ -135,3 +139,30 @@ def test_policy_is_asked_sixty_times_a_second() -> None:
     fold(policy, Ideal(touch_at=0.05))
     times = np.array([seen.time[0] for seen in policy.seen])
     assert np.diff(times) == pytest.approx(1 / 60)
+
+
+def test_profile_runs_from_the_desk_contact_to_the_gripper_of_the_image() -> None:
+    policy = Watcher()
+    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT, delay=(0.05, 0.05)))
+    seen = policy.seen[30]
+    assert seen.profile.shape == (2, POINTS, 2)
+    assert seen.profile[:, 0, 0] == pytest.approx(seen.contact_x)
+    assert seen.profile[:, -1, 0] == pytest.approx(seen.x + 0.05 * 0.1)
+
+
+def test_dropped_image_leaves_the_one_before_it() -> None:
+    policy = Watcher()
+    fold(policy, Ideal(touch_at=0.05), sensing=replace(EXACT, dropped=(0.5, 0.5)))
+    stamps = np.array([seen.stamp[0] for seen in policy.seen])
+    fresh = np.diff(stamps) > 0
+    assert fresh.mean() == pytest.approx(0.5, abs=0.1)
+    assert (np.diff(stamps) >= 0).all()
+
+
+def test_image_begins_at_the_contact_and_ends_at_the_gripper() -> None:
+    points = np.column_stack([np.linspace(0.302, 0.40, 150), np.linspace(0.002, 0.20, 150)])
+    seen = seen_profile(points, 0.3, (0.405, 0.21))
+    assert seen.shape == (1, POINTS, 2)
+    assert seen[0, 0] == pytest.approx([0.3, 0.001])
+    assert seen[0, -1] == pytest.approx([0.405, 0.21])
+    assert np.isnan(seen_profile(points[:1], 0.3, (0.405, 0.21))).all()

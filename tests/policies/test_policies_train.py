@@ -1,5 +1,6 @@
 """Training: deterministic, survives kills, and makes the policy better."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -79,11 +80,24 @@ def test_run_goes_on_the_same_with_another_number_of_threads(tmp_path: Path) -> 
     np.testing.assert_array_equal(alone.weights, again.weights)
 
 
-def test_journal_of_other_settings_is_refused(tmp_path: Path) -> None:
+def test_journal_of_other_settings_is_refused_and_says_which(tmp_path: Path) -> None:
     train(tmp_path, 2)
     other = SETTINGS.model_copy(update={"seed": 1})
-    with pytest.raises(ConfigurationError, match="other settings"):
+    with pytest.raises(ConfigurationError, match=r"other settings \(seed is 0 there, 1 here\)"):
         train(tmp_path, 1, other)
+    fewer = SETTINGS.model_copy(update={"generations": 1})
+    with pytest.raises(ConfigurationError, match="2 generations are done there, 1 asked here"):
+        train(tmp_path, 1, fewer)
+
+
+def test_extended_training_ends_as_one_asked_for_at_first(tmp_path: Path) -> None:
+    alone = train(tmp_path / "alone", 99)
+    train(tmp_path / "extended", 99, SETTINGS.model_copy(update={"generations": 5}))
+    again = train(tmp_path / "extended", 99)
+    np.testing.assert_array_equal(alone.weights, again.weights)
+    assert alone.validated == again.validated
+    first = (tmp_path / "extended" / "feedback.jsonl").read_text().splitlines()[0]
+    assert json.loads(first)["settings"]["generations"] == 12
 
 
 def test_search_goes_down_and_keeps_what_validated_best(tmp_path: Path) -> None:

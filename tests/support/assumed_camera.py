@@ -1,5 +1,6 @@
 """A configuration with a real camera whose calibration is assumed, not measured."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,6 @@ from calibration.lens import Lens
 from drivers.camera.settings import V4l2Settings
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-DATE = "2026-01-01T00:00:00+00:00"
 SEEN = 0.91  # m that the image shows in x, of a camera that looks straight at the plane
 
 
@@ -33,6 +33,7 @@ def _assumed(camera: V4l2Settings) -> Calibration:
     matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
     lens = Lens(width=width, height=height, matrix=matrix, distortion=np.zeros(5))
     upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
+    today = datetime.now(UTC).isoformat(timespec="seconds")
     return calibrated(
-        lens, Homography.of(upright), residual_mm=0.3, date=DATE, camera=camera.identity
+        lens, Homography.of(upright), residual_mm=0.3, date=today, camera=camera.identity
     )

@@ -51,7 +51,12 @@ def residuals(
     """Residuals of every run at the stated base."""
     base = np.array([p.start for p in strip.scope.base])
     return strip.simulate(
-        [Request(run, base, effects or {}, np.array([slack])) for run in strip.runs]
+        [
+            Request(
+                run, base, effects or {}, np.array([slack * (p.name == "slack") for p in run.local])
+            )
+            for run in strip.runs
+        ]
     )
 
 

@@ -15,8 +15,10 @@ COLOURS = {
     "shifted": MUTED,
     "planned": PURPLE,
     "feedback": GREEN,
+    "adaptive": "#c2352b",
 }
 MARKERS = {"triangular": "<", "circular": ">", "shifted": "D", "planned": "s", "feedback": "o"}
+MARKERS |= {"adaptive": "P"}
 SIZES = {"shifted": 4.2, "planned": 4.2, "feedback": 7.0}
 WIDTH = 8.4  # inch, of a page
 NOTE = 8.0  # points

@@ -33,7 +33,8 @@ def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]
 def weights_digest() -> str:
     """Digest of all committed weights."""
     folder = Path(policies.__file__).parent / "weights"
-    return digest(*(path.read_text(encoding="utf-8") for path in sorted(folder.glob("*.json"))))
+    files = sorted([*folder.glob("*.json"), *folder.glob("*.npz")])
+    return digest(*(hashlib.sha256(path.read_bytes()).hexdigest() for path in files))
 
 
 def digest(*texts: str) -> str:

@@ -17,7 +17,7 @@ from policies.policy import Policy
 from policies.registry import make_policy
 from policies.rollout import Rollout, roll_out
 
-SEGMENTS, LINKS = 100, 60
+SEGMENTS, LINKS = 100, 80
 COST = {"rod": 0.03, "chain": 0.3}  # of a strip
 
 

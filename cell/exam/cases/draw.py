@@ -45,7 +45,7 @@ def cases(tier: Tier, count: int, seed: int) -> list[Case]:
     found = []
     for i, kind in enumerate(kinds):
         case = _case(tier, kind, i, number[kind], seed)
-        level = SCATTER[number[kind] // len(LEVELS) % len(SCATTER)]
+        level = SCATTER[(number[kind] + number[kind] // len(LEVELS)) % len(SCATTER)]
         found.append(case.model_copy(update={"scatter": level}))
         number[kind] += 1
     return found

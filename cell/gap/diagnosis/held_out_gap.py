@@ -78,7 +78,7 @@ def run_squares(estimate: Estimate) -> Array:
 
 
 def excess(squares: Array) -> Array:
-    """sqrt(max(mean r^2 - 1, 0)) over the last axis."""
+    """sqrt(max(mean r^2 - 1, 0)) of `squares` (..., R) over the runs."""
     return np.asarray(np.sqrt(np.maximum(squares.mean(axis=-1) - 1.0, 0.0)))
 
 
@@ -88,7 +88,7 @@ def sizes(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, f
 
 
 def shrink(before: Array, after: Array, rng: np.random.Generator) -> Shrink:
-    """1 - excess after / before, with a percentile bootstrap over runs (Efron 1979)."""
+    """1 - excess after / before of run squares (R,), with a bootstrap over runs (Efron 1979)."""
     drawn = rng.integers(0, len(before), (DRAWS, len(before)))
     value = float(_share(before, after))
     shares = _share(before[drawn], after[drawn])

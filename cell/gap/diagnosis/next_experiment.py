@@ -36,8 +36,9 @@ def advise(
 ) -> Task[list[Advice]]:
     """Experiments by expected separation per minute, best first; yields simulations.
 
-    `second` is a model with its shared values. What the first explanation's parameters may still
-    move, given the runs so far, is projected out (design for discrimination: Box and Hill 1967).
+    `second` is a model with its shared values (P,). What the first explanation's parameters may
+    still move, given the runs so far, is projected out (design for discrimination: Box and Hill
+    1967).
     """
     if not experiments:
         return []

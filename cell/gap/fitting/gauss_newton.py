@@ -63,8 +63,8 @@ def refit(
 ) -> Task[Estimate]:
     """Estimate of `model` from `start`; yields simulations.
 
-    `jacobians` of a fit near by spare the first secants; it ends when a further step promises
-    less than `enough` nats, or after so many `steps`.
+    `jacobians` (n, shared + local) by run of a fit near by spare the first secants; it ends when
+    a further step promises less than `enough` nats, or after so many `steps`.
     """
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
@@ -113,7 +113,7 @@ def _estimate(
 
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
-    """Whitened residuals per run."""
+    """Whitened residuals (n,) of each run."""
     return tuple(whitened(a, s) for a, s in zip(raw, evidence.scales, strict=True))
 
 

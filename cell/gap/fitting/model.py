@@ -40,11 +40,11 @@ class Model:
         return self.base + tuple(p for e in self.effects for p in e.parameters)
 
     def holding(self, shared: Array) -> "Model":
-        """The same model with its shared parameters held at these values."""
+        """The same model with its shared parameters held at these values (P,)."""
         return replace(self, held=tuple(map(float, shared)))
 
     def split(self, shared: Array) -> tuple[Array, dict[str, Array]]:
-        """Base values, and values by effect."""
+        """Base values, and values by effect, of shared values (P,)."""
         shared = shared if self.held is None else np.array(self.held)
         effects, at = {}, len(self.base)
         for effect in self.effects:
@@ -53,7 +53,7 @@ class Model:
         return shared[: len(self.base)], effects
 
     def joined(self, base: Array, effects: dict[str, Array]) -> Array:
-        """Shared values of base values and values by effect; nulls where one is not given."""
+        """Shared values (P,) of base values and values by effect; nulls where one is not given."""
         parts = [e.completed(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 
@@ -90,7 +90,7 @@ def evidence(runs: Sequence[Run]) -> Evidence:
 
 
 def request(model: Model, run: Run, shared: Array, local: Array) -> Request:
-    """The simulation of one run at these values."""
+    """The simulation of one run at shared values (P,) and its own unknowns (k,)."""
     base, effects = model.split(shared)
     return Request(run, base, effects, local)
 
@@ -101,10 +101,10 @@ def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
 
 
 def whitened(residuals: Residuals, scale: Array) -> Array:
-    """Residuals in units of noise; what the model cannot show counts as LOST."""
+    """Residuals (n,) in units of `scale` (n,); what the model cannot show counts as LOST."""
     return np.nan_to_num(residuals.mean / scale, nan=LOST, posinf=LOST, neginf=-LOST)
 
 
 def response(there: Residuals, here: Residuals, scale: Array) -> Array:
-    """By how many units of noise the residuals `there` exceed those `here`."""
+    """By how many units of `scale` (n,) the residuals `there` exceed those `here` (n,)."""
     return whitened(there, scale) - whitened(here, scale)

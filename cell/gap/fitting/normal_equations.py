@@ -27,17 +27,17 @@ class Layout:
         return self.shared + sum(self.local)
 
     def columns(self, run: int) -> NDArray[np.int64]:
-        """Positions of the shared unknowns and those of run number `run`."""
+        """Positions (shared + local,) of the shared unknowns and those of run number `run`."""
         first = self.shared + sum(self.local[:run])
         own = np.arange(first, first + self.local[run])
         return np.concatenate([np.arange(self.shared), own])
 
     def packed(self, point: Point) -> Array:
-        """The point as one vector."""
+        """The point as one vector (size,)."""
         return np.concatenate([point.shared, *point.local])
 
     def unpacked(self, z: Array) -> Point:
-        """The vector as a point."""
+        """The vector `z` (size,) as a point."""
         edges = np.cumsum([self.shared, *self.local])
         parts = np.split(z, edges[:-1])
         return Point(parts[0], tuple(parts[1:]))
@@ -70,7 +70,7 @@ def bounds(model: Model, evidence: Evidence) -> Bounds:
 
 
 def objective(residuals: Sequence[Array], z: Array, limits: Bounds, scale: float) -> float:
-    """Robust loss of all runs at `scale` plus the priors [nats]."""
+    """Robust loss of all runs' residuals (n,) at `scale` plus the priors of `z` (size,) [nats]."""
     data = sum(float(robust.loss(r / scale).sum()) for r in residuals)
     return data + 0.5 * float(limits.precision @ (z - limits.mean) ** 2)
 
@@ -86,7 +86,10 @@ class Normal:
 def normal(
     place: Layout, residuals: Sequence[Array], jacobians: Sequence[Array], scale: float
 ) -> Normal:
-    """Weighted normal equations of the data alone, runs summed."""
+    """Weighted normal equations of the data alone, runs summed.
+
+    By run: whitened `residuals` (n,) and `jacobians` (n, shared + local).
+    """
     gradient, curvature = np.zeros(place.size), np.zeros((place.size, place.size))
     for i, (r, jacobian) in enumerate(zip(residuals, jacobians, strict=True)):
         weighted = jacobian * (robust.weights(r / scale) / scale**2)[:, None]
@@ -97,7 +100,7 @@ def normal(
 
 
 def with_prior(data: Normal, z: Array, limits: Bounds) -> Normal:
-    """Normal equations of data and priors."""
+    """Normal equations of data and of the priors at `z` (size,)."""
     return Normal(
         data.gradient + limits.precision * (z - limits.mean),
         data.curvature + np.diag(limits.precision),
@@ -158,7 +161,7 @@ def _solved(matrix: Array, right: Array) -> Array:
 
 
 def decrease(equations: Normal, step: Array) -> float:
-    """Decrease of the objective [nats] that the quadratic model promises for `step`."""
+    """Decrease of the objective [nats] that the quadratic model promises for `step` (size,)."""
     return float(-equations.gradient @ step - 0.5 * step @ equations.curvature @ step)
 
 

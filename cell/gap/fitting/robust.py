@@ -25,12 +25,12 @@ def bounded_loss(r: Array) -> Array:
 
 
 def weights(r: Array) -> Array:
-    """psi(r) / r of Huber's loss: the weights of iterated least squares."""
+    """psi(r) / r (n,) of Huber's loss: the weights of iterated least squares."""
     return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
 def clipped(r: Array) -> Array:
-    """psi(r) of Huber's loss: what a residual weighs in the fit."""
+    """psi(r) (n,) of Huber's loss: what a residual weighs in the fit."""
     return np.clip(r, -THRESHOLD, THRESHOLD)
 
 
@@ -52,15 +52,16 @@ def _deviation(r: Array) -> float:
 def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """1 + 2 sum of autocorrelations: how many samples are worth one independent sample.
 
-    Pooled over all series of all runs, summed by pairs of lags while they stay positive (Geyer
-    1992, Practical Markov chain Monte Carlo, initial positive sequence). Residuals that are
-    smaller than their scale, as a generous floor leaves them, count by their long-run variance.
+    Pooled over all series of all runs, residuals (n,) each, summed by pairs of lags while they
+    stay positive (Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence).
+    Residuals that are smaller than their scale, as a generous floor leaves them, count by their
+    long-run variance.
     """
     return max(1.0, long_run_variance(runs, residuals))
 
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Variance of sums of residuals over their number, in units of their scale squared."""
+    """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
     scaled = _scaled(residuals)
     clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)

@@ -8,16 +8,14 @@ quantity counts as an unknown of its own: a constant error of the rig is no scat
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.gauss_newton import Estimate, linearised, residuals
-from cell.gap.fitting.model import Evidence, Point
+from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.projection import stacked
-from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -25,6 +23,8 @@ WORTH = 3.0  # nats that a quantity must gain to count as scattered
 TIE = 2.0  # nats by which a quantity must beat those that scatter more commonly, named first
 SMALLEST, LARGEST = 0.03, 5.0  # of the usual spread, between which one is sought
 LEAST = 0.1  # of the stated variance, of what any fit leaves
+GRID = np.linspace(0.05, 2.5, 15)  # shares of the usual spread over which it is averaged
+REFUTED = 1 / 3  # Bayes factor below which a common quantity does not scatter here
 COMMON = 10.0  # times its usual spread, that the common part of a quantity may have
 
 
@@ -77,16 +77,16 @@ class _Marginal:
         return half_logdet - own - 0.5 * float(solved @ solved) + 0.5 * float(shares @ shares)
 
 
-def spreads(estimate: Estimate, nuisance: Array | None = None) -> tuple[Spread, ...]:
+def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """The quantities that differ from run to run in `estimate`, largest gain first.
 
-    `nuisance` (N, m) are whitened responses that the estimate may lack. Quantities are taken in
-    one by one while each gains WORTH nats; those that the runs do not show are left out.
+    Quantities are taken in one by one while each gains WORTH nats; those that the runs do not
+    show are left out, unless they are common and the runs do not refute them.
     """
     known = _random(estimate)
     if not known or len(estimate.evidence.runs) < 2:
         return ()
-    model = _marginal(estimate, known, nuisance)
+    model = _marginal(estimate, known)
     active: list[int] = []
     shares, least = np.zeros(0), model.loss(np.zeros(0), [])
     gains: list[float] = []
@@ -104,6 +104,7 @@ def spreads(estimate: Estimate, nuisance: Array | None = None) -> tuple[Spread, 
         others = [k for j, k in enumerate(active) if j != i]
         value, _ = _fitted(model, others, np.delete(shares, i))
         gains.append(value - least)
+    active, shares, gains = _kept(model, list(known.values()), active, shares, gains)
     errors = _errors(model, active, shares)
     names = list(known.values())
     return tuple(
@@ -113,67 +114,33 @@ def spreads(estimate: Estimate, nuisance: Array | None = None) -> tuple[Spread, 
     )  # fmt: skip
 
 
-def scattered(known: Evidence, found: Sequence[Spread]) -> Evidence:
-    """The runs of `known` with only those random unknowns that were `found`, and their spreads."""
-    value = {s.name: s.value for s in found}
-    runs = []
-    for run in known.runs:
-        kept = [
-            replace(p, spread=value[p.name]) if p.random else p
-            for p in run.local
-            if not p.random or p.name in value
-        ]
-        runs.append(replace(run, local=tuple(kept)))
-    return Evidence(tuple(runs), known.scales)
+def _kept(
+    model: _Marginal,
+    known: Sequence[Parameter],
+    active: list[int],
+    shares: Array,
+    gains: list[float],
+) -> tuple[list[int], Array, list[float]]:
+    """The quantities that the runs show, and the common ones that they do not refute.
 
-
-def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -> Estimate:
-    """The fit with only those random unknowns of the runs `whole` that were `found`.
-
-    Only its model, evidence and point count from here on: residuals are those of the old fit.
+    A common quantity is refuted where its spread, averaged over what laboratories have, explains
+    the runs worse by a factor of REFUTED than none (Bayes factor: Kass and Raftery 1995). Kept,
+    it has its mean spread given the runs.
     """
-    if not any(p.random for run in whole.runs for p in run.local):
-        return estimate
-    opened = _opened(estimate, whole)
-    known = scattered(opened.evidence, found)
-    local = tuple(
-        np.array([v for p, v in zip(run.local, own, strict=True) if p.name in kept])
-        for run, own, kept in zip(
-            opened.evidence.runs,
-            opened.point.local,
-            [{p.name for p in run.local} for run in known.runs],
-            strict=True,
-        )
-    )
-    return replace(opened, evidence=known, point=Point(estimate.shared, local))
-
-
-def estimated(
-    simulate: Simulate, estimate: Estimate, whole: Evidence, nuisance: Array | None = None
-) -> tuple[Spread, ...]:
-    """Spreads of all random unknowns of the runs `whole`, at a fit of the same runs.
-
-    The fit may hold some of the unknowns only; `nuisance` (N, m) as in `spreads`.
-    """
-    if not any(p.random for run in whole.runs for p in run.local):
-        return ()
-    here = _opened(estimate, whole)
-    known, point = here.evidence, here.point
-    raw, jacobians = run_one(simulate, linearised(here.model, known, point))
-    r = residuals(raw, known)
-    return spreads(replace(here, residuals=r, raw=tuple(raw), jacobians=jacobians), nuisance)
-
-
-def _opened(estimate: Estimate, whole: Evidence) -> Estimate:
-    """The fit with all random unknowns of `whole`; those that it did not have are at rest."""
-    usual = {run.name: run.local for run in whole.runs}
-    runs, local = [], []
-    for run, own in zip(estimate.evidence.runs, estimate.point.local, strict=True):
-        value = {p.name: float(v) for p, v in zip(run.local, own, strict=True)}
-        local.append(np.array([value.get(p.name, p.start) for p in usual[run.name]]))
-        runs.append(replace(run, local=usual[run.name]))
-    known = Evidence(tuple(runs), estimate.evidence.scales)
-    return replace(estimate, evidence=known, point=Point(estimate.shared, tuple(local)))
+    weights = np.exp(-0.5 * GRID**2)
+    weights /= weights.sum()
+    for k, p in enumerate(known):
+        if not p.common or k in active:
+            continue
+        none = model.loss(shares, active)
+        own = [model.loss(np.append(shares, s), [*active, k]) - 0.5 * s * s for s in GRID]
+        likely = weights * np.exp(np.clip(none - np.array(own), -50.0, 50.0))
+        factor = float(likely.sum())
+        if factor > REFUTED:
+            active = [*active, k]
+            shares = np.append(shares, float(likely @ GRID) / factor)
+            gains = [*gains, float(np.log(factor))]
+    return active, shares, gains
 
 
 def _random(estimate: Estimate) -> dict[str, Parameter]:
@@ -181,7 +148,7 @@ def _random(estimate: Estimate) -> dict[str, Parameter]:
     return {p.name: p for run in estimate.evidence.runs for p in run.local if p.random}
 
 
-def _marginal(estimate: Estimate, known: dict[str, Parameter], nuisance: Array | None) -> _Marginal:
+def _marginal(estimate: Estimate, known: dict[str, Parameter]) -> _Marginal:
     r = np.concatenate(estimate.residuals)
     worth = max(LEAST, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
     weight = np.sqrt(robust.weights(r / estimate.scale) / worth) / estimate.scale
@@ -197,9 +164,8 @@ def _marginal(estimate: Estimate, known: dict[str, Parameter], nuisance: Array |
     pull = prior * (z - start)
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(order))], axis=1)
     usual = np.array([known[name].spread for name in order])
-    extra = [common] if nuisance is None else [common, nuisance]
-    more = np.concatenate([(COMMON * usual) ** -2, np.zeros(sum(e.shape[1] for e in extra[1:]))])
-    whole = np.concatenate([columns, *extra], axis=1) * weight[:, None]
+    more = (COMMON * usual) ** -2
+    whole = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = whole.T @ whole + np.diag(np.concatenate([prior, more]))
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)
     added = np.zeros(len(more))

@@ -14,31 +14,32 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report.replayed import Replayed
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.schema import Compared
+from cell.report.drawing import INK, RULE, STYLE, page_svg
 from drivers.types import Array
 
-INK, FAINT, BEFORE, AFTER = "#22272e", "#c9ced6", "#c2553b", "#2f6db3"
+FAINT, BEFORE, AFTER = "#9aa4b2", "#c2553b", "#2f6db3"
 CHARACTER = 0.075  # inches of a tick's label
 
 
 def svg(figure: Figure) -> str:
-    """The figure as SVG, text as text."""
+    """The figure as SVG that takes ink, paper and type from the page around it."""
     text = io.StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "gap"}):
+    with mpl.rc_context(STYLE | {"svg.hashsalt": "gap"}):
         figure.savefig(text, format="svg", metadata={"Date": None}, bbox_inches="tight")
-    content = text.getvalue()
-    return content[content.index("<svg") :]
+    width = figure.get_size_inches()[0] * 72
+    return f"<div style='max-width:{width:.0f}pt'>{page_svg(text.getvalue())}</div>"
 
 
 def blank(
     width: float, height: float, rows: int = 1, columns: int = 1
 ) -> tuple[Figure, list[Axes]]:
     """A figure with quiet axes [inches]."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for axis in axes:
         axis.tick_params(colors=INK, labelsize=8)
-        for side in ("top", "right"):
-            axis.spines[side].set_visible(False)
+        axis.grid(visible=False)
     return figure, axes
 
 
@@ -115,7 +116,7 @@ def residual_traces(
         axis.set_xlim(float(times.min()), float(times.max()))
         quantity = quantities[str(s.quantity[mine][0])]
         band = 2.0 * quantity.factor * s.reading[mine]
-        axis.fill_between(s.t[mine], -band, band, color="#e8ebef", lw=0)
+        axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0)
         pair = ((before, BEFORE, "before"), (after, AFTER, "after"))
         for estimate, colour, word in pair[: 1 if after is before else 2]:
             axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
@@ -170,7 +171,7 @@ def _legend_above(figure: Figure, axis: Axes) -> None:
 
 
 def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
-    """Excess gap of each held-out run, before and after [units of noise]."""
+    """Excess gap (R,) of each held-out run, before and after [units of noise]."""
     figure, axes = blank(max(4.0, 1.0 + 0.7 * len(names)), 2.3)
     axis, at = axes[0], np.arange(len(names))
     if after is before:

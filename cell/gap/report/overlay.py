@@ -31,7 +31,7 @@ def write_overlay(found: Findings, path: Path) -> None:
 
 
 def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
-    """The recording of `runs` of the subject `name`."""
+    """Write the recording of `runs` of `name`; ConfigurationError where it cannot be written."""
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         recording.set_sinks(rr.FileSink(path))

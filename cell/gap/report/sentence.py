@@ -1,10 +1,27 @@
 """The verdict in plain words."""
 
-from cell.gap.report.units import number, quantity
+from cell.gap.report.units import interval, number, quantity
 from cell.gap.selection.likelihood import margin
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Measured, Verdict
+
+TITLES = {
+    "ambiguous": "Something is missing, and these runs cannot tell what",
+    "no_gap": "No gap",
+    "unexplained": "Something is missing that the library does not explain",
+}
+
+
+def headline(verdict: Verdict) -> str:
+    """The verdict in a line: the name with its size and interval, or what stands open."""
+    if verdict.verdict != "named":
+        return TITLES[verdict.verdict]
+    parts = []
+    for effect in verdict.effects:
+        name, value = next(iter(effect.parameters.items()))
+        parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval(value)}")
+    return "; ".join(parts)
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:

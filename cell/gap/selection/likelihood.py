@@ -123,17 +123,17 @@ def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:
 
 
 def excess(residuals: Sequence[Array], level: float) -> float:
-    """sqrt(max(mean r^2 / level - 1, 0)), every run with equal weight."""
+    """sqrt(max(mean r^2 / level - 1, 0)) of residuals (n,), every run with equal weight."""
     return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
 
 
 def bounded(residuals: Sequence[Array], scale: float) -> list[Array]:
-    """Residuals up to what is wild: no sample that went another way may decide."""
+    """Residuals (n,) up to what is wild: no sample that went another way may decide."""
     return [np.clip(r, -robust.WILD * scale, robust.WILD * scale) for r in residuals]
 
 
 def mean_square(residuals: Sequence[Array]) -> float:
-    """Mean r^2, every run with equal weight."""
+    """Mean r^2 of residuals (n,), every run with equal weight."""
     return float(np.mean([np.mean(np.square(r)) for r in residuals]))
 
 

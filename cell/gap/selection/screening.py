@@ -58,7 +58,7 @@ class Score:
 
     @property
     def starts(self) -> list[dict[str, Array]]:
-        """Where fits begin, by effect: what is not known yet at null always."""
+        """Where fits begin, values (k,) by effect: what is not known yet at null always."""
         found: list[dict[str, Array]] = [{}]
         if not self.linear:
             found.append(self.start)
@@ -113,16 +113,6 @@ def _secants(candidate: Candidate) -> tuple[Array, ...]:
         vector[i] += p.step if p.start + p.step <= p.high else -p.step
         moved.append(vector)
     return tuple(moved)
-
-
-def best_responses(about: Projection, probed: Probed) -> Array:
-    """Whitened responses (N, members) of the group of probes that could explain most."""
-    gains = []
-    for responses in probed.responses:
-        form = about.form(about.weighed(responses))
-        inverse = np.linalg.pinv(form.curvature, rcond=1e-8, hermitian=True)
-        gains.append(float(form.gradient @ inverse @ form.gradient))
-    return probed.responses[int(np.argmax(gains))]
 
 
 @dataclass(frozen=True, slots=True)

@@ -106,7 +106,7 @@ def check_indices(folders: Sequence[Path], stated: Sequence[int | None]) -> None
 
 
 def read_table(path: Path) -> dict[str, Array]:
-    """Columns of a parquet file as floats; a missing or broken file is a ConfigurationError."""
+    """Columns (n,) of a parquet file as floats; ConfigurationError for a missing or broken one."""
     table = read_parquet(
         path, "is missing; add it", "is not a whole Parquet file; write it again", newer=""
     )
@@ -120,7 +120,10 @@ def read_table(path: Path) -> dict[str, Array]:
 
 
 def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False) -> Array:
-    """A column that must be there, finite throughout unless `gaps` are allowed."""
+    """A column (n,) that must be there, finite throughout unless `gaps` are allowed.
+
+    Raises ConfigurationError where it is not.
+    """
     if name not in table:
         raise ConfigurationError(f"{path}: {name}: this column is missing (or not numbers); add it")
     values = table[name]
@@ -133,7 +136,7 @@ def column(table: dict[str, Array], name: str, path: Path, *, gaps: bool = False
 
 
 def check_time(t: Array, path: Path, least: int) -> None:
-    """Refuse a time column that is too short or does not increase."""
+    """Refuse a time column (n,) that is too short or does not increase."""
     if len(t) < least:
         raise ConfigurationError(f"{path}: t: has {len(t)} rows; at least {least} are needed")
     back = np.diff(t) <= 0.0

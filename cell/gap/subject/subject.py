@@ -20,7 +20,8 @@ class Parameter:
     what was known before (infinite: nothing). `inverse` parameters are shown as reciprocals,
     so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
     not how much of it there is: a probe keeps its own whatever its amount. `random` unknowns of
-    a run are drawn anew in each run; their `spread` is estimated from the runs.
+    a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
+    are expected to differ in any laboratory, unless the runs refute it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Parameter:
     inverse: bool = False
     shape: bool = False
     random: bool = False
+    common: bool = False
 
     def shown(self, value: float) -> float:
         """`value` as files state it."""
@@ -67,12 +69,12 @@ class Candidate:
         return replace(self, parameters=self.parameters + self.finer, finer=())
 
     def completed(self, values: Array) -> Array:
-        """`values` of its first parameters, with the starts of the others."""
+        """`values` (k,) of its first parameters, with the starts of the others."""
         return np.concatenate([values, self.null[len(values) :]])
 
     @property
     def null(self) -> Array:
-        """Values at which it vanishes."""
+        """Values (k,) at which it vanishes."""
         return np.array([p.start for p in self.parameters])
 
 
@@ -164,16 +166,29 @@ class Experiment:
 
 
 @dataclass(frozen=True, slots=True)
+class Scattering:
+    """A quantity that differs from run to run: in words, and what makes it smaller."""
+
+    name: str
+    sentence: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
 class Scope:
     """What a subject offers: base parameters, candidate effects, quantities by name.
 
-    `terms` are never causes: they describe what stays unexplained.
+    `terms` are never causes: they describe what stays unexplained. `scatter` names the random
+    unknowns of runs. `left` is the share of the excess gap that several effects named together
+    may leave: more, and they only imitate a cause outside the library.
     """
 
     base: tuple[Parameter, ...]
     candidates: tuple[Candidate, ...]
     quantities: Mapping[str, Quantity]
     terms: tuple[Candidate, ...] = ()
+    scatter: tuple[Scattering, ...] = ()
+    left: float = 0.5
 
 
 class Subject(Protocol):

@@ -14,7 +14,7 @@ from cell.gap.verdict.schema import Kind, Unexplained
 
 MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
 CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
-WITHIN, IMITATED = 0.3, 0.1  # excess, and its share, that a pair of effects may leave of the gap
+WITHIN = 0.3  # excess gap on held-out runs that is noise
 SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
 LARGE = 700.0  # nats whose exponential is still a number
 
@@ -53,7 +53,7 @@ def imitates(found: Findings) -> bool:
     before, after = found.shown.before, found.shown.after
     scale = robust.scale(np.concatenate(after.residuals))
     was, now = (_bounded_gap(estimate, scale) for estimate in (before, after))
-    return now > WITHIN and now > IMITATED * was
+    return now > WITHIN and now > found.subject.scope.left * was
 
 
 def unseen_gap(found: Findings) -> float:

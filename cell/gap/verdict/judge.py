@@ -12,7 +12,7 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.spreads import estimated
+from cell.gap.fitting.scatter import estimated
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, choose

@@ -4,23 +4,29 @@ import math
 from typing import Any
 
 from drivers.strip.rod.compiled import kernel
+from drivers.strip.shape import LYING
 
 
 @kernel
 def desk_contact(x: Any, z: Any, tip: int, height: float) -> Any:
     """x [m] where the midline leaves the desk for the fold, whose rightmost node is `tip`."""
+    last = len(x) - 1
     j = tip
-    while j >= 0 and z[j] > height:
-        j -= 1
-    if j < 0:
-        return x[0]
-    if j == tip:
-        last = len(x) - 1
+    if z[tip] <= height:
         while j < last and z[j + 1] <= height:
             j += 1
         if j == last:
             return x[last]
-    return x[j] + (x[j + 1] - x[j]) * (height - z[j]) / (z[j + 1] - z[j])
+    while j >= 0:
+        if z[j] <= height:
+            k = j
+            while k > 0 and z[k - 1] <= height:
+                k -= 1
+            if k == 0 or x[j] - x[k] >= LYING:
+                return x[j] + (x[j + 1] - x[j]) * (height - z[j]) / (z[j + 1] - z[j])
+            j = k
+        j -= 1
+    return x[0]
 
 
 @kernel

@@ -5,6 +5,7 @@ lock-step or by the wall clock.
 import select
 import socket
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from threading import Thread
 from typing import Self
 
@@ -79,7 +80,7 @@ class RobotServer:
     def close(self) -> None:
         """Disconnect everybody and free the address; harmless when repeated."""
         self._stopping = True
-        if self._bell.fileno() >= 0:
+        with suppress(OSError):  # it has hung up by itself
             self._bell.send(b"!")
         if self._thread is not None:
             self._thread.join()

@@ -48,8 +48,8 @@ def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - foretold| / sigma of displacement and of the belief's three numbers, at the
-    `last` kept decisions before each touch.
+    """|outcome - foretold| / sigma of displacement and of the belief's three numbers, each (m,), at
+    the `last` kept decisions before each touch.
     """
     found: list[list[Array]] = [[] for _ in range(4)]
     count = len(piece.displacement)

@@ -9,6 +9,7 @@ from calibration.perception.layer_touch import LayerTouch
 from calibration.perception.measurement import SeenTouch, StripMeasurement
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 from tests.benchmarks.measure_perception import STRIPS
 
@@ -110,3 +111,20 @@ def test_lost_images_delay_the_telling_not_the_time() -> None:
     assert touch is not None
     assert touch.time == pytest.approx(0.6, abs=0.02)
     assert told > 0.65
+
+
+def test_a_touch_that_no_fold_can_have_is_none() -> None:
+    """As with a strip a metre wide: seen to touch 20 mm from the grip, with all the rest below."""
+    detector = LayerTouch(PerceptionSettings(), replace_length(DENIM, 0.27 + 0.02))
+    for k in range(60):
+        height = _closing(0.05, 0.6)(k / 60)
+        profile = _profile(height)[:70]
+        sight = StripMeasurement(
+            k / 60, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE
+        )
+        near = Pose(PLACE - 0.01, 0.01, np.pi / 2)
+        assert detector.tell(sight, near) is None
+
+
+def replace_length(strip: StripFile, length: float) -> StripFile:
+    return strip.model_copy(update={"length": length})

@@ -9,39 +9,24 @@ import pytest
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import Preflight, inspect
 from calibration.perception.settings import PerceptionSettings
+from calibration.pointer import find_pointer
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.looks import looks
 from drivers.twin.renderer.looks.look import Box, Look
+from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
-from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
-from drivers.types import Frame, Pose
+from drivers.types import Pose
 from policies.fixed_paths import triangular
 from tests.benchmarks.measure_perception import STRIPS, distances
-from tests.support.twin_calibration import twin_calibration
-from tests.support.twin_fold import FoldCamera, TwinFold, simulate_fold
+from tests.support.look_camera import LookCamera
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
+from tests.support.twin_fold import TwinFold, simulate_fold
 
 CAMERA = CameraSettings()
 SETTINGS = PerceptionSettings()
-WAITING = Pose(0.65, 0.25, 0.0)  # where the hand waits while a strip is judged
 FRAMES = (120, 200, 290)
-
-
-class LookCamera(FoldCamera):
-    """The camera before a strip in a look of the cell."""
-
-    def __init__(self, strip: StripFile, look: Look, settings: CameraSettings = CAMERA) -> None:
-        self.settings = settings
-        self.renderer = Renderer(settings, StripLook.of(strip, look.pattern), 0, surround=look)
-
-    def waiting(self, strip: StripFile) -> Frame:
-        """The strip flat on the desk, the hand beside it."""
-        arc = np.linspace(0, strip.length, 61)
-        points = np.column_stack([arc, 0 * arc])
-        scene = Scene(0.0, points, arc, WAITING, 0.04, holds_strip=False)
-        return Frame(0.0, 0.02, "test", 0, self.renderer.render([scene], 0))
 
 
 @lru_cache
@@ -58,25 +43,32 @@ def _fold(strip: str, thickness: float | None = None) -> TwinFold:
 
 
 def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> Preflight:
-    camera = LookCamera(strip, look, settings)
+    return _judged_by(LookCamera(strip, look, settings), strip)
+
+
+def _judged_by(camera: LookCamera, strip: StripFile) -> Preflight:
     return inspect(camera.waiting(strip), twin_calibration(CAMERA), SETTINGS, strip)
 
 
-def _reader(look: Look, fold: TwinFold) -> tuple[Perception, LookCamera]:
-    judged = _judged(look, fold.strip)
+@lru_cache
+def _reader(
+    look: str, strip: str, thickness: float | None = None
+) -> tuple[Perception, LookCamera, TwinFold]:
+    fold = _fold(strip, thickness)
+    camera = LookCamera(fold.strip, looks()[look], CAMERA)
+    judged = _judged_by(camera, fold.strip)
     assert judged.passed, [check for check in judged.checks if not check.passed]
     assert judged.appearance is not None
-    calibration = twin_calibration(CAMERA)
-    perception = Perception(calibration, SETTINGS, fold.strip, judged.appearance)
-    return perception, LookCamera(fold.strip, look)
+    perception = Perception(twin_calibration(CAMERA), SETTINGS, fold.strip, judged.appearance)
+    return perception, camera, fold
 
 
 def _refusals(judged: Preflight) -> dict[str, str]:
     return {check.name: check.reason for check in judged.checks if not check.passed}
 
 
-def _agrees(look: Look, fold: TwinFold) -> None:
-    perception, camera = _reader(look, fold)
+def _agrees(look: str, strip: str, thickness: float | None = None) -> None:
+    perception, camera, fold = _reader(look, strip, thickness)
     for sequence in FRAMES:
         stamp = sequence / CAMERA.rate
         seen = perception.look(camera.frame(fold, sequence), fold.pose(stamp))
@@ -91,22 +83,20 @@ def _agrees(look: Look, fold: TwinFold) -> None:
     [
         ("grey-desk", "tablecloth"),
         ("clutter", "interlock"),
-        ("arm-shadow", "tablecloth"),
         ("flicker", "denim"),
         ("two-colours", "denim"),
         ("checks", "denim"),
-        ("stripes", "tablecloth"),
+        ("stripes", "interlock"),
         ("workshop", "tablecloth"),
-        ("workshop", "interlock"),
     ],
 )
 def test_strip_that_preflight_admits_is_read_as_it_is(look: str, strip: str) -> None:
-    _agrees(looks()[look], _fold(strip))
+    _agrees(look, strip)
 
 
 @pytest.mark.parametrize("look", ["green-mat", "grey-desk"])
 def test_strip_as_thick_as_is_allowed_is_read_as_it_is(look: str) -> None:
-    _agrees(looks()[look], _fold("denim", 0.008))
+    _agrees(look, "denim", 0.008)
 
 
 def test_uniform_strip_on_the_green_mat_is_told_by_three_colours() -> None:
@@ -151,17 +141,24 @@ def test_strip_thicker_than_images_are_read_for_is_refused_for_its_thickness() -
     assert "20.0 mm thick" in refused["thickness"]
 
 
-def test_every_refusal_tells_what_to_do() -> None:
-    for look in ("grey-desk", "dark-on-dark", "white-checks"):
-        checks = _judged(looks()[look], _strip("interlock")).checks
-        assert all(check.remedy for check in checks)
-        assert not all(check.passed for check in checks)
+def test_refusal_tells_what_to_do() -> None:
+    checks = _judged(looks()["white-checks"], _strip("interlock")).checks
+    assert all(check.remedy for check in checks)
+    assert not all(check.passed for check in checks)
 
 
 @pytest.mark.parametrize("level", [0, 90, 255])
 def test_blank_image_before_a_learnt_scene_is_no_exception_and_no_confidence(level: int) -> None:
-    fold = _fold("tablecloth")
-    perception, camera = _reader(looks()["workshop"], fold)
+    perception, camera, fold = _reader("workshop", "tablecloth")
     frame = camera.frame(fold, 200)
     blank = replace(frame, image=np.full_like(frame.image, level))
     assert perception.look(blank, fold.pose(200 / 60)).confidence < 0.3
+
+
+def test_pin_of_the_calibration_is_found_in_shadow_and_flicker() -> None:
+    renderer = Renderer(CAMERA, NO_STRIP, 0, surround=looks()["workshop"])
+    optics = Optics.of(CAMERA)
+    for x, z in ((0.1, 0.05), (0.3, 0.2), (0.4, 0.12), (0.55, 0.1)):
+        pose = Pose(x, z, np.pi / 2)
+        found = find_pointer(pointer_frame(renderer, pose, 0).image)
+        assert found == pytest.approx(optics.plane(np.array([[x, z]]))[0], abs=0.3)

@@ -16,12 +16,14 @@ CAMERA = CameraSettings(principal=(5.5, -4.5))
 OPTICS = Optics.of(CAMERA)
 
 
-def _points(noise: float = 0.05, seed: int = 0) -> list[Touched]:
+def _points(
+    noise: float = 0.05, seed: int = 0, settings: TouchSettings = SETTINGS
+) -> list[Touched]:
     """The grid, as the twin's optics show it, with noise [px]."""
     rng = np.random.default_rng(seed)
-    places = [np.array([pose.x, pose.z]) for pose in touch_plan(SETTINGS)]
+    places = [np.array([pose.x, pose.z]) for pose in touch_plan(settings)]
     return [
-        Touched(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, SETTINGS))
+        Touched(k, at, OPTICS.plane(at) + noise * rng.standard_normal(2), held_out(k, settings))
         for k, at in enumerate(places)
     ]
 
@@ -48,8 +50,9 @@ def test_six_touches_are_refused() -> None:
 
 
 def test_points_on_one_side_are_refused() -> None:
-    lying = [p for p in _points() if p.place[0] < 0.3]
-    verdict = touch_verdict(lying, LENS, SETTINGS)
+    many = TouchSettings(columns=12)
+    lying = [p for p in _points(settings=many) if p.place[0] < 0.3]
+    verdict = touch_verdict(lying, LENS, many)
     assert not verdict.passed
     assert any(
         "of the work area, at least 60 % are needed; touch its" in r for r in verdict.reasons

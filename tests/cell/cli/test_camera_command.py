@@ -1,6 +1,7 @@
 """What `cell camera` says, without a camera and with one that a stand-in for the kernel has."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,12 +12,15 @@ from cell.cli.app import app
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, open_cell
+from cell.devices.real_camera import with_real_camera
 from cell.operations.camera import suggested
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
 from drivers.camera.settings import V4l2Settings
+from drivers.clock import WallClock
 from drivers.errors import ConfigurationError
-from drivers.twin.paced_clock import PacedClock
+from drivers.twin.clock import PacedClock
+from drivers.twin.real_time_clock import RealTimeClock
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 REAL = DeviceSelection(camera="v4l2")
@@ -99,7 +103,16 @@ def test_real_camera_opens_beside_the_arm_of_the_twin() -> None:
     settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
     devices = open_cell(settings, configs.strip("denim"), REAL, calibrating=False)
     assert isinstance(devices.camera, V4l2Camera)
-    assert isinstance(devices.clock, PacedClock)
+    assert isinstance(devices.clock, RealTimeClock)
     assert devices.camera_identity == settings.camera.identity
     assert devices.camera.rate == 30.0
     assert devices.plant is None
+
+
+def test_clock_that_keeps_step_with_a_robot_stays_the_cells() -> None:
+    configs = find_configs(None)
+    settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
+    twin = open_cell(settings, configs.strip("denim"), DeviceSelection(), calibrating=False)
+    paced = PacedClock(WallClock())
+    devices = with_real_camera(replace(twin, clock=paced), settings)
+    assert devices.clock is paced

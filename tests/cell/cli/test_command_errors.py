@@ -96,7 +96,7 @@ def test_unknown_policy_lists_the_known_ones(monkeypatch, capsys, tmp_path) -> N
 
 @pytest.mark.parametrize("content", [b"", b"{", b"\x80\x04N.", b'{"schema": 1}'])
 def test_corrupt_checkpoint_is_refused(monkeypatch, capsys, tmp_path, content) -> None:
-    weights = tmp_path / "weights.json"
+    weights = tmp_path / "weights.npz"
     weights.write_bytes(content)
     line = refused(
         monkeypatch,
@@ -128,11 +128,12 @@ def test_missing_calibration_is_refused(monkeypatch, capsys, configs, tmp_path) 
     assert not (tmp_path / "r").exists()
 
 
-def test_drivers_of_later_versions_are_refused(monkeypatch, capsys, tmp_path) -> None:
+def test_real_camera_that_no_file_describes_is_refused(monkeypatch, capsys, tmp_path) -> None:
+    camera = ("--camera", "v4l2")
     line = refused(
-        monkeypatch, capsys, "fold", "--strip", "denim", "--arm", "fci", "--runs", tmp_path / "r"
+        monkeypatch, capsys, "fold", "--strip", "denim", *camera, "--runs", tmp_path / "r"
     )
-    assert "fci" in line
+    assert "camera" in line
     assert not (tmp_path / "r").exists()
 
 

@@ -69,14 +69,16 @@ def test_the_exit_code_is_the_largest_of_the_folds(folds, capsys) -> None:
     assert len(remarks) == 2
 
 
-def test_an_error_between_folds_ends_them_with_the_larger_code(folds, capsys) -> None:
+def test_a_fold_that_cannot_begin_ends_no_batch(folds, capsys) -> None:
     stopped = replace(DONE, outcome="force", exit_code=4)
-    ends = [stopped, ConfigurationError("runs: cannot be written")]
+    ends = [stopped, ConfigurationError("runs: cannot be written"), DONE]
     code, lines, remarks, asked = folds(capsys, ends, "--repeat", 3)
     assert code == 4
-    assert len(lines) == 1
-    assert remarks[-1] == "cell: runs: cannot be written"
-    assert len(asked) == 2
+    assert [line["outcome"] for line in lines] == ["force", "error", DONE.outcome]
+    assert [line["exit_code"] for line in lines] == [4, 2, 0]
+    assert (lines[1]["run"], lines[1]["seed"]) == (None, 1)
+    assert remarks[-1] == "cell: error: runs: cannot be written"
+    assert len(asked) == 3
 
 
 def test_ctrl_c_ends_the_whole_batch(folds, capsys) -> None:

@@ -1,5 +1,6 @@
 """The scorer of the exam, its statistics and its ledger."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from cell.exam.scoring.statistics import (
     reliability,
     wilson,
 )
+from cell.gap.subject.run_folders import RunFolder, find_runs
 from cell.gap.verdict.schema import Verdict
 from tests.support.exam_cases import case, few_runs, named, verdict
 from tests.support.gap_strip_cases import STRIP, denim
@@ -179,14 +181,14 @@ def test_the_last_line_of_a_case_counts(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def tilted(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def tilted(tmp_path_factory: pytest.TempPathFactory) -> Sequence[RunFolder]:
     """Folds on a desk that is tilted by 20 mrad."""
     folder = tmp_path_factory.mktemp("tilted")
     few_runs(case("a", "single", {"desk_tilt": {"angle": 0.02}}), folder)
-    return sorted(folder.iterdir())
+    return find_runs([folder])
 
 
-def test_knowing_the_truth_closes_the_gap(tilted: list[Path]) -> None:
+def test_knowing_the_truth_closes_the_gap(tilted: Sequence[RunFolder]) -> None:
     equal = case("a", "single", {"desk_tilt": {"angle": 0.02}})
     similar = case("b", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("desk_tilt",))
     beside = case("c", "single", {}, causes={"slope": {"rise": 1.0}}, answer=("contact_bias",))
@@ -201,7 +203,7 @@ def test_knowing_the_truth_closes_the_gap(tilted: list[Path]) -> None:
     assert wrong.shrink < 0.8
 
 
-def test_there_is_no_truth_to_know_outside_the_library(tilted: list[Path]) -> None:
+def test_there_is_no_truth_to_know_outside_the_library(tilted: Sequence[RunFolder]) -> None:
     outside = case("a", "outside", {}, causes={"draught": {"speed": 0.3}}, answer=())
     assert oracle(outside, STRIP, tilted, [tilted[-1].name]) is None
 

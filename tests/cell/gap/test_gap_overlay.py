@@ -64,7 +64,7 @@ def numbers(rows: Rows) -> Array:
 def simulated(strip: Strip, **changes: float) -> Sequence[Scene | None]:
     start = {p.name: p.start for p in strip.scope.base} | changes
     base = np.array([start[p.name] for p in strip.scope.base])
-    return strip.simulated([Request(run, base, {}, np.zeros(1)) for run in strip.runs])
+    return strip.simulated([Request(run, base, {}, np.zeros(len(run.local))) for run in strip.runs])
 
 
 @pytest.fixture(scope="module")

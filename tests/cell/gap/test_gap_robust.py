@@ -15,6 +15,7 @@ from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_base_fine, refit_fine
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import is_significant
+from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.selection.search import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
@@ -88,11 +89,11 @@ def test_base_in_a_local_minimum_is_begun_anew_from_the_accepted_model() -> None
     start = Point(np.array([3.0, -2.0]), runs.start())
     lost = run_one(subject.simulate, refit(model, runs, start, steps=0))
     right = validated(fitted(subject, ("wave",)), subject)
-    better = better_base(subject.simulate, [validated(lost, subject), right])
+    better = better_base(subject.simulate, Fits((validated(lost, subject), right)))
     assert better is not None
     assert better.scale < lost.scale
     found = validated(fitted(subject), subject)
-    assert better_base(subject.simulate, [found, right]) is None
+    assert better_base(subject.simulate, Fits((found, right))) is None
 
 
 def test_sample_that_both_or_one_cannot_show_answers_as_the_fit_counts_it() -> None:

@@ -54,9 +54,9 @@ class Person:
 
     def answer(self, question: Question) -> Answer:
         self.asked.append(question)
-        if question.words.startswith("point 3:"):
+        if question.words.startswith("point 3 "):
             return Answer.SKIP
-        if question.words.startswith("point 6:") and not self._repeated:
+        if question.words.startswith("point 6 ") and not self._repeated:
             self._repeated = True
             return Answer.AGAIN
         return Answer.GO
@@ -100,7 +100,7 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     assert asks[-2:] == [Ask.STEPS, Ask.POINTER_OUT]
     assert session.touches is not None
     assert 3 not in session.touches.errors_mm
-    assert sum(q.words.startswith("point 5:") for q in person.asked) == 2
+    assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
 
 
 def test_watchers_are_told_of_every_stage(touched) -> None:

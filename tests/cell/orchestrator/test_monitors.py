@@ -55,6 +55,7 @@ BROKEN = {
         arm=replace(ARM, stamp=121.0),
         view=replace(GOOD.view, frame=replace(FRAME, stamp=121.0)),
     ),
+    "calibration_overtime": replace(GOOD, state=State.CALIBRATE, entered=-LIMITS.calibration),
 }
 
 
@@ -75,8 +76,9 @@ WATCHED = {
     "image_stale": MOVING,
     "image_frozen": MOVING,
     "low_confidence": {State.LIFT, State.FOLD},
-    "state_overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
-    "overtime": MOVING | {State.PREFLIGHT, State.CALIBRATE},
+    "state_overtime": MOVING | {State.PREFLIGHT},
+    "overtime": MOVING | {State.PREFLIGHT},
+    "calibration_overtime": {State.CALIBRATE},
 }
 
 

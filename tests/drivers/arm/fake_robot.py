@@ -2,14 +2,13 @@
 
 from types import SimpleNamespace
 
-STILL_MODE = 1
-
 
 class FakeRobot:
     """Plays `drivers.arm.robot.Robot` for the loop, without a network."""
 
-    def __init__(self, pose: list[float]) -> None:
+    def __init__(self, pose: list[float], joints: list[float]) -> None:
         self.pose = pose
+        self.joints = joints
         self.force = [0.0] * 6
         self.written: list[list[float]] = []
         self.ended = False
@@ -19,6 +18,7 @@ class FakeRobot:
 
     def read(self, motion: object) -> SimpleNamespace:
         return SimpleNamespace(
+            q=self.joints,
             O_T_EE=self.pose,
             O_T_EE_c=self.pose,
             O_F_ext_hat_K=self.force,

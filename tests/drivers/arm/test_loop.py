@@ -11,13 +11,16 @@ from drivers.arm.latest import Latest, allocate
 from drivers.arm.loop import Loop
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Report
 from drivers.arm.plane import StripPlane, matrix
+from drivers.arm.reach import plan_reach
 from drivers.arm.settings import FciSettings
 from drivers.installation import Installation
 from tests.drivers.arm.fake_robot import FakeRobot
 
-INSTALLATION = Installation()
+INSTALLATION = FciSettings().installed(Installation())
 PLANE = INSTALLATION.mounting.transform()
 START = (0.6, 0.15, 0.0)
+PATH = np.array([START, (0.2, 0.2, 0.4)])
+JOINTS = plan_reach(INSTALLATION, PATH, np.array([0.1, 0.1])).start.tolist()
 
 
 @dataclass
@@ -55,22 +58,25 @@ def setup() -> Setup:
     return begun(columns(StripPlane(PLANE).matrix(*START)))
 
 
-def begun(pose: list[float]) -> Setup:
+def begun(pose: list[float], *, keep: bool = False) -> Setup:
     context = get_context("spawn")
     orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
     reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
-    robot = FakeRobot(pose)
+    robot = FakeRobot(pose, JOINTS)
     loop = Loop(robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0)
     loop.begin()
+    if not keep:
+        robot.written.clear()
     return Setup(robot, loop, orders, reports)
 
 
 def test_first_command_is_the_pose_that_the_robot_commands_itself() -> None:
     aside = StripPlane(PLANE).matrix(*START)
     aside[:3, 3] += [0.002, -0.001, 0.001]
-    setup = begun(columns(aside))
+    setup = begun(columns(aside), keep=True)
+    assert setup.robot.written[0] == columns(aside)
     setup.loop.step()
-    assert setup.robot.written[0] == pytest.approx(columns(aside), abs=1e-15)
+    assert setup.robot.written[-1] == pytest.approx(columns(aside), abs=1e-15)
 
 
 def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:

@@ -1,7 +1,8 @@
 """An emulated machine that runs a command of this checkout beside the kernel's vivid driver.
 
 The host's files are its root, read-only; there is no disk image and nothing runs as root here.
-KVM is not used where it exists: it may not run a stock kernel.
+Its clock counts instructions, a nanosecond each, and skips idle time: a busy host makes it slow and
+changes nothing that it measures. KVM is not used where it exists: it may not run a stock kernel.
 """
 
 import shlex
@@ -106,11 +107,13 @@ def find_machine() -> Machine | str:
     emulator, busybox = shutil.which("qemu-system-x86_64"), shutil.which("busybox")
     kernel = find_kernel()
     if emulator is None or busybox is None:
-        return f"no emulator: apt-get install --no-install-recommends {PACKAGES}"
+        return (
+            f"no emulator: run .ci/devices, or apt-get install --no-install-recommends {PACKAGES}"
+        )
     if kernel is None:
         return (
-            "no kernel with vivid: download the package that linux-image-amd64 depends on and "
-            f"unpack it with `dpkg-deb -x FILE.deb {unpacked()}`"
+            "no kernel with vivid: run .ci/devices, or download the package that "
+            f"linux-image-amd64 depends on and unpack it with `dpkg-deb -x FILE.deb {unpacked()}`"
         )
     return Machine(emulator, busybox, kernel)
 
@@ -118,7 +121,8 @@ def find_machine() -> Machine | str:
 def _hardware(processor: str, console: Path) -> list[str]:
     share = "local,id=host,path=/,security_model=none,readonly=on,multidevs=remap"
     return [
-        *("-machine", "pc,accel=tcg", "-cpu", processor, "-smp", "2", "-m", "1536"),
+        *("-machine", "pc,accel=tcg", "-cpu", processor, "-m", "1536"),
+        *("-icount", "shift=0,sleep=off"),
         *("-nodefaults", "-no-reboot", "-nographic", "-serial", f"file:{console}"),
         *("-serial", "stdio"),
         *("-fsdev", share, "-device", "virtio-9p-pci,fsdev=host,mount_tag=host"),

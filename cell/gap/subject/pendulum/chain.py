@@ -92,7 +92,7 @@ def fastest(pendulum: PendulumFile) -> float:
 
 
 def stated(pendulum: PendulumFile) -> Array:
-    """Base values of the file: damping, com, inertia of each link, length of all but the last."""
+    """Base values (P,) of the file: damping, com, inertia by link, length of all but the last."""
     links = pendulum.links
     return np.array(
         [link.damping for link in links]

@@ -35,7 +35,7 @@ class Swing:
 
 
 def read_run(folder: Path, name: str, pendulum: PendulumFile) -> Run:
-    """The run in `folder`; anything broken is one clear line."""
+    """The run in `folder`; raises ConfigurationError, in one line, for anything broken."""
     head = read_yaml(folder / "run.yaml")
     sigma = _head(head, folder / "run.yaml", pendulum)
     path = folder / "angles.parquet"

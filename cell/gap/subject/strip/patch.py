@@ -46,7 +46,7 @@ def patched(
         notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
         known[name] = entry
     content |= {"effects": known, **({"law": law} if law else {}), "provenance": notes}
-    return content, {"effects": of_cell} if of_cell else None
+    return content, {"schema": 1, "effects": of_cell} if of_cell else None
 
 
 def rounded(value: float) -> float:

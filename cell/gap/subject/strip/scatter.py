@@ -25,6 +25,7 @@ class RunEffect:
     step: float
     changed: Callable[[StripModel, float], StripModel]
     remedy: str
+    common: bool = False
 
     @property
     def parameter(self) -> Parameter:
@@ -78,14 +79,15 @@ GRIPPER, AIR, RIG = (
 )
 RUN_EFFECTS = (
     RunEffect("grip_x", "where along the desk the edge is grasped", "m", 3e-4, 3e-4, _grip_x,
-              GRIPPER),
-    RunEffect("grip_z", "at what height the edge is grasped", "m", 3e-4, 3e-4, _grip_z, GRIPPER),
+              GRIPPER, common=True),
+    RunEffect("grip_z", "at what height the edge is grasped", "m", 3e-4, 3e-4, _grip_z, GRIPPER,
+              common=True),
     RunEffect("grip_pitch", "at what angle the edge is grasped", "rad", 0.005, 0.005, _grip_pitch,
               GRIPPER),
     RunEffect("slack", "how much strip lies between edge and grip", "m", 3e-4, 3e-4, _slack,
               GRIPPER),
-    RunEffect("damping", "the strip's damping", "1", 0.05, 0.05, _damping, AIR),
-    RunEffect("stiffness", "the strip's stiffness", "1", 0.005, 0.01, _stiffness, AIR),
+    RunEffect("damping", "the strip's damping", "1", 0.05, 0.05, _damping, AIR, common=True),
+    RunEffect("stiffness", "the strip's stiffness", "1", 0.005, 0.01, _stiffness, AIR, common=True),
     RunEffect("desk_height", "the height of the desk", "m", 2e-4, 3e-4, _desk, RIG),
     RunEffect("clock_start", "the start of the camera's clock", "s", 0.002, 0.003, _clock, RIG),
 )  # fmt: skip

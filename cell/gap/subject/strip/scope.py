@@ -8,8 +8,9 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.probes import places
+from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.subject.strip.terms import candidates
-from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scope
+from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scattering, Scope
 from drivers.errors import Unsupported
 from drivers.strip.describe import describe
 from drivers.strip.effects import registry
@@ -22,6 +23,7 @@ TIMES = (0.1, 0.5, 2.5)  # s, tried where an effect has a time of its own
 FARTHEST = 3.0  # times the largest probe: the spread of what is known of an effect before
 WIDE = 0.5  # of its default: the spread of a number that shapes an effect
 UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
+LEFT = 0.1  # of a gap, that effects may leave together: a single wrong law leaves more
 UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
 EXACT = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
@@ -40,6 +42,8 @@ def scope(
         base=(*_base(strip), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=candidates(),
+        left=LEFT,
+        scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in RUN_EFFECTS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),

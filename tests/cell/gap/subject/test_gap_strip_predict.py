@@ -10,7 +10,7 @@ import pytest
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip import subject
 from cell.gap.subject.strip.layout import LIFTED, SNAP, Floors
-from cell.gap.subject.strip.prepare import SLACK, Fold
+from cell.gap.subject.strip.prepare import Fold
 from cell.gap.subject.strip.scope import EXACT, UNTRUE, scope
 from cell.gap.subject.strip.subject import Strip, open_strip
 from cell.gap.subject.strip.synthetic import rod_folds
@@ -34,6 +34,7 @@ from tests.support.gap_strip_cases import (
     written,
 )
 
+SLACK = 0.0003  # m, about as much as a gripper leaves
 Effects = Mapping[str, Array]
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
@@ -159,7 +160,7 @@ def test_a_prediction_does_not_depend_on_company_threads_or_portions(
 ) -> None:
     base = np.array([p.start for p in plain.scope.base])
     asked = [
-        Request(run, base * factor, {}, np.zeros(1))
+        Request(run, base * factor, {}, np.zeros(len(run.local)))
         for factor in (1.0, 1.05, 0.97)
         for run in plain.runs
     ]
@@ -180,7 +181,7 @@ def test_a_strip_that_swings_longer_than_stated_is_trusted_less_where_grains_dif
 ) -> None:
     base = {p.name: p.start for p in plain.scope.base}
     lively = np.array(list((base | {"retardation_time": 0.2 * base["retardation_time"]}).values()))
-    runs = plain.refined([Request(run, lively, {}, np.zeros(1)) for run in plain.runs])
+    runs = plain.refined([Request(run, lively, {}, np.zeros(len(run.local))) for run in plain.runs])
     rises = [
         new.samples.floor / run.samples.floor for new, run in zip(runs, plain.runs, strict=True)
     ]
@@ -236,7 +237,9 @@ def test_a_strip_that_hangs_at_the_start_is_predicted_too(tmp_path: Path) -> Non
 def in_profile(strip: Strip, runs: Sequence[Run], effects: Sequence[Effects]) -> float:
     """By how much [m] the profiles of two models differ, root mean square."""
     base = np.array([p.start for p in strip.scope.base])
-    found = strip.simulate([Request(r, base, e, np.zeros(1)) for e in effects for r in runs])
+    found = strip.simulate(
+        [Request(r, base, e, np.zeros(len(r.local))) for e in effects for r in runs]
+    )
     parts = [
         (b.mean - a.mean)[run.samples.channel == "profile"]
         for run, a, b in zip(runs, found, found[len(runs) :], strict=False)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from cell.config.places import BESIDE
 from cell.gap.fit import fit
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.pendulum.load import load_pendulum
@@ -200,7 +201,9 @@ def test_undo_of_a_file_edited_since_is_refused(copied: tuple[Path, Path]) -> No
 def test_effects_of_the_cell_go_into_the_cell_file(copied: tuple[Path, Path]) -> None:
     file, out = copied
     cell = out.parent / "cell.yaml"
-    cell.write_text("name: here\neffects:\n  desk_tilt: {angle: 0.001}\n")
+    stated = yaml.safe_load((BESIDE / "cell.yaml").read_text())
+    here = {"name": "here", "effects": {"desk_tilt": {"angle": 0.001}}}
+    cell.write_text(yaml.safe_dump(stated | here))
     (out / "cell-patch.yaml").write_text("effects:\n  camera_latency: {time: 0.02}\n")
     with pytest.raises(ConfigurationError, match="name the cell file"):
         accept(out, file)

@@ -233,7 +233,7 @@ GENERATORS = st.sampled_from(
 @given(generator=GENERATORS, seed=st.integers(0, 2**32 - 1), boldness=st.floats(0.05, 1.5))
 def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(generator, seed, boldness) -> None:
     robot, random = resting_robot(), np.random.default_rng(seed)
-    path = [robot.posture.q]
+    path, followed = [robot.posture.q], []
     twist, rate, pull = np.zeros(6), np.zeros(7), np.zeros(7)
     for tick in range(160):
         if robot.mode is Mode.IDLE and robot.posture.at_rest:
@@ -252,9 +252,12 @@ def test_arm_never_moves_beyond_its_limits_whatever_is_commanded(generator, seed
         else:
             robot.rest()
         path.append(robot.posture.q)
+        followed.append(robot.moving)
     speed = np.diff(path, axis=0) / TICK
     acceleration = np.diff(speed, axis=0) / TICK
     assert (np.abs(speed) <= SLACK * limits.VELOCITY).all()
     assert (np.abs(acceleration) <= SLACK * limits.ACCELERATION + 1e-6).all()
+    jerk = np.diff(acceleration, axis=0)[np.convolve(followed, [1, 1, 1], "valid") == 3] / TICK
+    assert (np.abs(jerk) <= SLACK * limits.JERK).all()  # braking in a reflex is the robot's own
     assert (np.array(path) >= limits.POSITION_LOW).all()
     assert (np.array(path) <= limits.POSITION_HIGH).all()

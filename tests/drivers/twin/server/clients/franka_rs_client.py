@@ -1,6 +1,7 @@
 """franka-rs against the server: connect, configure, move, meet a wall, recover, retreat, stop."""
 
 import json
+import os
 import sys
 import time
 
@@ -31,6 +32,8 @@ def newest(robot: franka.Robot) -> franka.RobotState:
 
 
 robot = franka.Robot(sys.argv[1], realtime="ignore")
+# The library raises this thread to the highest real-time priority; the server needs the core too.
+os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 told: dict[str, object] = {"begun": robot.read_once().robot_mode}
 configure(robot, 20.0)
 robot.set_joint_impedance([3000.0] * 7)

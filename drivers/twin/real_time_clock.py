@@ -9,12 +9,13 @@ from drivers.twin.clock import TwinClock
 NEAR = 0.002  # s that the world may be behind the wall
 
 
-class PacedClock:
+class RealTimeClock:
     """Satisfies `drivers.protocols.Clock`: time is the wall's, and the twin's world follows it.
 
-    The wall clock starts at the first use, so that construction time does not count. A late caller
-    finds the world at the present, as with a real arm. A world that is slower than the wall falls
-    behind `now`, and so do the arm's stamps, which a monitor checks.
+    Its readers may be threads; the twin's own devices read `twin`, so that their stamps say how
+    far the world has come. The wall clock starts at the first use, so that construction time does
+    not count. A late caller finds the world at the present, as with a real arm. A world that is
+    slower than the wall falls behind `now`, and so do the arm's stamps, which a monitor checks.
     """
 
     def __init__(self, twin: TwinClock) -> None:

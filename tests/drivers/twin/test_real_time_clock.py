@@ -4,7 +4,7 @@ import pytest
 
 import drivers.clock
 from drivers.twin.clock import Turn, TwinClock
-from drivers.twin.paced_clock import PacedClock
+from drivers.twin.real_time_clock import RealTimeClock
 
 
 class Wall:
@@ -33,21 +33,21 @@ def test_world_goes_on_only_when_the_wall_has(wall: Wall) -> None:
     twin = TwinClock()
     seen: list[tuple[float, float]] = []
     twin.every(0.5, lambda now: seen.append((now, wall.seconds)), Turn.WORLD)
-    clock = PacedClock(twin)
+    clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert seen == [(0.5, 51.0), (1.0, 51.0)]
     assert clock.now() == twin.now() == pytest.approx(1.0)
 
 
 def test_time_before_the_first_use_does_not_count(wall: Wall) -> None:
-    clock = PacedClock(TwinClock())
+    clock = RealTimeClock(TwinClock())
     wall.seconds += 30.0
     assert clock.now() == 0.0
 
 
 def test_caller_that_comes_late_finds_the_world_at_the_present(wall: Wall) -> None:
     twin = TwinClock()
-    clock = PacedClock(twin)
+    clock = RealTimeClock(twin)
     clock.now()
     wall.seconds += 3.0
     clock.wait_until(1.0)
@@ -67,7 +67,7 @@ def world_that_costs(twin: TwinClock, wall: Wall, share: float) -> None:
 def test_catching_up_goes_on_until_the_world_is_at_the_present(wall: Wall) -> None:
     twin = TwinClock()
     world_that_costs(twin, wall, 0.5)
-    clock = PacedClock(twin)
+    clock = RealTimeClock(twin)
     clock.now()
     wall.seconds += 4.0
     clock.wait_until(0.1)
@@ -78,6 +78,6 @@ def test_catching_up_goes_on_until_the_world_is_at_the_present(wall: Wall) -> No
 def test_world_slower_than_the_wall_falls_behind(wall: Wall) -> None:
     twin = TwinClock()
     world_that_costs(twin, wall, 4.0)
-    clock = PacedClock(twin)
+    clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert clock.now() - twin.now() > 2.0

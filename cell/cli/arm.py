@@ -1,0 +1,135 @@
+"""`cell home`, `cell park`, `cell jog`, `cell open`, `cell register`: the arm by hand."""
+
+import sys
+from math import radians
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.fold import ArmDriver
+from cell.cli.options import Configs
+
+if TYPE_CHECKING:
+    from cell.config.cell import CellFile
+    from cell.devices.devices import DeviceSelection
+    from cell.orchestrator.outcome import Outcome
+
+Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the desk.")]
+Arm = Annotated[ArmDriver | None, typer.Option(help="Arm driver.")]
+Quick = Annotated[bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")]
+Recover = Annotated[
+    bool, typer.Option("--recover", help="Ask the robot to leave its reflex first.")
+]
+
+
+def home(
+    strip: Strip = "denim",
+    arm: Arm = None,
+    recover: Recover = False,
+    full_speed: Quick = False,
+    configs: Configs = None,
+) -> None:
+    """Bring the gripper over the strip's edge, in the posture from which a fold is followed."""
+    from cell.config.places import find_configs
+    from cell.operations import by_hand
+
+    found = find_configs(configs)
+    settings, choice = _allowed(found.cell(), arm, full_speed)
+    lying = found.strip(strip)
+    if _at_address(settings, choice):
+        share = 1.0 if full_speed else 0.1
+        by_hand.go_joints(settings, by_hand.home_joints(settings, lying), share, recover)
+        sys.stdout.write("the arm is home\n")
+        return
+    _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, lying))))
+
+
+def park(
+    arm: Arm = None, recover: Recover = False, full_speed: Quick = False, configs: Configs = None
+) -> None:
+    """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
+    from cell.config.places import find_configs
+    from cell.operations import by_hand
+    from cell.operations.calibrate import NO_STRIP
+
+    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    if _at_address(settings, choice):
+        by_hand.go_joints(settings, by_hand.PARKED, 1.0 if full_speed else 0.1, recover)
+        sys.stdout.write("the arm is parked\n")
+        return
+    _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP))))
+
+
+def jog(
+    x: Annotated[float, typer.Option(help="Along the strip [mm].")] = 0.0,
+    z: Annotated[float, typer.Option(help="Up [mm].")] = 0.0,
+    pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
+    arm: Arm = None,
+    full_speed: Quick = False,
+    configs: Configs = None,
+) -> None:
+    """Move the gripper a little from where it is."""
+    from cell.config.places import find_configs
+    from cell.operations import by_hand
+
+    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    motion = by_hand.jog(x / 1e3, z / 1e3, radians(pitch))
+    _end(by_hand.by_hand(settings, choice, motion))
+
+
+def open_hand(arm: Arm = None, configs: Configs = None) -> None:
+    """Open the fingers."""
+    from cell.config.places import find_configs
+    from cell.operations import by_hand
+
+    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed=False)
+    _end(by_hand.by_hand(settings, choice, by_hand.opened))
+
+
+def register(strip: Strip = "denim", configs: Configs = None) -> None:
+    """Find desk and fixed edge by three points that you touch with the closed fingers."""
+    import numpy as np
+
+    from cell.config.places import find_configs
+    from cell.operations.by_hand import robot_task
+    from cell.operations.register import POINTS, mounting_from, write_mounting
+    from drivers.arm.errands import hand_pose
+
+    found = find_configs(configs)
+    task, lying = robot_task(found.cell()), found.strip(strip)
+    touched = []
+    for number, point in enumerate(POINTS, start=1):
+        _ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
+        touched.append(hand_pose(task)[12:15])
+    mounting = mounting_from(np.array(touched), lying.length)
+    path = write_mounting(found, mounting)
+    sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
+
+
+def _allowed(
+    settings: "CellFile", arm: ArmDriver | None, full_speed: bool
+) -> "tuple[CellFile, DeviceSelection]":
+    """Settings and selection, once the operator has agreed to the motion of a real robot."""
+    from cell.devices.devices import DeviceSelection
+    from cell.operations.real_robot import confirm, is_real, slowed
+
+    choice = DeviceSelection(arm=arm and arm.value)
+    if not is_real(settings, choice):
+        return settings, choice
+    confirm(settings, _ask)
+    return (settings if full_speed else slowed(settings)), choice
+
+
+def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
+    return (choice.arm or settings.drivers.arm) == "fci" and settings.fci.address is not None
+
+
+def _ask(question: str) -> str:
+    sys.stderr.write(question)
+    sys.stderr.flush()
+    return sys.stdin.readline()
+
+
+def _end(outcome: "Outcome") -> None:
+    sys.stdout.write(f"{outcome.name}: {outcome.reason}\n")
+    sys.exit(outcome.exit_code)

@@ -1,0 +1,109 @@
+"""Evidence of the report: where model and runs disagree, the candidates, the refitted base."""
+
+from collections.abc import Sequence
+from html import escape
+
+from cell.gap.report import figures
+from cell.gap.report.units import interval, number, probability, unit
+from cell.gap.selection.choice import MATERIAL
+from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Compared, Verdict
+
+
+def where(found: Findings) -> str:
+    """A sentence and a map of the places where the refitted base exceeds noise, as HTML."""
+    places = found.fitted.places
+    strong = [place for place in places if place.p < 0.05]
+    if not strong:
+        return "<p>Nowhere beyond what noise does.</p>" + figures.heat_map(places)
+    first = strong[0]
+    text = (
+        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of condition "
+        f"{first.condition}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} places "
+        "disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
+        "parameters were refitted."
+    )
+    return f"<p>{escape(text)}</p>" + figures.heat_map(places)
+
+
+def candidates(found: Findings, verdict: Verdict) -> str:
+    """Every model that was tried, by what it gains on runs left out, as HTML."""
+    accepted = found.accepted.model.name
+    rows = "".join(_row(row, row.name == accepted) for row in verdict.candidates)
+    note = (
+        "What each effect gains in predicting runs that the fit had not seen, in nats (4 nats: "
+        "55 times as likely). A further effect is taken for "
+        f"{found.by.least:.0f} nats, p below 0.01 over all candidates, and at least "
+        f"{100 * MATERIAL:.0f} % of the excess gap that was left."
+    )
+    model_error = max((e.model_error for e in found.accepted.model.effects), default=0.0)
+    if model_error:
+        note += (
+            f" Beside those taken, up to {100 * model_error:.0f} % of what they gained in a run "
+            "is put down to their laws there, which may be wrong by as much."
+        )
+    head = (
+        "<tr><th>effect<th class='n'>gain [nats]<th class='n'>scatter over runs"
+        "<th class='n'>p<th class='n'>same amplitude, p<th>parameters (95 %)</tr>"
+    )
+    bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
+    same = "<p class='note'>Same amplitude: whether one size serves all conditions.</p>"
+    table = f"<details><summary>All numbers</summary>{same}<table>{head}{rows}</table></details>"
+    silent = [p.candidate.name for p in found.screened.probed if p.dead]
+    dead = f"<p class='note'>Changes nothing in these runs: {', '.join(silent)}.</p>"
+    return f"<p class='note'>{note}</p>{bars}{_steps(found)}{dead if silent else ''}{table}"
+
+
+def _row(row: Compared, best: bool) -> str:
+    parameters = "<br>".join(
+        f"{escape(name)} {escape(interval(value))}" for name, value in row.parameters.items()
+    )
+    same = "" if row.invariance_p is None else probability(row.invariance_p)
+    return (
+        f"<tr{' class=best' if best else ''}><td>{escape(row.name)}"
+        f"<td class='n'>{row.elpd_gain:.1f}<td class='n'>{row.se:.1f}"
+        f"<td class='n'>{probability(row.p)}<td class='n'>{same}<td class='p'>{parameters}</tr>"
+    )
+
+
+def _steps(found: Findings) -> str:
+    """How the number of effects was decided, level by level."""
+    lines = []
+    for count, step in enumerate(found.choice.steps, start=1):
+        verb = "taken" if step.accepted else "not taken"
+        over = _told(step.before.model.name)
+        lines.append(
+            f"<li>{count} effect{'s' if count > 1 else ''}: {escape(step.model.model.name)} gains "
+            f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
+            f"{100 * step.removed:.0f} % of its excess gap: {verb}.</li>"
+        )
+    return f"<ul class='note'>{''.join(lines)}</ul>" if lines else ""
+
+
+def _told(model: str) -> str:
+    return "the refitted base" if model == "base" else model
+
+
+def base(found: Findings, verdict: Verdict) -> str:
+    """Stated and refitted values of the base, as HTML."""
+    stated = {p.name: p for p in found.subject.scope.base}
+    rows = "".join(
+        f"<tr><td>{escape(name)}<td class='n'>{number(stated[name].start, 4)}<td class='n'>"
+        f"{number(value.value, 4)}<td class='n'>{_ends(value.low, value.high)}"
+        f"<td>{escape(unit(stated[name].unit))}</tr>"
+        for name, value in verdict.base.items()
+    )
+    weak = found.fitted.weak
+    note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
+    return (
+        "<table><tr><th>parameter<th class='n'>stated<th class='n'>refitted<th class='n'>95 %"
+        f"<th>unit</tr>{rows}</table><p class='note'>{note}</p>"
+    )
+
+
+def _weak(words: Sequence[str]) -> str:
+    return "The runs say less than was known before of: " + escape("; ".join(words)) + "."
+
+
+def _ends(low: float | None, high: float | None) -> str:
+    return f"{number(low, 4)} to {number(high, 4)}" if low is not None and high is not None else ""

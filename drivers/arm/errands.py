@@ -1,0 +1,125 @@
+"""What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
+
+import signal
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+import ruckig
+
+from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
+from drivers.arm.process import Task
+from drivers.motion import TICK
+
+JOINTS = 7
+SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
+LONGEST = 180.0  # s of an errand
+
+
+def go_to(task: Task, joints: list[float], share: float, *, recover: bool = False) -> None:
+    """Bring the robot to `joints` (7,) [rad] at a `share` of the speed; waits, raises Fault.
+
+    With `recover` it is asked to leave its reflex first. Interrupting this ends the motion.
+    """
+    _carried_out(task, {"joints": joints, "share": share, "recover": recover})
+
+
+def hand_pose(task: Task) -> list[float]:
+    """Where the hand is, 16 numbers by columns in the robot's base; moves nothing."""
+    pose: list[float] = _carried_out(task, {})["pose"]
+    return pose
+
+
+def _carried_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
+    """The answer of a process that does the errand; when this one leaves, the robot brakes."""
+    context = get_context("forkserver")
+    pipe, theirs = context.Pipe()
+    process = context.Process(target=_run, args=(task, errand, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    try:
+        if not pipe.poll(LONGEST):
+            raise Failure(Cause.SILENT, f"the errand took more than {LONGEST:.0f} s").fault()
+        answer = decoded(pipe.recv_bytes())
+    except (EOFError, OSError):
+        raise Failure(Cause.LOST, "the process of the arm ended by itself").fault() from None
+    finally:
+        pipe.close()
+        process.join(2.0)
+        if process.is_alive():
+            process.kill()
+    if "failure" in answer:
+        raise Failure.of(answer["failure"]).fault()
+    return answer
+
+
+def _run(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        answer = _done(task, errand, pipe)
+    except Failed as failed:
+        answer = {"failure": failed.failure.content()}
+    except Exception as error:  # noqa: BLE001  an edge: told to the cell, and the process ends
+        answer = {"failure": Failure(Cause.LOST, one_line(error)).content()}
+    try:
+        pipe.send_bytes(encoded(answer))
+    except OSError:
+        return
+
+
+def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
+    from drivers.arm.robot import Robot
+
+    robot = Robot(task.address, task.settings)
+    if not errand:
+        return {"pose": list(robot.state().O_T_EE)}
+    if errand["recover"]:
+        robot.recover()
+    robot.require_ready()
+    robot.configure(task.settings.collision)
+    motion = robot.start_joints()
+    state = robot.read(motion)
+    plan = _plan(list(state.q_d), errand["joints"], errand["share"])
+    output, working = ruckig.OutputParameter(JOINTS), True
+    while working:
+        if pipe.poll():
+            _brake(plan)
+        working = _step_planner(plan, output)
+        robot.write_joints(motion, output.new_position)
+        state = robot.read(motion)
+        output.pass_to_input(plan)
+        _feel(state, task.settings.guard)
+    robot.write_joints(motion, output.new_position, last=True)
+    return {"joints": list(state.q)}
+
+
+_PLANNER = ruckig.Ruckig(JOINTS, TICK)
+
+
+def _step_planner(plan: Any, output: Any) -> bool:
+    """One tick on; whether the motion goes on."""
+    result = _PLANNER.update(plan, output)
+    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+        raise Failed(Failure(Cause.COMMAND, "no motion leads to these joints"))
+    return bool(result == ruckig.Result.Working)
+
+
+def _plan(start: list[float], goal: list[float], share: float) -> Any:
+    plan = ruckig.InputParameter(JOINTS)
+    plan.current_position, plan.target_position = start, goal
+    plan.current_velocity = plan.current_acceleration = [0.0] * JOINTS
+    plan.max_velocity = [share * SPEED] * JOINTS
+    plan.max_acceleration = [share * ACCELERATION] * JOINTS
+    plan.max_jerk = [JERK] * JOINTS
+    return plan
+
+
+def _brake(plan: Any) -> None:
+    plan.control_interface = ruckig.ControlInterface.Velocity
+    plan.target_velocity = plan.target_acceleration = [0.0] * JOINTS
+
+
+def _feel(state: Any, guard: float) -> None:
+    force = sum(f * f for f in state.O_F_ext_hat_K[:3]) ** 0.5
+    if force > guard:
+        raise Failed(Failure(Cause.CONTACT, f"the hand met {force:.1f} N, allowed {guard:.1f} N"))

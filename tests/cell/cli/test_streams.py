@@ -1,0 +1,100 @@
+"""Whatever becomes of the terminal, a command does its work and ends with its own code."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CELL = [sys.executable, "-m", "cell"]
+FOLD = """
+import sys
+from pathlib import Path
+import cell.operations.batch, cell.operations.calibrate, cell.operations.fold
+from tests.support.made_results import DONE
+from dataclasses import replace
+
+def fold(request, *_more, **_named):
+    Path("record").write_text("written")
+    return replace(DONE, outcome="path_done", displacement=None, exit_code=1)
+
+cell.operations.fold.fold = fold
+cell.operations.calibrate.calibration_of = lambda *_: None
+from cell.__main__ import main
+main()
+"""
+
+
+def shell(command: str, cwd: Path, **environment: str) -> subprocess.CompletedProcess[bytes]:
+    tree = str(Path(__file__).parents[3])
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command],
+        cwd=cwd,
+        capture_output=True,
+        check=False,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": tree, "CELL": " ".join(CELL), **environment},
+    )
+
+
+def clean(done: subprocess.CompletedProcess[bytes]) -> bool:
+    said = done.stdout + done.stderr
+    return not any(word in said for word in (b"Traceback", b"defect", b"Exception ignored"))
+
+
+@pytest.mark.parametrize(
+    ("redirect", "code"),
+    [
+        ("$CELL strips >&-", 0),
+        ("$CELL strips >/dev/full", 0),
+        ("$CELL strips | true", 0),
+        ("$CELL strips >&- 2>&-", 0),
+        ("$CELL runs --runs nope 2>&-", 2),
+        ("$CELL runs --runs nope 2>/dev/full", 2),
+        ("$CELL runs --runs nope >&- 2>&- <&-", 2),
+    ],
+)
+def test_output_that_goes_nowhere_changes_no_exit_code(tmp_path, redirect, code) -> None:
+    done = shell(redirect, tmp_path)
+    assert done.returncode == code
+    assert clean(done)
+
+
+@pytest.mark.parametrize("redirect", ["", ">&-", ">/dev/full", "| true", ">&- 2>&-", "2>/dev/full"])
+def test_a_fold_is_recorded_and_ends_with_its_own_code(tmp_path, redirect) -> None:
+    (tmp_path / "fold.py").write_text(FOLD)
+    done = shell(f"{sys.executable} fold.py fold --strip denim --viz off {redirect}", tmp_path)
+    assert done.returncode == 1
+    assert (tmp_path / "record").read_text() == "written"
+    assert clean(done)
+    assert (b"what was printed was lost: No space left" in done.stderr) == (
+        redirect == ">/dev/full"
+    )
+
+
+def test_output_in_ascii_is_escaped(tmp_path) -> None:
+    done = shell("$CELL strips", tmp_path, PYTHONIOENCODING="ascii")
+    assert done.returncode == 0
+    assert rb"g/m\xb2" in done.stdout
+
+
+def test_names_that_are_not_utf8_are_told_in_one_line(tmp_path) -> None:
+    (tmp_path / os.fsdecode(b"\xff")).mkdir()
+    for command in ("report $'\\xff'", "fold --strip $'\\xff.yaml'", "gap advise $'\\xff'"):
+        done = shell(f"$CELL {command}", tmp_path)
+        assert done.returncode == 2
+        assert done.stderr.startswith(rb"cell: \udcff")
+        assert clean(done)
+
+
+def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -> None:
+    script = (
+        "from cell.cli.streams import guard_streams\n"
+        "guard_streams()\n"
+        "record = open('record', 'w')\n"
+        "print('to the terminal', flush=True)\n"
+    )
+    (tmp_path / "it.py").write_text(script)
+    assert clean(shell(f"{sys.executable} it.py >&- 2>&-", tmp_path))
+    assert (tmp_path / "record").read_text() == ""

@@ -1,0 +1,129 @@
+"""What accept, undo and advise find in their folder is checked before it is used."""
+
+import hashlib
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cell.config.places import find_configs
+from cell.gap.verdict.accept import accept, undo
+from cell.gap.verdict.schema import read_verdict, write_text
+from drivers.errors import ConfigurationError
+
+EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
+
+
+class Fitted:
+    """A folder that a fit wrote, its strip file and cell file."""
+
+    def __init__(self, root: Path) -> None:
+        self.out, self.file, self.cell = root / "out", root / "denim.yaml", root / "cell.yaml"
+        self.out.mkdir()
+        shutil.copy(find_configs(None).strip_path("denim"), self.file)
+        shutil.copy(find_configs(None).folder / "cell.yaml", self.cell)
+        digest = hashlib.sha256(self.file.read_bytes()).hexdigest()
+        record = {"schema": 1, "file_sha256": digest, "effects": ["bending_hysteresis"]}
+        (self.out / "fit.json").write_text(json.dumps(record))
+        patch = yaml.safe_load(self.file.read_text()) | {"effects": EFFECT}
+        (self.out / "patch.yaml").write_text(yaml.safe_dump(patch))
+
+
+@pytest.fixture
+def fitted(tmp_path) -> Fitted:
+    return Fitted(tmp_path)
+
+
+def test_what_was_accepted_comes_back(fitted) -> None:
+    before = fitted.file.read_bytes()
+    accept(fitted.out, fitted.file, fitted.cell)
+    assert json.loads((fitted.out / "accepted.json").read_text())["schema"] == 1
+    assert "yield_curvature" in fitted.file.read_text()
+    undo(fitted.out, fitted.file, fitted.cell)
+    assert fitted.file.read_bytes() == before
+
+
+BROKEN = {
+    "a patch that is not UTF-8": ("patch.yaml", b"\xff\xfe"),
+    "a patch whose effects are no mapping": ("patch.yaml", b"schema: 1\nname: denim\neffects: 3\n"),
+    "a patch of unknown effects": ("patch.yaml", b"schema: 1\neffects: {magic: {a: 1.0}}\n"),
+    "a patch of effects for the cell that is a list": ("cell-patch.yaml", b"- 1\n"),
+    "a patch of numbers for the cell": ("cell-patch.yaml", b"effects: {desk_tilt: 3}\n"),
+    "a patch of unknown effects for the cell": ("cell-patch.yaml", b"effects: {magic: {a: 1.0}}\n"),
+    "an empty record of the fit": ("fit.json", b""),
+    "a record of the fit that is a list": ("fit.json", b"[1]"),
+    "a record of the fit nested without end": ("fit.json", b"[" * 100_000),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_patch_changes_no_file(fitted, name) -> None:
+    file, content = BROKEN[name]
+    (fitted.out / file).write_bytes(content)
+    before = fitted.file.read_bytes(), fitted.cell.read_bytes()
+    with pytest.raises(ConfigurationError):
+        accept(fitted.out, fitted.file, fitted.cell)
+    assert (fitted.file.read_bytes(), fitted.cell.read_bytes()) == before
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{}", b"[]", b"\xff", b'{"before": [], "after": {}}', b'{"before": {"a": 1}}']
+)
+def test_undo_of_a_foreign_acceptance_is_refused(fitted, content) -> None:
+    (fitted.out / "accepted.json").write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"accepted\.json: "):
+        undo(fitted.out, fitted.file, fitted.cell)
+
+
+def test_undo_writes_only_the_files_that_it_was_given(fitted, tmp_path) -> None:
+    other = tmp_path / "other"
+    other.write_text("mine")
+    digest = hashlib.sha256(b"mine").hexdigest()
+    names = {str(fitted.file.resolve()): "x", str(other): "overwritten"}
+    after = {str(fitted.file.resolve()): hashlib.sha256(fitted.file.read_bytes()).hexdigest()}
+    stored = {"before": names, "after": {**after, str(other): digest}}
+    (fitted.out / "accepted.json").write_text(json.dumps(stored))
+    with pytest.raises(ConfigurationError, match="neither --strip nor the cell file"):
+        undo(fitted.out, fitted.file, fitted.cell)
+    assert other.read_text() == "mine"
+
+
+@pytest.mark.parametrize("content", [None, b"", b"{}", b"[]", b"\xff", b'{"schema": 9}'])
+def test_a_verdict_that_cannot_be_read_is_refused_in_own_words(fitted, content) -> None:
+    path = fitted.out / "verdict.json"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigurationError) as caught:
+        read_verdict(path)
+    assert str(caught.value).startswith(str(path))
+    assert "pydantic" not in str(caught.value)
+
+
+def test_a_folder_that_does_not_exist_is_told(tmp_path) -> None:
+    with pytest.raises(ConfigurationError, match="nope: no such folder"):
+        read_verdict(tmp_path / "nope" / "verdict.json")
+    with pytest.raises(ConfigurationError, match="nope: no such folder"):
+        accept(tmp_path / "nope", tmp_path / "denim.yaml")
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_first_file(fitted, monkeypatch) -> None:
+    monkeypatch.setattr(os, "access", lambda place, _: place != fitted.file)
+    before = fitted.file.read_bytes()
+    with pytest.raises(ConfigurationError, match=r"denim\.yaml: cannot be written"):
+        accept(fitted.out, fitted.file, fitted.cell)
+    assert not (fitted.out / "accepted.json").exists()
+    assert fitted.file.read_bytes() == before
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        write_text(fitted.out / "no" / "folder", "x")
+
+
+def test_a_folder_whose_name_is_not_utf8_serves_as_any_other(tmp_path) -> None:
+    root = tmp_path / os.fsdecode(b"\xff")
+    root.mkdir()
+    fitted = Fitted(root)
+    accept(fitted.out, fitted.file, fitted.cell)
+    undo(fitted.out, fitted.file, fitted.cell)
+    assert "yield_curvature" not in fitted.file.read_text()

@@ -1,0 +1,113 @@
+"""A law that describes what no effect explains: offered where it closes a gap, and taken back."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.subject.strip.patch import patched
+from cell.gap.subject.subject import Scope
+from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, dumped, sha256, undo
+from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.law import TERMS, with_law
+from tests.cell.gap.test_gap_engine import Curves, bump, candidate, hidden, judged, nothing
+from tests.support.gap_strip_cases import STRIP, denim
+
+
+class Withheld(Curves):
+    """Curves whose library lacks the bump; a term of the same form describes."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        return replace(whole, terms=(candidate("bump", self.signed),))
+
+
+def test_a_law_is_offered_for_a_gap_that_no_effect_explains_and_closes_it() -> None:
+    found, verdict = judged(Withheld(hidden(bump, 0.2), names=("dead",)))
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == []
+    assert found.offered is not None
+    assert found.offered.terms["bump"] == pytest.approx(0.2, rel=0.05)
+    assert found.offered.shrink > 0.9
+
+
+def test_no_law_is_offered_where_nothing_is_hidden() -> None:
+    for seed in range(4):
+        found, _ = judged(Withheld(nothing, names=("dead",), seed=seed))
+        assert found.offered is None
+
+
+def test_no_law_is_offered_where_an_effect_is_named() -> None:
+    found, verdict = judged(Withheld(hidden(bump, 0.2)))
+    assert verdict.verdict == "named"
+    assert found.offered is None
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
+    amount = TERMS[name].size
+    strip = denim().model_copy(update={"law": {name: amount}})
+    assert repr(describe(strip, index=3)) == repr(
+        with_law(describe(denim(), index=3), {name: amount})
+    )
+    assert repr(describe(strip, index=3)) != repr(describe(denim(), index=3))
+
+
+def test_a_strip_without_a_law_is_written_as_ever() -> None:
+    assert "law" not in denim().model_dump(mode="json", by_alias=True)
+
+
+@pytest.fixture
+def fitted(tmp_path: Path) -> tuple[Path, Path]:
+    """The folder of a fit that offers a law, and the strip file."""
+    file, out = tmp_path / "denim.yaml", tmp_path / "out"
+    file.write_text(STRIP.read_text(encoding="utf-8"), encoding="utf-8")
+    out.mkdir()
+    law = {"term_speed": {"amount": 0.7}}
+    content, _ = patched(denim(), {"bending_length": 0.018}, law, "test")
+    (out / LAW_PATCH).write_text(dumped(content), encoding="utf-8")
+    record = {"file_sha256": sha256(file), "effects": [], "law": {"terms": {"term_speed": 0.7}}}
+    (out / RECORD).write_text(json.dumps(record), encoding="utf-8")
+    return out, file
+
+
+def test_an_accepted_law_stands_in_the_file_and_can_be_taken_back(fitted) -> None:
+    out, file = fitted
+    before = file.read_bytes()
+    assert accept(out, file, law=True).effects == ("term_speed",)
+    strip = load_strip(file)
+    assert strip.law == {"term_speed": 0.7}
+    assert describe(strip).mechanics.drag.coefficient == pytest.approx(0.7)
+    assert any("no cause" in note.note for note in strip.provenance)
+    assert undo(out, file).effects == ("term_speed",)
+    assert file.read_bytes() == before
+
+
+def test_a_law_is_accepted_only_when_asked_for(fitted) -> None:
+    out, file = fitted
+    with pytest.raises(ConfigurationError, match="add --law"):
+        accept(out, file)
+
+
+def test_a_law_on_top_of_one_adds_up() -> None:
+    strip = denim().model_copy(update={"law": {"term_speed": 0.5}})
+    content, _ = patched(strip, {}, {"term_speed": {"amount": 0.25}}, "test")
+    assert content["law"] == {"term_speed": 0.75}
+
+
+@pytest.mark.parametrize("law", [{"term_magic": 1.0}, {"term_clock": 5.0}])
+def test_a_law_that_no_engine_knows_or_no_strip_has_is_refused(law, tmp_path: Path) -> None:
+    content = {**denim().model_dump(mode="json", by_alias=True), "law": law}
+    (tmp_path / "s.yaml").write_text(dumped(content), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="law"):
+        load_strip(tmp_path / "s.yaml")
+
+
+def test_amounts_near_nothing_change_nothing() -> None:
+    model = describe(denim())
+    assert with_law(model, dict.fromkeys(TERMS, 0.0)) is model
+    assert np.isfinite(describe(denim().model_copy(update={"law": {}})).mechanics.rigidity).all()

@@ -1,0 +1,88 @@
+"""What differs from run to run: its spread is estimated, and what is claimed counts it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.gap.fitting.gauss_newton import refit
+from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.tasks import run_one
+from cell.gap.subject.subject import Parameter, Request, Residuals
+from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
+
+USUAL = 0.1
+
+
+class Scattering(Curves):
+    """Curves each of which holds a wave of its own, of a size drawn anew in each run."""
+
+    def __init__(self, law: Law, spread: float, seed: int = 0, repeats: int = 3, **more) -> None:
+        drawn = np.random.default_rng([seed, 5]).normal(0.0, spread, 99)
+        self.drawn = drawn
+        super().__init__(
+            lambda t, s, i: law(t, s, i) + drawn[i] * ripple(t), seed=seed, repeats=repeats, **more
+        )
+        own = Parameter("ripple", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True, common=True)
+        self.runs[:] = [replace(run, local=(*run.local, own)) for run in self.runs]
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = super().simulate(requests)
+        for q, residuals in zip(requests, found, strict=True):
+            for p, value in zip(q.run.local, q.local, strict=True):
+                if p.random:
+                    residuals.mean[:] -= value * ripple(np.linspace(0.0, 1.0, 60))
+        return found
+
+
+def ripple(t: np.ndarray) -> np.ndarray:
+    return np.cos(13.0 * t)
+
+
+def estimate(subject: Scattering):
+    runs = evidence(subject.runs)
+    model = Model(subject.scope.base)
+    start = Point(np.array([p.start for p in model.parameters]), runs.start())
+    return run_one(subject.simulate, refit(model, runs, start))
+
+
+@pytest.mark.parametrize("true", [0.05, 0.2])
+def test_spread_is_estimated_within_its_interval(true: float) -> None:
+    subject = Scattering(nothing, true)
+    (found,) = spreads(estimate(subject))
+    drawn = np.std(subject.drawn[: len(subject.runs)], ddof=1)
+    assert found.value == pytest.approx(drawn, rel=0.3)
+    assert found.low < true < found.high
+
+
+def test_what_the_runs_refute_is_switched_off() -> None:
+    assert spreads(estimate(Scattering(nothing, 0.0))) == ()
+
+
+def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
+    constant: Law = lambda t, s, i: 0.3 * ripple(t)  # noqa: E731
+    assert spreads(estimate(Scattering(constant, 0.0))) == ()
+
+
+def test_scatter_alone_is_no_gap() -> None:
+    kinds = [judged(Scattering(nothing, 0.2, seed=seed))[1].verdict for seed in range(4)]
+    assert kinds == ["no_gap"] * 4
+
+
+def test_an_effect_is_named_beside_scatter_with_its_true_size_within_the_interval() -> None:
+    found, verdict = judged(Scattering(hidden(bump, 0.1), 0.2))
+    assert [e.name for e in verdict.effects] == ["bump"]
+    size = verdict.effects[0].parameters["size"]
+    assert (size.low or 0.0) < 0.1 < (size.high or 0.0)
+    assert [s.name for s in found.judged.scatter] == ["ripple"]
+
+
+def test_what_is_detectable_counts_the_scatter() -> None:
+    still, scattered = (judged(Scattering(nothing, s))[1].detectable["wave"] for s in (0.0, 0.2))
+    assert scattered >= still
+
+
+def test_a_subject_without_random_unknowns_has_no_scatter() -> None:
+    assert spreads(fitted(Curves(nothing))) == ()

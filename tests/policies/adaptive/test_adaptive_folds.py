@@ -1,0 +1,98 @@
+"""The policy `adaptive` folds strips that nobody measured, with images as they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.strip.describe import describe
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.adaptive.adaptive import UNKNOWING, Adaptive
+from policies.adaptive.checkpoint import load_critic
+from policies.adaptive.fabrics import friction, plain
+from policies.policy import Observation
+from policies.registry import make_policy
+from policies.rollout import Folds, Rollout, roll_out
+from policies.sensing import IMAGES, Sensing
+
+COUNT = 24
+
+
+def folded(policy: object, sensing: Sensing = IMAGES, *, rough: bool = False) -> Folds:
+    rng = np.random.default_rng(5)
+    hidden = [{"bending_hysteresis": friction(rng, 20, 60)} if rough else {} for _ in range(COUNT)]
+    strips = [plain(rng, **effects) for effects in hidden]
+    models = [describe(strip) for strip in strips]
+    settings = Rollout(sensing=sensing)
+    rod = Rod(100, strict=False)
+    return roll_out(policy, rod, strips[0], models, settings=settings, rng=rng)
+
+
+@pytest.mark.parametrize("rough", [False, True], ids=["smooth", "yarn friction"])
+def test_unknown_strips_end_within_two_millimetres_in_the_mean(rough: bool) -> None:
+    folds = folded(make_policy("adaptive"), rough=rough)
+    assert folds.touched.all()
+    miss = np.abs(folds.displacement)
+    assert miss.mean() < 0.002
+    assert miss.max() < 0.006
+
+
+def test_half_the_images_dropped_or_three_millimetres_of_noise_end_no_fold() -> None:
+    loud = replace(IMAGES, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
+    for sensing in (replace(IMAGES, dropped=(0.5, 0.5)), loud):
+        folds = folded(make_policy("adaptive"), sensing)
+        assert folds.touched.all()
+        assert np.abs(folds.displacement).mean() < 0.0035
+
+
+def observed(time: float, x: float, profile: Array) -> Observation:
+    one = np.ones(1)
+    return Observation(
+        time=time * one,
+        x=x * one,
+        z=0.2 * one,
+        stamp=(time - 0.03) * one,
+        contact_x=profile[0, 0, 0] * one,
+        tip_x=0.5 * one,
+        tip_z=0.05 * one,
+        profile=profile,
+        profile_confidence=one,
+    )
+
+
+def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted() -> None:
+    policy = Adaptive(load_critic())
+    strip = plain(np.random.default_rng(0))
+    policy.reset(strip, 0.1, 1)
+    steps = np.linspace(0.0, 1.0, 12)[:, None]
+    seen = (np.array([0.45, 0.001]) + steps * np.array([-0.05, 0.2]))[None]
+    nothing = np.full_like(seen, np.nan)
+    for k in range(20):
+        policy.decide(observed(k / 60, 0.4, seen))
+    assert not policy.blind[0]
+    for k in range(20, 120):
+        policy.decide(observed(k / 60, 0.4, nothing))
+    assert policy.blind[0]
+    assert policy.foretold().blind
+    assert policy.rise[0] == pytest.approx(UNKNOWING * strip.length, abs=1e-4)
+
+
+def test_fold_of_a_batch_is_the_fold_of_one() -> None:
+    rng = np.random.default_rng(3)
+    strips = [plain(rng) for _ in range(3)]
+
+    def displaced(chosen: list) -> Array:
+        exact = replace(IMAGES, contact_sigma=0, tip_sigma=0, profile_sigma=0, tip_z_sigma=0)
+        still = replace(
+            exact, contact_bias=0, tip_bias=0, profile_bias=0, wild=0, delay=(0.03, 0.03)
+        )
+        still = replace(still, delay_error=0)
+        rod = Rod(60, strict=False)
+        models = [describe(strip) for strip in chosen]
+        settings = Rollout(sensing=still)
+        return roll_out(
+            make_policy("adaptive"), rod, strips[0], models, settings=settings, rng=rng
+        ).displacement
+
+    assert displaced(strips)[1] == pytest.approx(displaced(strips[1:2])[0], abs=1e-6)

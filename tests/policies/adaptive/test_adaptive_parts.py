@@ -1,0 +1,138 @@
+"""Parts of the policy `adaptive`: its window of images, its path, its weights on disk."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from policies.adaptive.adaptive import Adaptive
+from policies.adaptive.checkpoint import about, load_critic, save_critic
+from policies.adaptive.features import COUNT
+from policies.adaptive.roll import rolled, wanted
+from policies.adaptive.steering import Steering
+from policies.adaptive.window import SPAN, Window
+from policies.registry import make_policy
+
+SPEED, PERIOD = 0.1, 1 / 60
+
+
+def filled(values: np.ndarray) -> Window:
+    """A window told one image of two channels every 60th of a second."""
+    window = Window(1, 2)
+    for k, value in enumerate(values):
+        window.tell(np.array([k * PERIOD]), value[None], np.array([True]))
+    return window
+
+
+def test_trend_is_value_and_rate_at_the_newest_image() -> None:
+    t = np.arange(20) * PERIOD
+    trend = filled(np.column_stack([0.5 + 0.3 * t, 0.2 - 0.1 * t])).trend()
+    assert trend.value[0] == pytest.approx([0.5 + 0.3 * t[-1], 0.2 - 0.1 * t[-1]], abs=5e-4)
+    assert trend.rate[0] == pytest.approx([0.3, -0.1], rel=0.01)
+
+
+def test_one_wild_image_moves_the_trend_by_less_than_its_noise() -> None:
+    values = np.full((20, 2), 0.5)
+    values[-3, 0] += 0.05
+    trend = filled(values).trend()
+    assert abs(trend.value[0, 0] - 0.5) < 1e-3
+    assert trend.spread[0, 0] > 10 * trend.spread[0, 1]
+
+
+def test_image_that_is_not_newer_or_not_believed_is_not_taken() -> None:
+    window = filled(np.full((5, 2), 0.5))
+    newest = window.newest.copy()
+    other = np.full((1, 2), 0.9)
+    assert not window.tell(newest, other, np.array([True])).any()
+    assert not window.tell(newest + SPAN, other, np.array([False])).any()
+    np.testing.assert_array_equal(window.newest, newest)
+
+
+def travelled(rise: float, steps: int) -> np.ndarray:
+    """Places (steps, 2) of a gripper without inertia, from the take-over on."""
+    steering = Steering(0.6, SPEED, 1)
+    place, places = np.array([0.5, 0.1]), []
+    for _ in range(steps):
+        decision = steering.decide(place[:1], place[1:], np.array([rise]))
+        heading = float(decision.direction[0])
+        speed = float(decision.speed[0])
+        place = place + speed * PERIOD * np.array([np.cos(heading), np.sin(heading)])
+        places.append(place)
+    return np.array(places)
+
+
+def test_gripper_comes_down_on_its_line() -> None:
+    places = travelled(0.045, 330)
+    x, z = places[np.argmax(places[:, 1]) + 40 :].T
+    assert z - x == pytest.approx(0.045, abs=1e-4)
+
+
+def test_gripper_without_a_touch_goes_level_and_ends_past_the_fixed_edge() -> None:
+    places = travelled(0.0, 900)
+    assert places[:, 1].min() > 0.015
+    assert places[-1, 0] == pytest.approx(-0.09, abs=0.003)
+
+
+def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
+    critic = load_critic()
+    save_critic(tmp_path / "again.npz", critic, {"note": "copy"})
+    again = load_critic(tmp_path / "again.npz")
+    inputs = np.random.default_rng(0).normal(size=(3, COUNT)) * 0.1
+    whitened = critic.whitened(inputs)
+    memory = critic.recalled(whitened)
+    np.testing.assert_array_equal(
+        critic.judge(whitened, memory).displacement, again.judge(whitened, memory).displacement
+    )
+    assert about(tmp_path / "again.npz")["note"] == "copy"
+
+
+def spoilt(path: Path, how: str) -> None:
+    """A file of weights that is broken in one way."""
+    with np.load(Path(make_policy.__code__.co_filename).parent / "weights/adaptive.npz") as held:
+        arrays = {name: held[name] for name in held.files}
+    match how:
+        case "text":
+            path.write_text("hello")
+            return
+        case "pickle":
+            np.savez(path, **arrays | {"mean": np.array([object()])})
+            return
+        case "shape":
+            arrays["first"] = arrays["first"][:, 1:]
+        case "nan":
+            arrays["last"] = np.full_like(arrays["last"], np.nan)
+        case "lacking":
+            del arrays["second"]
+        case "other":
+            arrays["about"] = np.array('{"schema": 1, "policy": "feedback"}')
+    np.savez(path, **arrays)
+
+
+@pytest.mark.parametrize("how", ["text", "pickle", "shape", "nan", "lacking", "other"])
+def test_spoilt_weights_are_refused_with_one_line(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "weights.npz"
+    spoilt(path, how)
+    with pytest.raises(ConfigurationError, match=r"weights\.npz: checkpoint") as refused:
+        load_critic(path)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("length", "speed"), [(0.3, 0.1), (1.0, 0.1), (0.6, 0.05)])
+def test_strip_or_speed_that_was_not_trained_is_refused(length: float, speed: float) -> None:
+    from drivers.strip.file import paper_strip
+
+    policy = make_policy("adaptive")
+    with pytest.raises(ConfigurationError, match=r"adaptive: .* policy knows"):
+        policy.reset(paper_strip(0.1, 0.01, length=length), speed, 1)
+
+
+def test_softer_strips_roll_further_and_are_folded_further_to_the_other_side() -> None:
+    critic = load_critic()
+    policy = Adaptive(critic)
+    assert policy.foretold() is None
+    whitened = critic.whitened(critic.weights["mean"][None])
+    belief = critic.judge(whitened, critic.recalled(whitened)).belief
+    soft = belief._replace(log_bending_length=belief.log_bending_length - 0.3)
+    assert rolled(soft)[0] >= rolled(belief)[0] >= 0
+    assert wanted(soft)[0] <= 0
