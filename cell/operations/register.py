@@ -54,7 +54,11 @@ def mounting_from(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Put `mounting` into cell.yaml, the old one kept as a comment; the file, checked."""
+    """Write `mounting` into cell.yaml, with the old one kept as a comment; returns the checked
+    file.
+
+    Raises ConfigurationError where the mounting does not stand on one line.
+    """
     path = configs.folder / "cell.yaml"
     text = path.read_text(encoding="utf-8")
     found = LINE.search(text)
