@@ -5,6 +5,7 @@ the rod before the fold.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe
@@ -113,8 +114,11 @@ def plan(strips: Sequence[StripFile], speed: float) -> Array:
     d = _displacements(strips, motions, coarse)
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
-    fine = (np.round(_zeros(coarse, d))[:, None] + FINE).astype(int)
-    return _zeros(fine, _displacements(strips, motions, fine)) * STEP * length
+    rough = _zeros(coarse, d)
+    fine = (np.round(rough)[:, None] + FINE).astype(int)
+    close = _displacements(strips, motions, fine)
+    found = np.where(_bracketed(close), _zeros(fine, close), rough)
+    return found * STEP * length
 
 
 class Motions:
@@ -194,6 +198,13 @@ def _check(strip: StripFile, d: Array) -> None:
             f"planned: {strip.name}: on no raised triangle do its layers lie even in the rod, "
             f"least |d| {1e3 * np.nanmin(np.abs(d), initial=np.inf):.0f} mm; use another policy"
         )
+
+
+def _bracketed(d: Array) -> NDArray[np.bool_]:
+    """Which rows of the displacements `d` (n, m) hold both signs: beside the zero that the far ones
+    promised, those of the close rises say nothing.
+    """
+    return np.asarray(np.any(d <= 0, axis=1) & np.any(d >= 0, axis=1))
 
 
 def _zeros(steps: Array, d: Array) -> Array:

@@ -48,21 +48,22 @@ class Viz(StrEnum):
     OFF = "off"
 
 
+StripName = Annotated[
+    str, typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length.")
+]
+PolicyName = Annotated[str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")]
+Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
+Plants = Annotated[
+    list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
+]
+
+
 def fold(
-    strip: Annotated[
-        str,
-        typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length."),
-    ],
-    policy: Annotated[
-        str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")
-    ] = "adaptive",
-    length: Annotated[
-        float | None, typer.Option(help="Length [m] of a strip that has no file.")
-    ] = None,
+    strip: StripName,
+    policy: PolicyName = "adaptive",
+    length: Length = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
-    plant: Annotated[
-        list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
-    ] = None,
+    plant: Plants = None,
     arm: Annotated[ArmDriver | None, typer.Option(help="Arm driver.")] = None,
     camera: Annotated[CameraDriver | None, typer.Option(help="Camera driver.")] = None,
     repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1,

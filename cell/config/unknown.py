@@ -1,5 +1,6 @@
 """A fabric without a file: what is assumed of it before the fold."""
 
+from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 
@@ -15,15 +16,24 @@ def unknown_strip(length: str) -> StripFile:
 
     Raises ConfigurationError for what is no length.
     """
+    try:
+        metres = float(length)
+    except ValueError:
+        raise ConfigurationError(
+            f"--length: {length!r} is no number; give the strip's length in metres, as 0.6"
+        ) from None
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
     content = {
         "name": NAME,
-        "length": length,
+        "length": metres,
         "width": WIDTH,
         "areal_density": DENSITY,
         "bending_length": (c_low * c_high) ** 0.5,
         "retardation_time": (t_low * t_high) ** 0.5,
-        "spread": {"bending_length": BENDING_LENGTH, "retardation_time": RETARDATION_TIME},
+        "spread": {
+            "bending_length": list(BENDING_LENGTH),
+            "retardation_time": list(RETARDATION_TIME),
+        },
         "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED],
     }
     return parse(content, StripFile, "--length")

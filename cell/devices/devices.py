@@ -1,6 +1,6 @@
 """The devices of a cell, as the orchestrator drives them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,7 +40,7 @@ class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
     `camera_locks` are the values of the locked camera controls, `others` what else must be closed
-    at the end.
+    at the end; `arm_timing` tells, once closed, how evenly the states of a free-running arm came.
     """
 
     clock: Clock
@@ -52,6 +52,7 @@ class Devices:
     plant: "Plant | None"
     camera_locks: Mapping[str, int] = field(default_factory=dict)
     others: tuple[Closable, ...] = ()
+    arm_timing: Callable[[], Mapping[str, Any]] = dict
 
     def connect(self) -> None:
         """Connect arm and camera."""

@@ -82,6 +82,7 @@ def fci_devices(
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, plant),
         others=tuple(others),
+        arm_timing=lambda: arm.timing,
     )
 
 

@@ -127,6 +127,9 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
         outcome = Outcome.of(StopReason.by(error), devices.clock.now())
     finally:
         suppressed(devices.close)
+    timing = devices.arm_timing()
+    if timing:
+        suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     content = result_content(outcome)
     try:
         recorder.finish(content)

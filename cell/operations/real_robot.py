@@ -24,8 +24,9 @@ def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
 
 
 def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
-    """Have the operator type the cell's name before the first motion; raises
-    PreflightRefused if not.
+    """Have the operator type the cell's name before the first motion.
+
+    Raises PreflightRefused where it was not typed.
     """
     question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
     try:

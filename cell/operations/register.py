@@ -54,10 +54,9 @@ def mounting_from(points: Array, length: float) -> Mounting:
 
 
 def write_mounting(configs: Configs, mounting: Mounting) -> Path:
-    """Write `mounting` into cell.yaml, with the old one kept as a comment; returns the checked
-    file.
+    """Put `mounting` into cell.yaml, the old one kept as a comment; returns the file, checked.
 
-    Raises ConfigurationError where the mounting does not stand on one line.
+    Raises ConfigurationError where the file has no such line.
     """
     path = configs.folder / "cell.yaml"
     text = path.read_text(encoding="utf-8")

@@ -49,6 +49,18 @@ class CalibrationNote(Settings):
     error: float | None = None
 
 
+class ArmTiming(Recorded):
+    """How often a real arm's states came after so many milliseconds: bins between `edges_ms`.
+
+    `counts` has one more entry than the edges, open below the first and above the last.
+    """
+
+    edges_ms: list[float]
+    counts: list[int]
+    longest_ms: float
+    answered: float | None = None
+
+
 class Header(Recorded):
     """Contents of run.yaml: data for every reader of a run, and how a run of the cell was made.
 
@@ -74,6 +86,7 @@ class Header(Recorded):
     config: dict[str, Any] | None = None
     plant_sha256: str | None = None
     preflight: list[dict[str, Any]] | None = None
+    arm_timing: ArmTiming | None = None
 
 
 class Result(Recorded):

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from cell.record.header import ArmTiming
 from cell.record.run import Run
 from cell.report.drawing import BLUE, GREEN, INK, MUTED, PURPLE, as_svg, canvas
 from drivers.types import Array
@@ -21,13 +22,30 @@ def image_ages(run: Run) -> Array:
 
 
 def timing_figure(run: Run) -> str:
-    """Histograms of image age, row interval and computing time; SVG."""
+    """Histograms of image age, row interval, computing time, and a real arm's states; SVG."""
+    arm = run.header.arm_timing
     with canvas(8.4, 2.5) as figure:
-        age, interval, cost = figure.subplots(1, 3)
+        age, interval, cost, *rest = figure.subplots(1, 3 if arm is None else 4)
+        if arm is not None:
+            _bars(rest[0], arm)
         _histogram(age, 1e3 * image_ages(run), "age of the newest image  [ms]", BLUE)
         _histogram(interval, 1e3 * np.diff(run.ticks.t), "from row to row  [ms]", GREEN)
         _histogram(cost, 1e3 * run.costs(), "computing in one turn  [ms]", PURPLE)
         return as_svg(figure)
+
+
+def _bars(axes: Any, timing: ArmTiming) -> None:
+    """Shares of the arm's states by the time since the one before, on a logarithmic scale."""
+    edges = [timing.edges_ms[0] / 2, *timing.edges_ms, 2 * timing.edges_ms[-1]]
+    axes.stairs(timing.counts, edges, color=MUTED, fill=True, alpha=0.75)
+    axes.set_xscale("log")
+    axes.set_yscale("symlog")
+    axes.set_yticks([])
+    axes.spines["left"].set_visible(False)
+    axes.set_xlabel("from state to state of the arm  [ms]")
+    on_time = "" if timing.answered is None else f", {100 * timing.answered:.1f} % answered"
+    title = f"longest {timing.longest_ms:.3g}{on_time}"
+    axes.set_title(title, fontsize=8.5, color=MUTED, loc="left", pad=4)
 
 
 def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:

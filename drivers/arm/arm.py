@@ -103,7 +103,9 @@ class FciArm:
     @property
     def timing(self) -> dict[str, object]:
         """Histogram of intervals between the robot's states, once closed; empty in lock-step."""
-        return {} if self._bridge is None else self._bridge.timing
+        if self._bridge is None or self._bridge.lock_step:
+            return {}
+        return self._bridge.timing
 
     def _caught_up(self) -> Bridge:
         """The bridge, after advancing the robot to the clock's time."""

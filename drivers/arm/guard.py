@@ -12,7 +12,8 @@ from drivers.types import Array, Pose, Velocity
 ROOM = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
 REACHED = 1e-3  # m or rad
-REACTION = 0.03  # s until a braking is under way
+REACTION = 0.015  # s until a braking is under way
+WORST = 1.3  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
 class ReachGuard:
@@ -44,7 +45,7 @@ class ReachGuard:
         if room.min() < ROOM:
             return f"joint {int(room.argmin()) + 1} comes to its end"
         demand = np.abs(joint_rates(jac, self._twists)) @ self._most / limits.ACCELERATION
-        if demand.max() > 1.0:
+        if demand.max() > WORST:
             return f"joint {int(demand.argmax()) + 1} could not follow any further"
         return ""
 

@@ -64,6 +64,7 @@ class Loop:
         self._beat, self._unheard = -1, 0
         self._reason: Failure | None = None
         self.ticks = 0
+        self.success = 0.0
         self._path: deque[tuple[float, float, float]] = deque(maxlen=SPAN + 1)
 
     def begin(self) -> None:
@@ -164,6 +165,7 @@ class Loop:
             self._profile.stop()
 
     def _publish(self, state: Any) -> None:
+        self.success = state.control_command_success_rate
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
@@ -182,7 +184,7 @@ class Loop:
                 *self._position,
                 *self._plane.force(state.O_F_ext_hat_K),
                 self._plane.place(pose)[1],
-                state.control_command_success_rate,
+                self.success,
                 self._profile.moving or not calm,
                 self._profile.expired,
             )

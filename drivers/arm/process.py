@@ -82,7 +82,7 @@ def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -
     """Step on the robot's clock until the cell closes or dies."""
     while loop.halted is None and not pipe.poll():
         loop.step()
-        timing.tell(clock.now())
+        timing.tell(clock.now(), loop.success)
 
 
 def _received(pipe: Connection) -> dict[str, Any] | None:

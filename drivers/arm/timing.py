@@ -9,14 +9,19 @@ EDGES_MS = (0.25, 0.5, 0.75, 0.9, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0, 20.0, 50.
 
 @dataclass(slots=True)
 class Timing:
-    """Counts of intervals between states by `EDGES_MS`, the last one open; and the longest [s]."""
+    """Counts of intervals between states by `EDGES_MS`, the first and last one open.
+
+    `longest` [s] of them; `answered` is the mean of the robot's own share of commands in time.
+    """
 
     counts: list[int] = field(default_factory=lambda: [0] * (len(EDGES_MS) + 1))
     longest: float = 0.0
     last: float | None = None
+    heard: float = 0.0
 
-    def tell(self, now: float) -> None:
-        """Record a state that arrived at `now` [s]."""
+    def tell(self, now: float, success: float) -> None:
+        """Record a state that arrived at `now` [s] and its share of commands in time."""
+        self.heard += success
         if self.last is not None:
             interval = now - self.last
             self.longest = max(self.longest, interval)
@@ -25,7 +30,12 @@ class Timing:
 
     def content(self) -> dict[str, Any]:
         """Plain values for the record."""
-        return {"edges_ms": list(EDGES_MS), "counts": self.counts, "longest_ms": 1e3 * self.longest}
+        return {
+            "edges_ms": list(EDGES_MS),
+            "counts": self.counts,
+            "longest_ms": 1e3 * self.longest,
+            "answered": self.heard / max(1, sum(self.counts) + 1),
+        }
 
 
 def _bin(value: float, edges: Sequence[float] = EDGES_MS) -> int:

@@ -1,0 +1,56 @@
+"""Runs of an exam differ from one another by as much as their level says."""
+
+import numpy as np
+import pytest
+
+from cell.exam.report.tables import scatter_table
+from cell.exam.runs.scatter import GRASP, LEVELS, RunScatter
+from cell.exam.scoring.results import Entry
+from drivers.strip.describe import describe
+from tests.support.exam_cases import case
+from tests.support.gap_strip_cases import denim
+
+
+def test_without_scatter_a_strip_is_held_and_made_as_described() -> None:
+    none = RunScatter.drawn("none", 1, 2)
+    model = describe(denim())
+    assert none.held(model) is model
+    pose = np.array([0.5, 0.1, 0.0])
+    np.testing.assert_array_equal(none.moved(pose, 1.0), pose)
+
+
+@pytest.mark.parametrize("level", ["half", "full"])
+def test_runs_differ_by_as_much_as_their_level_says(level) -> None:
+    drawn = [RunScatter.drawn(level, 3, index) for index in range(400)]
+    of = LEVELS[level]
+    assert np.std([d.grip for d in drawn]) == pytest.approx(of.grip, rel=0.1)
+    assert np.std([d.damping for d in drawn]) == pytest.approx(of.damping, rel=0.1)
+    assert np.std([d.stiffness for d in drawn]) == pytest.approx(of.stiffness, rel=0.1)
+
+
+def test_scatter_of_a_run_is_the_same_however_often_it_is_made() -> None:
+    first, second = (RunScatter.drawn("full", 5, 7) for _ in range(2))
+    np.testing.assert_array_equal(first.grip, second.grip)
+    assert (first.damping, first.stiffness) == (second.damping, second.stiffness)
+
+
+def test_the_edge_moves_to_where_it_is_held_and_stays_there() -> None:
+    scatter, pose = RunScatter.drawn("full", 5, 7), np.zeros(3)
+    np.testing.assert_array_equal(scatter.moved(pose, 0.0), pose)
+    for time in (GRASP, 5.0):
+        np.testing.assert_allclose(scatter.moved(pose, time), [*scatter.grip, 0.0])
+
+
+def test_rig_and_strip_of_a_model_are_scattered() -> None:
+    scatter, model = RunScatter.drawn("full", 5, 7), describe(denim())
+    held = scatter.held(model)
+    assert (held.rig.grip_x, held.rig.grip_z) == pytest.approx(tuple(scatter.grip))
+    ratio = held.mechanics.viscosity / model.mechanics.viscosity
+    np.testing.assert_allclose(ratio, scatter.damping)
+
+
+def test_the_table_is_split_by_level() -> None:
+    cases = [case(f"a-{level}", "nothing", {}, scatter=level) for level in ("none", "half", "full")]
+    page = scatter_table([Entry(case=c, of="x", state="failed") for c in cases])
+    assert "0.15 mm, 2.5 %, 0.25 %" in page
+    assert page.count("0 of 1") == 6
