@@ -3,7 +3,7 @@
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -59,10 +59,7 @@ def benchmark(
             spec, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
         )
     except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
-        )
-        sys.exit(INTERRUPTED)
+        _interrupted(out)
     finally:
         meter.close()
     page = write_results(results, out)
@@ -73,3 +70,8 @@ def benchmark(
         return
     show(results, wide_console())
     sys.stdout.write(f"  {page}\n")
+
+
+def _interrupted(out: Path) -> NoReturn:
+    sys.stderr.write(f"interrupted; what is finished is kept in {out}: the same command goes on\n")
+    sys.exit(INTERRUPTED)
