@@ -134,7 +134,7 @@ def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
     """End of the fall: the intersection of its line with the level of the gap at rest."""
     rest = float(np.median(gap[t >= time]))
     moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
-    j = int(np.flatnonzero(moving)[-1])
+    j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
     return float(t[j]) + (float(gap[j]) - rest) / speed
 
 

@@ -23,7 +23,6 @@ FILES = (RUN, TICKS, PROFILE, RESULT)
 PACKAGES = ("cell", "drivers", "policies", "calibration")
 SYSTEM = ("/usr", "/lib", "/lib64", "/bin", "/etc", "/proc/self", "/proc/cpuinfo", "/proc/meminfo",
           "/proc/stat", "/sys/devices/system", "/sys/fs/cgroup")  # fmt: skip
-LIBRARIES = ("site-packages", "dist-packages")  # folders of packages, wherever they lie
 DEVICES = ("/dev/null", "/dev/urandom", "/dev/random", "/dev/zero")
 LIMIT = 600.0  # s
 GLANCE = 0.02  # s
@@ -82,9 +81,7 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
     root = Path(cell.__file__).resolve().parents[1]
-    libraries = [path for path in sys.path if Path(path).name in LIBRARIES]
-    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"),
-              *site.getsitepackages(), *libraries)  # fmt: skip
+    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages())
     fonts = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "matplotlib"
     code = [str(root / name) for name in PACKAGES]
     return {
