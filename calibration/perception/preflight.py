@@ -1,6 +1,6 @@
 """Check of one image before grasping: the right strip lies there, flat and well visible."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from calibration.perception.checks import (
 from calibration.perception.matte import matte, share, soft
 from calibration.perception.palette import palette
 from calibration.perception.region import way_of, whole
-from calibration.perception.resting import Samples, resting_line, samples, underside
+from calibration.perception.resting import Samples, inner_pixels, resting_line, samples, underside
 from calibration.perception.scenery import Scenery, learnt
 from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
@@ -63,6 +63,10 @@ def inspect(
     look = matte(*case.seen.colours)
     levels = look.of(image)
     plain = _judged(case, levels, (contrast(look, *case.seen.colours, settings),))
+    if plain.appearance is not None:  # it may lie higher or lower than the calibration says
+        rise = float(np.median(plain.appearance.rest_height(np.linspace(0.0, strip.length))))
+        inner = inner_pixels(image, calibration, strip, rise)
+        case = replace(case, seen=replace(case.seen, inner=inner))
     if look.separation >= SURE and _uniform(levels, case):
         return plain
     scenery = learnt(image, case.seen.inner, calibration, strip)

@@ -65,10 +65,19 @@ def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples
     face = face_height(calibration, strip)
     return Samples(
         _pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
-        _pixels(image, calibration, _span(strip, 0.0), (INNER[0] * face, INNER[1] * face)),
+        inner_pixels(image, calibration, strip),
         _pixels(image, calibration, _span(strip, 0.03), front),
         _pixels(image, calibration, _span(strip, 0.0), BACKDROP),
     )
+
+
+def inner_pixels(
+    image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
+) -> Array:
+    """Pixels (n, 3) BGR well within the strip's face, whose edge appears at a height `rise` [m]."""
+    face = face_height(calibration, strip)
+    height = (rise + INNER[0] * face, rise + INNER[1] * face)
+    return _pixels(image, calibration, _span(strip, 0.0), height)
 
 
 def face_height(calibration: Calibration, strip: StripFile) -> float:

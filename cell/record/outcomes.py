@@ -5,7 +5,7 @@ STOPS = frozenset({"interrupted", "preflight_refused", "error", "internal_error"
 MONITORED = frozenset(
     {"overspeed", "tracking_error", "workspace", "force", "grip_lost", "overtime"}
 )
-MONITORED |= {"low_confidence", "state_overtime", "setpoint_expired"}
+MONITORED |= {"low_confidence", "state_overtime", "setpoint_expired", "calibration_overtime"}
 REFUSED = frozenset({"command_refused", "motion_refused", "velocity_refused", "outside_workspace"})
 CELL = frozenset({"illegal_event", "no_perception", "process_died", "world_unknown", "unexpected"})
 DEVICES = ("arm_", "hand_", "grasp_", "camera_", "image_", "simulation_", "strip_", "robot_")

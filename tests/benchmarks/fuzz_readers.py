@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.gap.subject.pendulum.file import load_pendulum
+from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo

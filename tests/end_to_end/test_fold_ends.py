@@ -26,6 +26,7 @@ class Devices:
 
     def __init__(self, wrong: str = "") -> None:
         self.clock = SimpleNamespace(now=lambda: 3.5)
+        self.arm_timing = dict
         self._wrong = wrong
         self.closed = 0
 

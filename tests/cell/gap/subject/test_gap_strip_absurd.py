@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from drivers.errors import ConfigurationError
 from tests.cell.gap.subject.test_gap_strip_runs import edit_column, edit_yaml, first, put
@@ -71,7 +72,7 @@ def test_what_no_fold_can_be_is_refused_by_file_and_key(runs, name) -> None:
     spoil, says = ABSURD[name]
     spoil(first(runs))
     with pytest.raises(ConfigurationError) as caught:
-        read_runs([runs], denim())
+        read_runs(find_runs([runs]), denim())
     assert says in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -79,7 +80,7 @@ def test_what_no_fold_can_be_is_refused_by_file_and_key(runs, name) -> None:
 def test_names_of_all_faults_are_outcomes(runs) -> None:
     for name in ("tracking_error", "arm_reflex", "camera_stalled", "interrupted", "grip_lost"):
         edit_yaml(first(runs) / "result.yaml", outcome=name)
-        assert len(read_runs([runs], denim())) == 2
+        assert len(read_runs(find_runs([runs]), denim())) == 2
 
 
 def cells_own(run: Path, seed: int, index: int, plant: str = "p") -> None:
@@ -92,7 +93,7 @@ def test_two_batches_of_repeats_in_one_folder_are_two_specimens(runs) -> None:
         shutil.copytree(runs / name, runs / f"again-{name}")
         cells_own(runs / name, seed=i, index=i)
         cells_own(runs / f"again-{name}", seed=10 + i, index=i)
-    read = read_runs([runs], denim())
+    read = read_runs(find_runs([runs]), denim())
     assert [run.measured.index for run in read] == [0, 0, 1, 1]
     assert all(run.usable for run in read)
 
@@ -101,7 +102,7 @@ def test_a_fold_made_twice_from_one_seed_counts_once(runs) -> None:
     for i, name in enumerate(sorted(path.name for path in runs.iterdir())):
         cells_own(runs / name, seed=i, index=i)
         shutil.copytree(runs / name, runs / f"z-again-{name}")
-    read = read_runs([runs], denim())
+    read = read_runs(find_runs([runs]), denim())
     assert [run.usable for run in read] == [True, False, True, False]
     assert "is the same fold of the twin as" in read[1].notes[0]
 
@@ -111,4 +112,4 @@ def test_two_runs_of_one_index_by_a_laboratory_are_still_refused(runs) -> None:
     edit_yaml(runs / name / "run.yaml", index=0)
     shutil.copytree(runs / name, runs / "again")
     with pytest.raises(ConfigurationError, match="give each run of a specimen its own"):
-        read_runs([runs], denim())
+        read_runs(find_runs([runs]), denim())
