@@ -3,7 +3,7 @@
 from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError
-from policies.library import entries
+from policies.catalogue import entries
 from policies.policy import Policy
 
 MOTION = "motion:"

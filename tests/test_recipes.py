@@ -8,7 +8,7 @@ import pytest
 
 import cell.exam.causes
 import drivers.strip.effects
-import policies.library
+import policies.catalogue
 from cell.config.places import BESIDE, find_configs
 from cell.exam.causes import cause_of, causes
 from cell.gap.subject.strip.scope import candidate
@@ -21,7 +21,7 @@ from drivers.protocols import Camera, Clock
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from drivers.types import Frame
-from policies.library import entries
+from policies.catalogue import entries
 from policies.registry import make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
@@ -67,7 +67,7 @@ EFFECT = Effect(
 POLICY = '''
 """`raised`: the triangle, moved up by 60 mm."""
 
-from policies.library.entry import Entry
+from policies.catalogue.entry import Entry
 
 
 def _make(_):
@@ -145,7 +145,7 @@ def test_an_effect_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_policy_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(beside, monkeypatch, policies.library, "raised", POLICY)
+    only(beside, monkeypatch, policies.catalogue, "raised", POLICY)
     assert "raised" in policy_names()
     policy = make_policy("raised")
     assert policy.path(0.6).points[:, 1].max() == pytest.approx(0.36)

@@ -9,7 +9,7 @@ import typer
 
 def policy_names() -> str:
     """Names of the policies, from their file names: importing them would make `--help` slow."""
-    found = find_spec("policies.library")
+    found = find_spec("policies.catalogue")
     places = [] if found is None else list(found.submodule_search_locations or ())
     names = {path.stem for place in places for path in Path(place).glob("[a-z]*.py")}
     return ", ".join(sorted(names - {"entry"}))

@@ -7,7 +7,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
-from policies.library.entry import Entry
+from policies.catalogue.entry import Entry
 
 
 @cache

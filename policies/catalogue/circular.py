@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from policies.library.entry import Entry
+from policies.catalogue.entry import Entry
 from policies.policy import Policy
 
 
