@@ -36,6 +36,7 @@ def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
 
 
 @real
+@pytest.mark.slow
 def test_whole_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
     triple = DATA / "triple"
     check_triple(fit([triple / "runs"], triple / "pendulum.yaml", tmp_path / "out"))
