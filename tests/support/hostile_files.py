@@ -5,6 +5,7 @@ import math
 import os
 import shutil
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,7 +95,8 @@ def documents(draw: st.DrawFn, whole: dict[str, Any]) -> bytes:
         if isinstance(inner, dict) and draw(st.integers(0, 4)) == 0:
             del inner[last]
         else:
-            inner[last] = draw(st.sampled_from(ODD) | st.floats() | st.text(max_size=5))
+            odd = draw(st.sampled_from(ODD) | st.floats() | st.text(max_size=5))
+            inner[last] = deepcopy(odd)  # what is changed inside it must not be odd for ever
     text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode(errors="replace")
     cut = draw(st.integers(0, 9))
     return text[: draw(PLACES) % (len(text) + 1)] if cut == 0 else text
