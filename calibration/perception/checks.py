@@ -17,6 +17,7 @@ from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
+MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
 THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
 WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
 BURNT = 0.1  # share of pixels that may be so
@@ -113,6 +114,14 @@ def told_from_background(
     place = np.zeros(way.shape, dtype=np.float32)
     place[way > 0] = alike
     x, z = calibration.to_plane(_heaviest(place)[None])[0]
+    if share > MOSTLY:
+        return PreflightCheck(
+            "contrast",
+            False,
+            f"what lies in the strip's place looks like {100 * share:.0f} % of the background",
+            "check that a strip lies there, its side on the marked line; if it does, hang a cloth "
+            "of another colour behind the desk",
+        )
     return PreflightCheck(
         "background",
         share <= HIDDEN,
