@@ -39,8 +39,8 @@ class FciHand:
         self._received = bytearray()
         self._number = 0
         self._motion: int | None = None
-        self._ended = -1  # number of the state after which the last motion's end was heard
-        self._fingers = wire.Fingers(0, settings.opening, settings.opening, grasped=False)
+        self._ended: int | None = None  # the state after which the last motion's end was heard
+        self._fingers = wire.Fingers(-1, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
     def open(self) -> None:
@@ -107,11 +107,15 @@ class FciHand:
             packet = _packet(udp)
             if packet is None:
                 break
-            self._fingers = wire.state(packet) or self._fingers
-            self._stamp = self._clock.now()
+            self._take(wire.state(packet))
         self._received += self._stream(tcp)
         for reply in wire.replies(self._received):
             self._end(reply)
+
+    def _take(self, fingers: wire.Fingers | None) -> None:
+        """Keep a state that is not the one before, sent once more."""
+        if fingers is not None and fingers.number != self._fingers.number:
+            self._fingers, self._stamp = fingers, self._clock.now()
 
     def _end(self, reply: wire.Reply) -> None:
         if reply.number != self._motion:

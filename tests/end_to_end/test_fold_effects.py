@@ -69,6 +69,7 @@ def measures_like(folded: Folded, plain: Folded) -> None:
     assert np.abs(contact_errors(folded)).mean() < np.abs(contact_errors(plain)).mean() + 3e-4
 
 
+@pytest.mark.slow
 def test_rig_that_is_off_in_every_known_way_measures_like_one_that_is_not(
     denim: Folded, tmp_path: Path
 ) -> None:

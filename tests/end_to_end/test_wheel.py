@@ -31,6 +31,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home / "bin"
 
 
+@pytest.mark.slow
 def test_the_wheel_folds_from_another_folder(installed: Path, tmp_path: Path) -> None:
     facts = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     where = subprocess.run(

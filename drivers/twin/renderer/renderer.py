@@ -83,7 +83,7 @@ class Renderer:
             if curve is not None:
                 self._shadow.cast(part, window.origin, shadow_profile(curve))
             self._draw(part, window, middle, clouds, hand)
-            if curve is not None:
+            if curve is not None and self._contact_bias:
                 self._draw_lint(part, window, middle)
             window.put(blurred(part, self._settings.lens_blur), image)
         image = self._lit(image, middle, hand)

@@ -23,6 +23,7 @@ class HandPort:
     def __init__(self, address: str, poll: select.epoll, hand: Hand) -> None:
         self._hand = hand
         self._reception = Reception(address, PORT, poll, _greet)
+        self._datagram = _state(hand, 0)
 
     @property
     def client(self) -> Link | None:
@@ -45,20 +46,24 @@ class HandPort:
         if self.client is not None:
             self.client.receive_datagram()
 
-    def answer(self) -> None:
-        """Send the replies that are due."""
+    def answer(self) -> bool:
+        """Send the replies that are due; returns whether there were any."""
+        ended = bool(self._hand.replies)
         for content in self._hand.replies:
             if self.client is not None:
                 self.client.send(content)
         self._hand.replies.clear()
+        return ended
 
     def publish(self, time: int) -> None:
         """Send the hand's state at robot time [ms]."""
+        self._datagram = _state(self._hand, time)
+        self.repeat()
+
+    def repeat(self) -> None:
+        """Send the last state again, to a client that waits for one while time stands still."""
         if self.client is not None:
-            hand = self._hand
-            self.client.send_datagram(
-                STATE.pack(time & 0xFFFFFFFF, hand.width, WIDEST, hand.is_grasped, TEMPERATURE)
-            )
+            self.client.send_datagram(self._datagram)
 
     def _listen(self) -> bool:
         client = self.client
@@ -73,6 +78,10 @@ class HandPort:
             return False
         self.answer()
         return True
+
+
+def _state(hand: Hand, time: int) -> bytes:
+    return STATE.pack(time & 0xFFFFFFFF, hand.width, WIDEST, hand.is_grasped, TEMPERATURE)
 
 
 def _greet(received: bytearray) -> Welcome | None:

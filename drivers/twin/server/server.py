@@ -67,7 +67,7 @@ class RobotServer:
         self._newest: RobotCommand | None = None
         self._answered = 0
         self._punctuality = Punctuality()
-        self._strict = False
+        self._strict, self._begun = False, 0  # in lock-step, robot time at the first command
         self._thread: Thread | None = None
         self._stopping = False
 
@@ -141,10 +141,12 @@ class RobotServer:
 
     def _wait_for_command(self) -> None:
         if not self._attend(OFFER_HAND):
-            self._hand_port.publish(self.robot.time)
+            self._hand_port.repeat()
             if self._silence.rang():
                 self._arm.repeat()
         command = self._arm.command()
+        if command is not None:
+            self._attend(0)  # requests that were sent before this command
         if command is not None and command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
             self._silence.reset()
@@ -157,7 +159,7 @@ class RobotServer:
         command = self._arm.command()
         if command is not None and self._lock_step and self.robot.moving:
             # The client has begun: from here on its commands are the clock.
-            self._strict = True
+            self._strict, self._begun = True, self.robot.time
             if command.message_id == self.robot.time:
                 self._follow(command)
             return
@@ -196,8 +198,8 @@ class RobotServer:
         self._strike()
         robot.time += 1
         self.hand.advance()
-        self._hand_port.answer()
-        if robot.time % HAND_PERIOD == 0:
+        ended = self._hand_port.answer()
+        if ended or (robot.time - self._begun) % HAND_PERIOD == 0:
             self._hand_port.publish(robot.time)
         if robot.motion is None:
             self._punctuality.reset()

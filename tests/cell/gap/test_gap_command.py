@@ -38,7 +38,8 @@ def test_a_folder_without_a_fit_is_refused(monkeypatch, capsys, tmp_path, comman
 
 @pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
 def test_a_fit_prints_the_verdict_that_it_wrote(monkeypatch, capsys, tmp_path) -> None:
-    words = ["gap", "fit", SINGLE / "runs", "--strip", SINGLE / "pendulum.yaml"]
+    runs = [SINGLE / "runs" / f"{k:02d}" for k in range(4)]
+    words = ["gap", "fit", *runs, "--strip", SINGLE / "pendulum.yaml"]
     monkeypatch.setattr(
         "sys.argv", ["cell", *map(os.fspath, words), "--out", str(tmp_path), "--json"]
     )

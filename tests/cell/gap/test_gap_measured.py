@@ -30,14 +30,8 @@ def check_triple(verdict: Any) -> None:
 
 
 @real
-def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
-    runs = [DATA / "triple" / "runs" / f"{k:02d}" for k in (0, 4, 8, 12, 16, 20, 24)]
-    check_triple(fit(runs, DATA / "triple" / "pendulum.yaml", tmp_path / "out"))
-
-
-@real
 @pytest.mark.slow
-def test_whole_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
+def test_triple_pendulum_has_air_drag_and_dry_friction(tmp_path: Path) -> None:
     triple = DATA / "triple"
     check_triple(fit([triple / "runs"], triple / "pendulum.yaml", tmp_path / "out"))
 

@@ -124,6 +124,6 @@ def test_hand_moves_in_the_robots_time_while_the_arm_is_commanded(server, hand) 
         assert server.hand.width == pytest.approx(0.08 - 0.1 * 0.1, abs=2e-4)
         time, width, _ = hand.state()
         while time < state.message_id - 5:
-            time, width, _ = hand.state()
-        assert time % 5 == 0
+            before, (time, width, _) = time, hand.state()
+        assert time - before == 5
         assert width == pytest.approx(server.hand.width, abs=1e-3)
