@@ -9,6 +9,7 @@ from calibration.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
+DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals tell different events
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 
 
@@ -73,8 +74,9 @@ class LayerTouch:
         left = -float(np.polyfit(t[after], gap[after], 1)[0])
         if left > self._settings.touch_stop * speed:
             return None
-        stopped = _knee(t, gap, time, speed)
-        confidence = float(np.exp(-abs(stopped - time) / self._settings.touch_agreement))
+        apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
+        if apart > DISAGREE:
+            return None
         x = np.array([f.x for f in self._falls])
         l1 = np.array([f.to_grasped for f in self._falls])
         seen = SeenTouch(
@@ -82,7 +84,7 @@ class LayerTouch:
             x=_at(time, t, x),
             to_grasped=_at(time, t, l1),
             to_fixed=_at(time, t, x),
-            confidence=confidence,
+            confidence=float(np.exp(-apart)),
         )
         return seen if self._is_a_fold(seen) else None
 

@@ -13,13 +13,13 @@ from drivers.arm.bridge import Bridge
 from drivers.arm.hand import FciHand
 from drivers.arm.process import Task
 from drivers.arm.reach import plan_reach
-from drivers.clock import WallClock
 from drivers.errors import ConfigurationError
 from drivers.installation import Installation
 from drivers.strip.file import StripFile
-from drivers.twin.clock import PacedClock, TwinClock
+from drivers.twin.clock import TwinClock
 from drivers.twin.follow import Follower
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
+from drivers.twin.real_time_clock import RealTimeClock
 from drivers.twin.server.server import RobotServer
 from drivers.types import Array, frozen
 
@@ -56,10 +56,10 @@ def fci_devices(
     """
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
-    wall = None if settings.fci.in_lock_step else WallClock()
-    clock = TwinClock() if wall is None else PacedClock(wall)
+    world = TwinClock()
+    clock = world if settings.fci.in_lock_step else RealTimeClock(world)
     twin = bare(settings) if calibrating else settings.twin
-    desk = open_desk(clock, twin, lying, rig, choice.seed, choice.index, staging)
+    desk = open_desk(world, twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)
     surroundings, others = Surroundings(), list[Closable]()
     address = settings.fci.address
@@ -67,8 +67,7 @@ def fci_devices(
         server = _served(settings, strip, surroundings)
         address = server.address
         others.append(server)
-    origin = None if wall is None else wall.origin
-    arm, hand = fci_arm(settings, clock, address, origin)
+    arm, hand = fci_arm(settings, clock, address)
     others.append(hand)
     frame = settings.installation.mounting.transform()
     follower = Follower(desk, settings.twin.hand, arm.catch_up, hand, frame)
@@ -87,13 +86,19 @@ def fci_devices(
 
 
 def fci_arm(
-    settings: CellFile, clock: TwinClock, address: str, origin: float | None
+    settings: CellFile, clock: TwinClock | RealTimeClock, address: str
 ) -> tuple[FciArm, FciHand]:
-    """Arm and hand at `address`; `origin` of the wall clock when the robot runs on its own time."""
+    """Arm and hand at `address`, on their own time unless `clock` is the twin's."""
     installation = settings.fci.installed(settings.installation)
-    realtime = "ignore" if origin is None else settings.fci.realtime
+    own_time = isinstance(clock, RealTimeClock)
+    realtime = settings.fci.realtime if own_time else "ignore"
     fci = settings.fci.model_copy(update={"realtime": realtime})
-    arm = FciArm(lambda: Bridge(Task(address, fci, installation, origin)), clock, installation)
+
+    def start() -> Bridge:
+        origin = clock.origin if isinstance(clock, RealTimeClock) else None
+        return Bridge(Task(address, fci, installation, origin))
+
+    arm = FciArm(start, clock, installation)
     hand = FciHand(address, fci.hand, clock, ready=arm.join)
     return arm, hand
 

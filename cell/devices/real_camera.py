@@ -8,7 +8,7 @@ from drivers.camera.camera import V4l2Camera
 from drivers.camera.settings import V4l2Settings
 from drivers.errors import ConfigurationError
 from drivers.protocols import Clock
-from drivers.twin.clock import PacedClock, TwinClock
+from drivers.twin.clock import TwinClock
 from drivers.twin.real_time_clock import RealTimeClock
 
 
@@ -28,8 +28,8 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
     chosen = camera_settings(settings)
-    clock, wall = _in_real_time(devices.clock)
-    camera = V4l2Camera(chosen, wall)
+    clock = _in_real_time(devices.clock)
+    camera = V4l2Camera(chosen, clock)
     return replace(
         devices,
         clock=clock,
@@ -41,10 +41,6 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
     )
 
 
-def _in_real_time(clock: Clock) -> tuple[Clock, Clock]:
-    """A clock of the cell that keeps step with the wall, and one for the camera's own thread."""
-    if isinstance(clock, PacedClock):
-        return clock, clock.wall
-    if isinstance(clock, TwinClock):
-        clock = RealTimeClock(clock)
-    return clock, clock
+def _in_real_time(clock: Clock) -> Clock:
+    """A clock of the cell that keeps step with the wall; the camera's own thread may read it."""
+    return RealTimeClock(clock) if isinstance(clock, TwinClock) else clock

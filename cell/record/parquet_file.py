@@ -58,6 +58,7 @@ def _table(content: bytes) -> pa.Table:
         )
     table = file.read(use_threads=False)
     table.validate(full=True)
+    _ = table.schema.names  # raises ValueError where they are no text
     return table
 
 

@@ -83,9 +83,15 @@ def read_stream(path: Path, schema: pa.Schema) -> pa.Table:
 
 
 def _check_columns(path: Path, found: pa.Schema, wanted: pa.Schema) -> None:
+    try:
+        names = found.names
+    except UnicodeDecodeError:
+        raise ConfigurationError(
+            f"{path}: the names of its columns are no text; it was changed after the run"
+        ) from None
     for field in wanted:
         if field.name not in OPTIONAL and (
-            found.names.count(field.name) != 1 or found.field(field.name).type != field.type
+            names.count(field.name) != 1 or found.field(field.name).type != field.type
         ):
             raise ConfigurationError(
                 f"{path}: {field.name}: the column is missing or not {field.type}; "

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from drivers.errors import CellError
-from drivers.protocols import Clock
 
 NANO = 1_000_000_000
 
@@ -112,30 +111,6 @@ class TwinClock:
     def _push(self, event: Event) -> Event:
         heapq.heappush(self._queue, (event.due(), event.turn, event.number, event))
         return event
-
-
-class PacedClock(TwinClock):
-    """A simulated clock that follows another clock, for a twin beside a robot on its own time."""
-
-    def __init__(self, wall: Clock) -> None:
-        """In step with `wall`; between events its time is the wall's."""
-        super().__init__()
-        self._wall = wall
-
-    @property
-    def wall(self) -> Clock:
-        """The clock that it keeps step with, which any thread may read."""
-        return self._wall
-
-    def now(self) -> float:
-        """Seconds since the run began."""
-        event = super().now()
-        return event if self._running else max(event, self._wall.now())
-
-    def wait_until(self, time: float) -> None:
-        """Wait until `time` [s] has come, then run every event up to now."""
-        self._wall.wait_until(time)
-        super().wait_until(max(time, self._wall.now()))
 
 
 def nanoseconds(time: float) -> int:

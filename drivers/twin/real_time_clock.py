@@ -24,6 +24,11 @@ class RealTimeClock:
         self._wall: WallClock | None = None
         self._first = threading.Lock()  # the camera's thread may be the first to ask
 
+    @property
+    def origin(self) -> float:
+        """Zero of this clock in the system's monotonic time [s], for another process."""
+        return self._running().origin - self._start
+
     def now(self) -> float:
         """Seconds since the run began."""
         return self._start + self._running().now()

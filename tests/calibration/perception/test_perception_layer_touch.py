@@ -82,6 +82,10 @@ def test_gap_that_only_dips_is_no_touch() -> None:
     assert _watch(lambda t: 0.0012 + 0.2 * abs(t - 0.5))[0] is None
 
 
+def test_gap_that_jumps_shut_is_no_touch() -> None:
+    assert _watch(lambda t: 0.03 + 0.08 * (0.5 - t) if t < 0.5 else 0.0)[0] is None
+
+
 def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
     stops = 0.58
     touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))

@@ -17,9 +17,8 @@ from cell.operations.camera import suggested
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
 from drivers.camera.settings import V4l2Settings
-from drivers.clock import WallClock
 from drivers.errors import ConfigurationError
-from drivers.twin.clock import PacedClock
+from drivers.twin.clock import TwinClock
 from drivers.twin.real_time_clock import RealTimeClock
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
@@ -113,6 +112,6 @@ def test_clock_that_keeps_step_with_a_robot_stays_the_cells() -> None:
     configs = find_configs(None)
     settings = configs.cell().model_copy(update={"camera": V4l2Settings(device=LINK)})
     twin = open_cell(settings, configs.strip("denim"), DeviceSelection(), calibrating=False)
-    paced = PacedClock(WallClock())
+    paced = RealTimeClock(TwinClock())
     devices = with_real_camera(replace(twin, clock=paced), settings)
     assert devices.clock is paced

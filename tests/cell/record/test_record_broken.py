@@ -5,13 +5,18 @@ import os
 import shutil
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
 from cell.record.documents import replace_file, write_document
+from cell.record.files import SIGHT_STREAM
 from cell.record.frames import INDEX, read_index
 from cell.record.listing import list_runs
+from cell.record.parquet_file import read_parquet
 from cell.record.run import read_run
+from cell.record.stream import SIGHT_ROWS, read_stream
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.recording import viz_from_run
@@ -54,6 +59,22 @@ def test_a_document_that_the_disk_refuses_leaves_nothing(tmp_path, monkeypatch) 
         replace_file(path, b"new")
     assert [entry.name for entry in tmp_path.iterdir()] == ["result.yaml"]
     assert path.read_text() == "old"
+
+
+def test_columns_whose_names_are_no_text_are_refused_in_one_line(tmp_path) -> None:
+    empty = pa.Table.from_batches([], SIGHT_ROWS)
+    written = pa.BufferOutputStream()
+    with pa.ipc.new_stream(written, SIGHT_ROWS) as stream:
+        stream.write_table(empty)
+    path = tmp_path / SIGHT_STREAM
+    path.write_bytes(written.getvalue().to_pybytes().replace(b"profile_z", b"pro\xcfile_z"))
+    with pytest.raises(ConfigurationError, match=r"no text"):
+        read_stream(path, SIGHT_ROWS)
+    packed = tmp_path / "sights.parquet"
+    pq.write_table(empty, packed, store_schema=False)
+    packed.write_bytes(packed.read_bytes().replace(b"profile_z", b"pro\xcfile_z"))
+    with pytest.raises(ConfigurationError, match=r"cannot be read"):
+        read_parquet(packed, broken="cannot be read")
 
 
 @pytest.mark.parametrize("line", ['{"stamp": 1.0}', '{"sequence": "x", "stamp": 1, "arrival": 2}'])

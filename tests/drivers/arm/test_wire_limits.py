@@ -48,7 +48,7 @@ class Told:
         self.server = RobotServer(
             start=frozen(joints), on_command=lambda command: self.poses.append(command.pose)
         ).start()
-        self.arm, _ = fci_arm(CELL, self.clock, self.server.address, None)
+        self.arm, _ = fci_arm(CELL, self.clock, self.server.address)
         self.arm.connect()
 
     def obey(self, orders) -> None:
