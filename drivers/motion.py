@@ -97,6 +97,18 @@ class MotionProfile:
         self._begin()
         self._follow(_STILL)
 
+    def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
+        """Go on from where the arm came by itself in `lost` ticks without a setpoint."""
+        self._age += lost
+        self._position = [pose.x, pose.z, pose.pitch]
+        self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
+        self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]
+        if self._wish is not None:
+            self._follow(self._wish, self._blocked)
+        elif not self._move(goal := list(self._order.target_position)):
+            self._follow(_STILL)
+            self._next_move = goal
+
     def tick(self) -> Numbers:
         """Advance by one period; the commanded x, z [m], pitch [rad] at its end."""
         self._age += 1

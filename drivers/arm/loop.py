@@ -78,7 +78,9 @@ class Loop:
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        self._publish(self._heard(pose, state))
+        state = self._heard(pose, state)
+        self._time = state.time.to_sec()
+        self._publish(state)
 
     def _heard(self, pose: list[float], state: Any) -> Any:
         """The state once the robot follows commands; until then it is told to stay at `pose`."""
@@ -98,6 +100,7 @@ class Loop:
         self._robot.write_pose(self._motion, self._plane.command(*command))
         state = self._robot.read(self._motion)
         self.ticks += 1
+        self._keep_up(state)
         self._publish(state)
         self._feel(state)
 
@@ -148,6 +151,21 @@ class Loop:
         limit = self._settings.guard
         if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
+
+    def _keep_up(self, state: Any) -> None:
+        """Go on from the robot's own setpoint when it has made ticks without a command.
+
+        The robot continues the motion by itself meanwhile, and a command that does not continue
+        what it did is a discontinuity, which stops it.
+        """
+        before, self._time = self._time, state.time.to_sec()
+        lost = round((self._time - before) / TICK) - 1
+        if lost > 0:
+            pose = Pose(*self._plane.commanded(state.O_T_EE_c))
+            velocity, acceleration = (
+                Velocity(*self._plane.rates(twist)) for twist in (state.O_dP_EE_c, state.O_ddP_EE_c)
+            )
+            self._profile.resume(pose, velocity, acceleration, lost)
 
     def _look_ahead(self) -> None:
         """Brake while the arm still can, before it comes where it could not follow."""

@@ -45,6 +45,18 @@ class StripPlane:
         numbers: Numbers = pose.T.ravel().tolist()
         return numbers
 
+    def commanded(self, pose: Numbers) -> tuple[float, float, float]:
+        """x, z [m] and pitch [rad] whose `command` is `pose`."""
+        if self._rest is None:
+            return self.to_cell(pose)
+        inside = matrix(pose) @ np.linalg.inv(self._rest)
+        return self.to_cell(inside.T.ravel().tolist())
+
+    def rates(self, twist: Numbers) -> tuple[float, float, float]:
+        """Rates of x, z and pitch of a twist (6,) of the hand in the base, or of its derivative."""
+        turn = _dot(self._across, twist[3:])
+        return _dot(self._along, twist), _dot(self._up, twist), self._sign * turn
+
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """The hand's pose (4, 4) in the base, exactly in the plane."""
         c, s = cos(pitch - pi / 2), sin(pitch - pi / 2)

@@ -54,13 +54,18 @@ def readable(generator: Generator, command: RobotCommand) -> bool:
 
 
 def extrapolated(old: Posture, message_id: int) -> RobotCommand:
-    """The last command continued at constant velocity, for a tick without a command."""
+    """The last commands continued at constant acceleration, for a tick without a command.
+
+    Source: the client library's `rate_limiting.h` on lost packets.
+    """
+    rates = old.joints.velocity + TICK * old.joints.acceleration
+    twist = old.tool.velocity + TICK * old.tool.acceleration
     return RobotCommand(
         message_id,
-        old.q + TICK * old.joints.velocity,
-        old.joints.velocity,
-        _integrated(old.pose, old.tool.velocity),
-        old.tool.velocity,
+        old.q + TICK * rates,
+        rates,
+        _integrated(old.pose, twist),
+        twist,
         None,
         False,
     )

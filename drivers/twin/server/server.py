@@ -65,7 +65,6 @@ class RobotServer:
         self._poll.register(self._waker, select.EPOLLIN)
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
         self._newest: RobotCommand | None = None
-        self._answered = 0
         self._punctuality = Punctuality()
         self._strict, self._begun = False, 0  # in lock-step, robot time at the first command
         self._thread: Thread | None = None
@@ -163,8 +162,8 @@ class RobotServer:
             if command.message_id == self.robot.time:
                 self._follow(command)
             return
-        if command is not None and command.message_id > self._answered:
-            self._newest, self._answered = command, command.message_id
+        if command is not None and command.message_id == self.robot.time:
+            self._newest = command
         if self._pace.remaining() <= 0:
             self._pace.passed()
             self._pass_period()

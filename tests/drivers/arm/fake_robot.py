@@ -12,12 +12,19 @@ class FakeRobot:
         self.force = [0.0] * 6
         self.written: list[list[float]] = []
         self.ended = False
+        self.clock = 0
+        self.twist = [0.0] * 6
+        self.twist_change = [0.0] * 6
 
     def start_poses(self) -> "FakeRobot":
         return self
 
     def read(self, motion: object) -> SimpleNamespace:
+        self.clock += 1
         return SimpleNamespace(
+            time=SimpleNamespace(to_sec=lambda now=self.clock: 1e-3 * now),
+            O_dP_EE_c=self.twist,
+            O_ddP_EE_c=self.twist_change,
             q=self.joints,
             O_T_EE=self.pose,
             O_T_EE_c=self.pose,

@@ -59,14 +59,18 @@ def setup() -> Setup:
 
 
 def begun(pose: list[float], *, keep: bool = False) -> Setup:
+    setup = begun_with(FakeRobot(pose, JOINTS))
+    if not keep:
+        setup.robot.written.clear()
+    return setup
+
+
+def begun_with(robot) -> Setup:
     context = get_context("spawn")
     orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
     reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
-    robot = FakeRobot(pose, JOINTS)
     loop = Loop(robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0)
     loop.begin()
-    if not keep:
-        robot.written.clear()
     return Setup(robot, loop, orders, reports)
 
 
