@@ -86,8 +86,10 @@ def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any
             _brake(plan)
         working = _step_planner(plan, output)
         robot.write_joints(motion, output.new_position)
-        state = robot.read(motion)
+        before, state = state.time.to_sec(), robot.read(motion)
         output.pass_to_input(plan)
+        if round((state.time.to_sec() - before) / TICK) > 1:
+            _resume(plan, state)
         _feel(state, task.settings.guard)
     robot.write_joints(motion, output.new_position, last=True)
     return {"joints": list(state.q)}
@@ -112,6 +114,12 @@ def _plan(start: list[float], goal: list[float], share: float) -> Any:
     plan.max_acceleration = [share * ACCELERATION] * JOINTS
     plan.max_jerk = [JERK] * JOINTS
     return plan
+
+
+def _resume(plan: Any, state: Any) -> None:
+    """Go on from where the robot came by itself while packets were lost."""
+    plan.current_position, plan.current_velocity = list(state.q_d), list(state.dq_d)
+    plan.current_acceleration = list(state.ddq_d)
 
 
 def _brake(plan: Any) -> None:
