@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
 from functools import partial
+from math import sqrt
 
 import numpy as np
 
@@ -38,6 +39,8 @@ from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
+LAY_BRAKING = 0.3  # m/s^2, less than any arm's limit, towards the end of the lay
+CREEP = 0.005  # m/s
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -237,17 +240,21 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
 
 
 def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path, turning the pitch uniformly from hanging to lying backward."""
+    """Follow the lay path, turning the pitch uniformly from hanging to lying backward.
+
+    It slows down in time: a gripper that brakes at the end of the path only meets the desk.
+    """
     follower = Follower(path, 1)
-    snapshot = yield Drive(begin.velocity)
+    snapshot, pace = (yield Drive(begin.velocity)), speed
     while True:
         pose = snapshot.arm.pose
-        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
+        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)
         if decision.done[0]:
             break
-        share = float(follower.progress[0]) / path.length
-        wanted = HANGING + share * HANGING
-        rate = HANGING * speed / path.length + PITCH_GAIN * (wanted - pose.pitch)
+        progress = float(follower.progress[0])
+        wanted = HANGING + progress / path.length * HANGING
+        rate = HANGING * pace / path.length + PITCH_GAIN * (wanted - pose.pitch)
+        pace = min(speed, max(CREEP, sqrt(2 * LAY_BRAKING * max(path.length - progress, 0.0))))
         snapshot = yield Drive(_velocity(decision, rate))
     end = path.points[-1]
     return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))
