@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -39,8 +39,9 @@ class CalibrationAids(Protocol):
 class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
-    `camera_locks` are the values of the locked camera controls, `others` what else must be closed
-    at the end; `arm_timing` tells, once closed, how evenly the states of a free-running arm came.
+    `camera_locks` tells the values to which the camera controls are locked, `others` are what else
+    must be closed at the end; `arm_timing` tells, once closed, how evenly the states of a
+    free-running arm came.
     """
 
     clock: Clock
@@ -50,7 +51,7 @@ class Devices:
     camera_identity: str
     aids: CalibrationAids | None
     plant: "Plant | None"
-    camera_locks: Mapping[str, int] = field(default_factory=dict)
+    camera_locks: Callable[[], Mapping[str, int]] = dict
     others: tuple[Closable, ...] = ()
     arm_timing: Callable[[], Mapping[str, Any]] = dict
 

@@ -37,7 +37,7 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
         camera_identity=chosen.identity,
         aids=None,
         plant=None,
-        camera_locks=dict(chosen.controls),
+        camera_locks=lambda: chosen.controls if camera.setup is None else camera.setup.locks,
     )
 
 

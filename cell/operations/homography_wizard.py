@@ -169,7 +169,7 @@ def _accepted(
             context.touches,
             context.latency,
             camera=devices.camera_identity,
-            locks=dict(devices.camera_locks),
+            locks=dict(devices.camera_locks()),
             landmarks=context.landmarks,
             accept_anyway=accept_anyway,
         )
@@ -194,7 +194,7 @@ def _session(settings: CellFile, devices: Devices, lens: Lens) -> Session:
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         camera=devices.camera_identity,
         image=(lens.width, lens.height),
-        locks=dict(devices.camera_locks),
+        locks=dict(devices.camera_locks()),
         lens=CameraFile.of(lens, devices.camera_identity),
         touches=settings.touches,
         latency=settings.latency,

@@ -157,7 +157,7 @@ def _session(settings: CellFile, devices: Devices, first: Frame, length: float |
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         camera=devices.camera_identity,
         image=(first.image.shape[1], first.image.shape[0]),
-        locks=dict(devices.camera_locks),
+        locks=dict(devices.camera_locks()),
         length=length,
         boards=settings.boards,
     )

@@ -105,6 +105,7 @@ def test_real_camera_opens_beside_the_arm_of_the_twin() -> None:
     assert isinstance(devices.clock, RealTimeClock)
     assert devices.camera_identity == settings.camera.identity
     assert devices.camera.rate == 30.0
+    assert devices.camera_locks() == settings.camera.controls
     assert devices.plant is None
 
 
