@@ -50,7 +50,7 @@ def fold_and_keep(request: Request) -> Folded:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell.operations.fold, "open_cell", keeping)
-        result = fold(request)
+        result = fold(request, page=False)
     run = read_run(Path(result.run))
     truth = opened[-1].plant.twin.truth()
     begun = next(event for event in run.events() if event.facts.get("state") == "PREFLIGHT")

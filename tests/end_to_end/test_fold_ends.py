@@ -130,7 +130,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
     request = Request(
         strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts
     )
-    result = fold(request, calibration=made())
+    result = fold(request, calibration=made(), page=False)
     assert (result.outcome, result.exit_code) == ("path_done", 1)
     assert seen[0].plant is None
     assert seen[0].aids is None

@@ -64,7 +64,7 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     monkeypatch.setattr(
         cell.operations.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k))
     )
-    result = fold(request_for("denim", "triangular", runs))
+    result = fold(request_for("denim", "triangular", runs), page=False)
     return result, read_run(Path(result.run))
 
 
