@@ -2,11 +2,11 @@
 
 import pytest
 
-import drivers.twin.server.server as server
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import open_cell
 from drivers.strip.describe import load_strip
+from drivers.twin.server import server
 from drivers.twin.settings import CameraSettings
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
