@@ -21,12 +21,13 @@ from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
+from cell.operations.fold_trace import FoldTrace
 from cell.operations.learned import offer
 from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
-from cell.orchestrator.recorder import Recorder
+from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import suppressed
 from cell.record.documents import replace_file
@@ -97,10 +98,11 @@ def fold(
     recorder = Recorder(writer)
     context = FoldContext(settings.controller, strip, policy, calibration)
     with watching(request.viz) as watch:
-        watchers = (*observers(writer.folder, strip), *watch(writer.folder, strip))
+        trace = FoldTrace(strip)
+        watchers = (trace, *observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
         run = Run(blind, context, recorder, watchers, interrupted)
-        outcome = conduct(run, devices, recorder)
+        outcome = conduct(run, devices, recorder, trace.reviewed)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, writer.folder, truth if request.truth else {}, page=page)
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
@@ -116,8 +118,16 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
     return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
-def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
-    """Execute `run`; in every case the devices are closed and the record states the outcome."""
+def conduct(
+    run: Run,
+    devices: Devices,
+    recorder: Recorder,
+    reviewed: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
+) -> Outcome:
+    """Execute `run`; in every case the devices are closed and the record states the outcome.
+
+    `reviewed` adds to the outcome what is found out only afterwards.
+    """
     try:
         devices.connect()
         outcome = run.execute()
@@ -132,6 +142,8 @@ def conduct(run: Run, devices: Devices, recorder: Recorder) -> Outcome:
         suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     content = result_content(outcome)
     try:
+        outcome = reviewed(outcome, recorder)
+        content = result_content(outcome)
         recorder.finish(content)
     except KeyboardInterrupt:
         recorder.finish(content)
@@ -155,6 +167,10 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content["edge_offset"] = outcome.edge_offset
     if outcome.foretold is not None:
         content["foretold"] = asdict(outcome.foretold)
+    if outcome.agreement is not None:
+        agreed = outcome.agreement
+        told = {"like_model": agreed.like_model, "reason": agreed.sentence()}
+        content["agreement"] = asdict(agreed) | told
     return content
 
 
@@ -225,6 +241,12 @@ def _weights(checkpoint: Path | None) -> dict[str, Any]:
     return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
 
 
+def _warning(outcome: Outcome) -> str | None:
+    """What the operator should know of the strip, if anything."""
+    agreed = outcome.agreement
+    return None if agreed is None or agreed.like_model else agreed.sentence()
+
+
 def _result(
     request: Request,
     strip: StripFile,
@@ -252,4 +274,5 @@ def _result(
         calibration=calibration.id,
         exit_code=outcome.exit_code,
         foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
+        warning=_warning(outcome),
     )

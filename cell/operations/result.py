@@ -20,7 +20,7 @@ class FoldResult:
 
     `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
     with the sign of d; values named true come from the twin only. `foretold` is the policy's
-    prediction as text.
+    prediction as text, `warning` says that the strip does not behave like the model.
     """
 
     run: str
@@ -39,6 +39,7 @@ class FoldResult:
     calibration: str
     exit_code: int
     foretold: str | None = None
+    warning: str | None = None
 
     @classmethod
     def refused(cls, strip: str, policy: str, seed: int, error: CellError) -> Self:
@@ -86,4 +87,6 @@ class FoldResult:
             text += f"\n  {self.foretold}"
             if self.strip == UNKNOWN:
                 text += f"\n  strip file with what was learned: {self.run}/{LEARNED}"
+        if self.warning is not None:
+            text += f"\n  {self.warning}"
         return text if self.exit_code == 0 else f"{text}; {self.outcome}: {self.reason}"

@@ -5,6 +5,7 @@ from typing import Self
 
 from calibration.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
+from policies.agreement import Agreement
 from policies.foretelling import Foretold
 
 
@@ -36,7 +37,8 @@ class Outcome:
     """Result of a run; `name` is layer_touch, path_done, calibrated or a fault's name.
 
     Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
-    edges [m], `duration` the whole run on the cell's clock [s], `foretold` the policy's prediction.
+    edges [m], `duration` the whole run on the cell's clock [s], `foretold` the policy's prediction,
+    `agreement` whether the strip behaved like the model, where that was found out.
     """
 
     name: str
@@ -46,6 +48,7 @@ class Outcome:
     edge_offset: float | None
     duration: float
     foretold: Foretold | None = None
+    agreement: Agreement | None = None
 
     @classmethod
     def of(cls, stopped: StopReason, duration: float) -> Self:

@@ -103,8 +103,6 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
-            if cell.foretold is not None:
-                record.event(snapshot.time, "foretold", **asdict(cell.foretold))
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
@@ -116,11 +114,14 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 
 def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
-    """Store the policy's prediction; log when predictions stop or begin."""
+    """Store and record the policy's prediction; log when predictions stop or begin."""
     if not isinstance(cell.policy, Foretelling):
         return
     before, cell.foretold = cell.foretold, cell.policy.foretold()
-    if cell.foretold is not None and cell.foretold.blind != (before is not None and before.blind):
+    if cell.foretold is None:
+        return
+    record.event(snapshot.time, "foretold", **asdict(cell.foretold))
+    if cell.foretold.blind != (before is not None and before.blind):
         kind = "policy_blind" if cell.foretold.blind else "policy_sees"
         record.event(snapshot.time, kind, path="shifted" if cell.foretold.blind else "its own")
 

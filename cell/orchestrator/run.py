@@ -18,6 +18,7 @@ from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
 from drivers.types import STILL
+from policies.foretelling import Foretold
 
 
 class Observer(Protocol):
@@ -186,6 +187,7 @@ class Run:
             hand=self._devices.hand.state(),
             view=view,
             velocity=self._velocity,
+            foretold=self._foretold,
         )
         return self._snapshot
 
@@ -213,18 +215,21 @@ class Run:
                     hand.grasp()
         self._command = command
 
+    @property
+    def _foretold(self) -> Foretold | None:
+        return self._context.foretold if isinstance(self._context, FoldContext) else None
+
     def _outcome(self, duration: float) -> Outcome:
         if self._stopped is not None:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         else:
             name, reason, code = _reached(self._context)
-        touch, edge_offset, foretold = None, None, None
+        touch, edge_offset = None, None
         if isinstance(self._context, FoldContext):
             touch, edge_offset = self._context.seen_touch, self._context.edge_offset
-            foretold = self._context.foretold
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(name, reason, code, touch, edge_offset, duration, foretold)
+        return Outcome(name, reason, code, touch, edge_offset, duration, self._foretold)
 
 
 def _reached(context: Context) -> tuple[str, str, int]:

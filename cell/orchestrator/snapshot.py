@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.types import STILL, ArmState, HandState, Pose, Velocity
+from policies.foretelling import Foretold
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """State of the cell at one tick; times in seconds of the cell's clock.
 
-    `entered` is when the state was entered, `velocity` the last commanded one.
+    `entered` is when the state was entered, `velocity` the last commanded one, `foretold` the
+    policy's newest prediction.
     """
 
     time: float
@@ -21,6 +23,7 @@ class Snapshot:
     hand: HandState
     view: View
     velocity: Velocity = STILL
+    foretold: Foretold | None = None
 
 
 @dataclass(frozen=True, slots=True)

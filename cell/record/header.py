@@ -89,11 +89,44 @@ class Header(Recorded):
     arm_timing: ArmTiming | None = None
 
 
+class Interval(Settings):
+    """An estimate and the interval that contains the true value in 68 % of the folds."""
+
+    model_config = ConfigDict(extra="allow")
+
+    value: Number
+    low: Number
+    high: Number
+
+
+class ForetoldNote(Settings):
+    """What the policy predicted: displacement and one sigma of it [m], and the strip in SI."""
+
+    model_config = ConfigDict(extra="allow")
+
+    displacement: Number
+    sigma: Number
+    bending_length: Interval
+    retardation_time: Interval
+    yield_curvature: Interval
+
+
+class AgreementNote(Settings):
+    """Whether the strip behaved like the model, and how far off it was [m]."""
+
+    model_config = ConfigDict(extra="allow")
+
+    like_model: bool
+    residual: Number
+    yield_curvature: Number
+    reason: str = ""
+
+
 class Result(Recorded):
     """Contents of result.yaml: the outcome, and with layer_touch its time [s] and lengths [m].
 
     A run of the cell adds the reason of its end, its `duration` [s], the `confidence` in the touch,
-    and `edge_offset` [m] of the laid edges.
+    `edge_offset` [m] of the laid edges, and of a policy that predicts, `foretold` and `agreement`.
     """
 
     outcome: str = Field(min_length=1)
@@ -105,6 +138,8 @@ class Result(Recorded):
     duration: Number | None = None
     confidence: Number | None = None
     edge_offset: Number | None = None
+    foretold: ForetoldNote | None = None
+    agreement: AgreementNote | None = None
 
     @model_validator(mode="after")
     def _touch_is_whole(self) -> Self:

@@ -6,6 +6,7 @@ from typing import Any
 
 from cell.record.documents import replace_file
 from cell.record.files import REPORT, is_under_way
+from cell.record.outlook import Outlook
 from cell.record.run import Run
 from cell.record.salvage import Salvage
 from cell.record.truth import read_truth
@@ -22,6 +23,7 @@ from cell.report.markup import (
     table,
     verdict_box,
 )
+from cell.report.outlook import outlook_figure, predictions
 from cell.report.overlay import key_pictures
 from cell.report.timing import timing_figure
 from cell.report.verdict import verdict_of
@@ -62,6 +64,7 @@ def _parts(run: Run) -> Iterator[str]:
         yield section("What to do", steps(advice(run)))
         yield section("What is here", definitions(remains(run), "rows"))
     yield section("In numbers", definitions(measures(run), "tiles"))
+    yield from _outlook(run)
     yield from _pictures(run)
     yield section("Checks before the motion", table(("check", "result", "why"), checks(run)))
     yield section("What happened", table(("t [s]", "event", ""), listed_events(run)))
@@ -75,6 +78,20 @@ def _truth(run: Run) -> tuple[Mapping[str, Any] | None, list[str]]:
         return read_truth(run.folder), spoilt
     except ConfigurationError as error:
         return None, [*spoilt, str(error)]
+
+
+def _outlook(run: Run) -> Iterator[str]:
+    """What the policy predicted, if it does."""
+    rows, outlook = predictions(run.result), Outlook.of(run.events())
+    if rows:
+        yield section("What the policy foretold", definitions(rows, "tiles"))
+    if len(outlook.t) > 1:
+        yield section(
+            "Foretold over the fold",
+            drawing(outlook_figure(run, outlook), "predictions of the policy over time"),
+            note="Bands: one sigma, in which 68 % of the outcomes should lie. The dotted line is "
+            "the displacement that the camera measured in the end.",
+        )
 
 
 def _pictures(run: Run) -> Iterator[str]:

@@ -84,6 +84,8 @@ def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Ver
         )
     if result.edge_offset is not None:
         sentences.append(_laid(result.edge_offset, truth.get("edge_offset")))
+    if result.agreement is not None and not result.agreement.like_model:
+        sentences.append(_sentence(result.agreement.reason))
     headline = outcome_title(result.outcome)
     if result.outcome == "layer_touch":
         headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
@@ -126,7 +128,10 @@ def _dead(run: Run) -> Verdict:
 
 
 def _reason(result: Result) -> str:
-    reason = result.reason
+    return _sentence(result.reason or "")
+
+
+def _sentence(reason: str) -> str:
     return f"{reason[:1].upper()}{reason[1:].rstrip('.')}." if reason else ""
 
 

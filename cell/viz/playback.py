@@ -8,14 +8,17 @@ from math import nan
 import numpy as np
 
 from calibration.perception.measurement import StripMeasurement
+from cell.record.outlook import FORETOLD, Outlook
 from cell.record.run import Run
 from drivers.types import Array, Frame, Image
+
+EVERY_FRAME = frozenset({"decision", FORETOLD})  # kinds of events that are not worth a line
 
 
 @dataclass(frozen=True, slots=True)
 class TickView:
     """One tick: `clock` [s], `t` since the lift began [s] (NaN before), gripper `pose` (3,);
-    `measurement` and `image` only when they are new.
+    `measurement`, `image` and `outlook`, a row of `cell.record.outlook`, only when they are new.
     """
 
     clock: float
@@ -25,6 +28,7 @@ class TickView:
     pose: Array
     measurement: StripMeasurement | None = None
     image: Image | None = None
+    outlook: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,7 @@ def moments_of(run: Run) -> Iterator[TickView | LogLine]:
             event.t + origin, told(event.kind, dict(event.facts)), event.kind == "fault", event.t
         )
         for event in sorted(run.events(), key=lambda event: event.t)
-        if event.kind != "decision"
+        if event.kind not in EVERY_FRAME
     )
     ticks: Iterator[TickView | LogLine] = _ticks(run, origin)
     yield from heapq.merge(words, ticks, key=lambda item: item.clock)
@@ -66,6 +70,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
     while frame is not None and frame.stamp < 0:
         yield TickView(frame.stamp + origin, np.nan, 0, "", still, image=frame.image)
         frame = next(frames, None)
+    outlook, told = Outlook.of(run.events()), 0
     ticks = run.ticks
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
     for row, t in enumerate(ticks.t):
@@ -75,6 +80,9 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             seen, measurement = measurement, next(sights, None)
         while frame is not None and frame.stamp <= t:
             shown, frame = frame, next(frames, None)
+        ahead: Array | None = None
+        while told < len(outlook.t) and outlook.t[told] <= t:
+            ahead, told = outlook.rows[told], told + 1
         yield TickView(
             clock=float(t) + origin,
             t=float(t),
@@ -83,6 +91,7 @@ def _ticks(run: Run, origin: float) -> Iterator[TickView]:
             pose=poses[row],
             measurement=seen,
             image=None if shown is None else shown.image,
+            outlook=ahead,
         )
 
 

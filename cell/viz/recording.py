@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 
 from calibration.calibration import Calibration
 from calibration.perception.measurement import StripMeasurement
 from cell.record.files import REBUILT, RECORDING, RUN, is_under_way
+from cell.record.outlook import NAMES
 from cell.record.salvage import Salvage
+from cell.viz.layout import blueprint
 from cell.viz.model_view import LOST, Shadow
 from cell.viz.playback import LogLine, TickView, moments_of
 from drivers.errors import ConfigurationError
@@ -32,6 +33,8 @@ SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF
 HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
 SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
 SEEN_SIGNALS |= {"above/gap": SEEN}
+OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL for name in NAMES}
+OUTLOOK_SIGNALS["outlook/displacement"] = SEEN
 STATES = {
     "PREFLIGHT": 0xB8BEC8FF,
     "CALIBRATE": 0xB8BEC8FF,
@@ -70,31 +73,6 @@ def viz_from_run(folder: Path) -> Path:
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
     return folder / name
-
-
-def blueprint() -> Any:
-    """Layout: camera and side view on the left; states, signals and log on the right."""
-    eye = rrb.EyeControls3D(position=(0.3, -0.75, 0.2), look_target=(0.3, 0.0, 0.14))
-    side = rrb.Spatial3DView(
-        origin="/",
-        contents=["/strip/**", "/gripper/**", "/desk/**"],
-        name="strip: seen (orange) and simulated (blue)",
-        eye_controls=eye,
-    )
-    right = rrb.Vertical(
-        rrb.StateTimelineView(origin="/cell/state", name="state"),
-        _plot("along", "along the strip [m]", rrb.Corner2D.RightTop),
-        _plot("above", "above the desk [m]", rrb.Corner2D.LeftTop),
-        rrb.TextLogView(origin="/log", name="log"),
-        row_shares=[1, 3, 3, 2],
-    )
-    camera = rrb.Spatial2DView(origin="/camera", name="camera")
-    return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(camera, side), right),
-        rrb.TimePanel(timeline="t", state="collapsed"),
-        rrb.SelectionPanel(state="hidden"),
-        rrb.BlueprintPanel(state="hidden"),
-    )
 
 
 @contextmanager
@@ -156,6 +134,7 @@ class Screen:
         self._shadow = None if strip is None else Shadow(strip)
         self._rows: list[tuple[float, int, list[float]]] = []
         self._seen: list[tuple[float, int, list[float]]] = []
+        self._ahead: list[tuple[float, int, list[float]]] = []
         self._track: list[tuple[float, float, float]] = []
         self._state: tuple[str, bool] = ("", False)
         self._furnish(1.0 if strip is None else strip.length)
@@ -175,15 +154,18 @@ class Screen:
             self._picture(item.image, item.measurement)
         if started and item.measurement is not None:
             self._measurement(item, item.measurement)
+        if started and item.outlook is not None:
+            self._ahead.append((item.t, item.tick, item.outlook.tolist()))
         if started:
             self._motion(item)
 
     def finish(self) -> None:
         """Send the buffered signals."""
-        rows, seen = self._rows, self._seen
-        self._rows, self._seen = [], []
+        rows, seen, ahead = self._rows, self._seen, self._ahead
+        self._rows, self._seen, self._ahead = [], [], []
         self._send(rows, HAND_SIGNALS)
         self._send(seen, SEEN_SIGNALS)
+        self._send(ahead, OUTLOOK_SIGNALS)
 
     def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
         if not rows:
@@ -200,7 +182,7 @@ class Screen:
         self._to.log("desk", rr.LineStrips3D(desk, colors=0x8A9099FF, radii=0.001), static=True)
         lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
         self._to.log("cell/state", lanes, static=True)
-        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS).items():
+        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS | OUTLOOK_SIGNALS).items():
             label = name.partition("/")[2].replace("_", " ")
             line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
             self._to.log(f"signals/{name}", line, static=True)
@@ -248,11 +230,6 @@ class Screen:
             track = rr.LineStrips3D([self._track], colors=HAND, radii=0.0008)
             self._to.log("gripper/path", track)
             self.finish()
-
-
-def _plot(group: str, name: str, corner: rrb.Corner2D) -> Any:
-    legend = rrb.PlotLegend(corner=corner)
-    return rrb.TimeSeriesView(origin=f"/signals/{group}", name=name, plot_legend=legend)
 
 
 def _curve(points: Array, colour: int, radius: float) -> Any:

@@ -5,16 +5,19 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.files import CALIBRATION
+from cell.record.outlook import row_of
 from cell.viz.playback import LogLine, TickView, told
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
+from policies.foretelling import Foretold
 
 if TYPE_CHECKING:
     from cell.viz.recording import Screen
@@ -51,6 +54,7 @@ class Viz:
         self._news, self._over = threading.Event(), threading.Event()
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
+        self._foretold: Foretold | None = None
         arguments = (mode, folder, strip, viewer)
         self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
         self._thread.start()
@@ -62,6 +66,8 @@ class Viz:
             measurement = None
         if measurement is not None:
             self._sequence = measurement.sequence
+        foretold, self._foretold = self._foretold, snapshot.foretold
+        new = self._foretold is not None and self._foretold is not foretold
         self._ticks += 1
         self._put(
             TickView(
@@ -72,6 +78,7 @@ class Viz:
                 pose=snapshot.arm.pose.as_array(),
                 measurement=measurement,
                 image=self._image(snapshot),
+                outlook=row_of(asdict(self._foretold)) if new and self._foretold else None,
             )
         )
 

@@ -3,6 +3,7 @@ import socket
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from policies.foretelling import Estimate, Foretold
 from policies.path import triangular
 from tests.cell.conftest import HEADER
 
@@ -121,6 +123,21 @@ def test_watched_fold_is_recorded(tmp_path):
     assert rows["/cell/state"] == 2 + 1
     assert rows["/log"] == 2
     assert rows["/signals/along/contact_x"] == 100 + 1
+
+
+def test_what_was_foretold_is_a_signal_with_its_interval(tmp_path):
+    def belief(k: int) -> Foretold:
+        about = Estimate(0.02, 0.01, 0.03)
+        return Foretold(0.001 * k, 0.002, about, about, about, blind=False)
+
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 10)
+    for k in range(10, 100):
+        viz.see(replace(snapshot(k), foretold=belief(k // 30)))
+    viz.close(60)
+    rows = entities(tmp_path / "run.rrd")
+    assert rows["/signals/outlook/displacement"] >= 3 + 1
+    assert rows["/signals/outlook/retardation_time_high"] == rows["/signals/outlook/displacement"]
 
 
 def test_watchers_are_closed_with_the_folds_that_they_watch(tmp_path):

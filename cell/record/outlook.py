@@ -1,0 +1,51 @@
+"""What a policy foretold during a fold, read from the record's events."""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from cell.record.run import Event
+from drivers.types import Array
+
+FORETOLD = "foretold"  # kind of the events
+BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
+NAMES = tuple(name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high"))
+"""Columns of a row: displacement [m] with one sigma about it, then bending length [m], retardation
+time [s] and yield curvature [1/m] with their intervals."""
+
+
+class Outlook(NamedTuple):
+    """Predictions of a fold: `rows` (k, len(NAMES)) at times `t` (k,) [s] from the lift."""
+
+    t: Array
+    rows: Array
+
+    @classmethod
+    def of(cls, events: Iterable[Event]) -> Self:
+        """The predictions among `events`; NaN for values that cannot be read."""
+        told = sorted((e for e in events if e.kind == FORETOLD), key=lambda event: event.t)
+        rows = np.array([row_of(event.facts) for event in told])
+        return cls(np.array([event.t for event in told]), rows.reshape(-1, len(NAMES)))
+
+    def column(self, name: str) -> Array:
+        """Values (k,) of one of NAMES."""
+        return np.asarray(self.rows[:, NAMES.index(name)])
+
+
+def row_of(facts: Mapping[str, object]) -> Array:
+    """The row (k,) of one prediction, a value for each of NAMES, given as in an event."""
+    displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
+    row = [displacement, displacement - sigma, displacement + sigma]
+    for name in BELIEFS:
+        told = facts.get(name)
+        known = told if isinstance(told, Mapping) else {}
+        row += [_number(known.get(key)) for key in ("value", "low", "high")]
+    return np.array(row)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e9:
+        return math.nan
+    return float(value)

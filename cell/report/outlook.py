@@ -1,0 +1,77 @@
+"""The policy's predictions of a fold: in the end, and over time."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.record.header import AgreementNote, Interval, Result
+from cell.record.outlook import Outlook
+from cell.record.run import Run
+from cell.report.drawing import BLUE, INK, MUTED, ORANGE, as_svg, canvas
+from cell.report.words import MINUS, millimetres
+
+PANELS = {
+    "displacement": ("foretold d  [mm]", 1e3, ORANGE),
+    "bending_length": ("bending length  [mm]", 1e3, BLUE),
+    "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
+    "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
+}
+MOST = {"displacement": 40.0}  # half the height that is shown around 0
+
+
+def predictions(result: Result | None) -> list[tuple[str, str]]:
+    """The last prediction before the touch, and how the strip agreed with the model."""
+    if result is None or result.foretold is None:
+        return []
+    told = result.foretold
+    rows = [
+        (
+            "displacement",
+            f"{millimetres(told.displacement, signed=True)} ± {millimetres(told.sigma)}",
+        ),
+        ("bending length", _interval(told.bending_length, 1e3, 1, "mm")),
+        ("retardation time", _interval(told.retardation_time, 1e3, 0, "ms")),
+        ("yarn friction", _interval(told.yield_curvature, 1.0, 0, "1/m")),
+    ]
+    return (
+        rows if result.agreement is None else [*rows, ("strip and model", _said(result.agreement))]
+    )
+
+
+def outlook_figure(run: Run, outlook: Outlook) -> str:
+    """Displacement and belief over the fold, with one sigma; SVG."""
+    with canvas(8.4, 4.2) as figure:
+        grid = figure.subplots(2, 2, sharex=True)
+        for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
+            _band(axes, outlook, name, scale, colour)
+            axes.set_ylabel(label)
+        measured = None if run.result is None else run.result.displacement
+        if measured is not None:
+            grid[0, 0].axhline(1e3 * measured, color=INK, lw=1, ls=(0, (1, 2)))
+        for axes in grid[1]:
+            axes.set_xlabel("t  [s]")
+        return as_svg(figure)
+
+
+def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
+    value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
+    axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0)
+    axes.plot(outlook.t, value, color=colour, lw=1.2)
+    if name == "displacement":
+        axes.axhline(0, color=MUTED, lw=0.6)
+        shown = np.abs(np.concatenate([low, high]))
+        most = float(np.nanmax(shown, initial=0.0)) if np.isfinite(shown).any() else 0.0
+        axes.set_ylim(-min(MOST[name], most) - 1.0, min(MOST[name], most) + 1.0)
+
+
+def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
+    value, low, high = (
+        f"{scale * v:.{digits}f}".replace("-", MINUS)
+        for v in (estimate.value, estimate.low, estimate.high)
+    )
+    return f"{value} {unit} ({low} to {high})"
+
+
+def _said(note: AgreementNote) -> str:
+    verdict = "agree" if note.like_model else "do not agree"
+    return f"{verdict}, {millimetres(note.residual)} apart"
