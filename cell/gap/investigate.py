@@ -1,10 +1,11 @@
 """The whole investigation, stage by stage, for any subject."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.diagnosis.detection_limit import detectable
@@ -68,7 +69,8 @@ def investigate(
         again = with_scatter(fitted.base.estimate, beside, whole)
         fitted = _judged_base(subject, again, beside, simulate, rng)
         screened = _screened(subject, fitted, screened.probed)
-        fits = _refit_singles(subject, fitted, screened, simulate)
+        begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
+        fits = _refit_singles(subject, fitted, screened, simulate, begun)
     fits = _refit_further(subject, fits, screened, simulate, progress)
     better = search.better_base(simulate, fits)
     if better is not None:
@@ -153,7 +155,7 @@ def _screened_p(
 ) -> dict[str, float]:
     """Likelihood-ratio probabilities of the linear screen, family-wise over the library."""
     size = {c.name: len(c.parameters) for c in subject.scope.candidates}
-    raw = {s.names[0]: stats.chi2.sf(2.0 * s.gain / by.inefficiency, size[s.names[0]])
+    raw = {s.names[0]: special.chdtrc(size[s.names[0]], 2.0 * s.gain / by.inefficiency)
            for s in singles}  # fmt: skip
     names = list(size)
     adjusted = holm([float(raw.get(name, 1.0)) for name in names])
@@ -180,16 +182,26 @@ def _scatter_beside(
 
 
 def _refit_singles(
-    subject: Subject, fitted: Fitted, screened: Screened, simulate: Simulate
+    subject: Subject,
+    fitted: Fitted,
+    screened: Screened,
+    simulate: Simulate,
+    begun: Mapping[str, Estimate] = MappingProxyType({}),
 ) -> Fits:
-    """The base and the most promising single effects, where any effect could be earned."""
+    """The base and the most promising single effects, where any effect could be earned.
+
+    Those `begun` are fitted from there.
+    """
     base, candidates = fitted.base, subject.scope.candidates
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
     fits = Fits((base,))
     if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
         return fits
-    singles = screened.singles[: search.SINGLES]
+    singles = [
+        Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
+        for s in screened.singles[: search.SINGLES]
+    ]
     fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
     if not exhausted(fits):
         fits = fits.merged(search.shape_parameters(simulate, fits))

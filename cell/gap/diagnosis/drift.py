@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.fitting import normal_equations
@@ -58,7 +58,7 @@ def drift(estimate: Estimate) -> Drift | None:
     parts = np.split(corrected, np.cumsum([len(r) for r in estimate.residuals])[:-1])
     inflation = lack_of_fit.pure_error(estimate, parts, spent=count)
     unit = max([1.0, *(v / estimate.scale for v in inflation.values())]) ** 2
-    p = float(stats.chi2.sf(2.0 * normal_equations.decrease(form, rates) / unit, count))
+    p = float(special.chdtrc(count, 2.0 * normal_equations.decrease(form, rates) / unit))
     return Drift(_words(estimate, form), p, lack_of_fit.pure_error(estimate), inflation)
 
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import request, response
@@ -56,7 +56,7 @@ def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Inv
     errors = np.sqrt(by.inefficiency * np.maximum(np.diag(inverse), 1e-12))
     statistic = float(form.gradient @ inverse @ form.gradient) / by.inefficiency
     freedom = np.linalg.matrix_rank(inverse, hermitian=True)
-    p = float(stats.chi2.sf(statistic, freedom)) if len(conditions) > 1 else 1.0
+    p = float(special.chdtrc(freedom, statistic)) if len(conditions) > 1 else 1.0
     return Invariance(
         effect,
         {c: float(1.0 + a) for c, a in zip(conditions, amounts, strict=True)},

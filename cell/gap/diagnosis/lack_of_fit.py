@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
@@ -41,7 +41,7 @@ def pure_error(
     factors = {}
     for channel, dof in freedom.items():
         left = max(1, dof - spent)
-        excess = stats.chi2.sf(squares[channel], left) < 0.01
+        excess = special.chdtrc(left, squares[channel]) < 0.01
         factors[channel] = max(1.0, float(np.sqrt(squares[channel] / left))) if excess else 1.0
     return factors
 

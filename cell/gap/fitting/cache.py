@@ -55,7 +55,7 @@ def digest(requests: Sequence[Request]) -> str:
         h.update(r.base.tobytes())
         for name in sorted(r.effects):
             h.update(name.encode() + r.effects[name].tobytes())
-        h.update(r.local.tobytes())
+        h.update(r.local.tobytes() + bytes([r.rough]))
     return h.hexdigest()
 
 

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from html import escape
 
 from cell.gap.report import figures
-from cell.gap.report.units import interval, number, probability, unit
+from cell.gap.report.sentence import motion
+from cell.gap.report.units import interval, number, probability, shown, unit
 from cell.gap.selection.choice import MATERIAL
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
@@ -18,9 +19,9 @@ def where(found: Findings) -> str:
         return "<p>Nowhere beyond what noise does.</p>" + figures.heat_map(places)
     first = strong[0]
     text = (
-        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of condition "
-        f"{first.condition}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} places "
-        "disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
+        f"Strongest in {first.channel}, {first.zone} zone, {first.phase} phase of "
+        f"{motion(first.condition)}: {abs(first.z):.0f} sigma. {len(strong)} of {len(places)} "
+        "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
     return f"<p>{escape(text)}</p>" + figures.heat_map(places)
@@ -88,10 +89,11 @@ def base(found: Findings, verdict: Verdict) -> str:
     """Stated and refitted values of the base, as HTML."""
     stated = {p.name: p for p in found.subject.scope.base}
     rows = "".join(
-        f"<tr><td>{escape(name)}<td class='n'>{number(stated[name].start, 4)}<td class='n'>"
-        f"{number(value.value, 4)}<td class='n'>{_ends(value.low, value.high)}"
-        f"<td>{escape(unit(stated[name].unit))}</tr>"
+        f"<tr><td>{escape(name)}<td class='n'>{_four(stated[name].start, of)}<td class='n'>"
+        f"{_four(value.value, of)}<td class='n'>{_ends(value.low, value.high, of)}"
+        f"<td>{escape(unit(of))}</tr>"
         for name, value in verdict.base.items()
+        for of in [stated[name].unit]
     )
     weak = found.fitted.weak
     note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
@@ -105,5 +107,11 @@ def _weak(words: Sequence[str]) -> str:
     return "The runs say less than was known before of: " + escape("; ".join(words)) + "."
 
 
-def _ends(low: float | None, high: float | None) -> str:
-    return f"{number(low, 4)} to {number(high, 4)}" if low is not None and high is not None else ""
+def _ends(low: float | None, high: float | None, of: str) -> str:
+    if low is None or high is None:
+        return ""
+    return f"{_four(low, of)} to {_four(high, of)}"
+
+
+def _four(value: float, of: str) -> str:
+    return number(shown(value, of), 4)

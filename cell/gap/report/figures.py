@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.report.replayed import Replayed
+from cell.gap.report.sentence import motion
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.schema import Compared
 from cell.report.drawing import INK, RULE, STYLE, page_svg
@@ -58,7 +59,8 @@ def heat_map(places: Sequence[Bin]) -> str:
     highest = max(1.0, float(np.nanmax(level)))
     image = axis.imshow(level, cmap="YlOrRd", aspect="auto", vmin=0.0, vmax=highest)
     axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
-    axis.set_xticks(range(len(columns)), columns, **_slanted(columns, 0.34))
+    words = [motion(condition) for condition in columns]
+    axis.set_xticks(range(len(words)), words, **_slanted(words, 0.34))
     for i, j in zip(*np.nonzero(sure), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
     bar = figure.colorbar(image, ax=axis, pad=0.01)

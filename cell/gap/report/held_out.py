@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.report import figures
 from cell.gap.report.replayed import replayed
-from cell.gap.report.sentence import capital, change, label, smallest, undetectable
+from cell.gap.report.sentence import capital, change, label, motion, smallest, undetectable
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
@@ -46,7 +46,7 @@ def shown(found: Findings, verdict: Verdict) -> str:
 
 def conditions(runs: Sequence[Run]) -> list[str]:
     """Runs by what was done in them, such as `fast`; repeats are numbered."""
-    short = [run.condition.rsplit(":", 1)[-1] for run in runs]
+    short = [motion(run.condition) for run in runs]
     return [
         name if short.count(name) == 1 else f"{name} {short[: i + 1].count(name)}"
         for i, name in enumerate(short)
@@ -57,6 +57,8 @@ def _excess(names: Sequence[str], was: Array, now: Array) -> str:
     """What each held-out run leaves beyond noise."""
     if not (was.any() or now.any()):
         return "<p class='note'>No held-out run leaves more than noise.</p>"
+    if len(names) == 1:
+        return ""
     note = "<p class='note'>What each held-out run leaves beyond noise; no bar: nothing.</p>"
     return note + figures.run_bars(names, was, now)
 

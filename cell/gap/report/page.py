@@ -4,7 +4,7 @@ from html import escape
 from pathlib import Path
 
 from cell.gap.report.evidence import base, candidates, where
-from cell.gap.report.held_out import remains, shown
+from cell.gap.report.held_out import conditions, remains, shown
 from cell.gap.report.repeats import repeats
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.verdict.findings import Findings
@@ -49,7 +49,7 @@ def page(found: Findings, verdict: Verdict) -> str:
         section("What to measure next", _experiments(verdict)),
         section("Candidates", candidates(found, verdict)),
         section("The refitted base", base(found, verdict)),
-        _foot(verdict),
+        _foot(found, verdict),
     ]
     return document(f"{name}: simulation and measurement", parts)
 
@@ -98,8 +98,9 @@ def called(model: str) -> str:
     return "the refitted base" if model == "base" else model
 
 
-def _foot(verdict: Verdict) -> str:
+def _foot(found: Findings, verdict: Verdict) -> str:
+    held = [run for run in found.subject.runs if run.name in verdict.held_out]
     return (
         f"<p class='note'>{verdict.simulations} simulated runs in {verdict.runtime:.0f} s. "
-        f"Held out: {escape(', '.join(verdict.held_out))}.</p>"
+        f"Held out: {escape(', '.join(conditions(held)))}.</p>"
     )

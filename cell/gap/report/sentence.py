@@ -25,7 +25,7 @@ def headline(verdict: Verdict) -> str:
 
 
 def sentence(found: Findings, verdict: Verdict) -> str:
-    """One sentence for a technician: what is missing, how sure, what it changed."""
+    """What is missing, how sure, and beside what, for a technician; sizes stand elsewhere."""
     words = {
         "named": _named,
         "ambiguous": _ambiguous,
@@ -40,7 +40,7 @@ def _named(found: Findings, verdict: Verdict) -> str:
     effects = ", and ".join(
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
-    text = f"{effects}; {sigmas(found):.1f} sigma; {change(found, verdict)}."
+    text = f"{effects}; {sigmas(found):.1f} sigma."
     if found.judged.astray is not None:
         text += f" Run {found.judged.astray} goes another way and bears none of this out."
     if ends := at_their_ends(found):
@@ -64,10 +64,7 @@ def _ambiguous(found: Findings, verdict: Verdict) -> str:
     split = "No planned experiment would split them"
     if verdict.advice:
         split = f"The experiment that would split them: {verdict.advice[0].experiment}"
-    return (
-        f"Something is missing that these runs cannot tell apart: {either}; "
-        f"{change(found, verdict)}. {split}."
-    )
+    return f"Something is missing that these runs cannot tell apart: {either}. {split}."
 
 
 def _no_gap(found: Findings, verdict: Verdict) -> str:
@@ -161,6 +158,11 @@ def _now(found: Findings, verdict: Verdict) -> str:
         if q.key in verdict.gap.before
     ]
     return ", ".join(parts)
+
+
+def motion(condition: str) -> str:
+    """A condition by what was done in it, such as `fast`."""
+    return condition.rsplit(":", 1)[-1]
 
 
 def capital(text: str) -> str:

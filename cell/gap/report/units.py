@@ -3,10 +3,18 @@
 from cell.gap.verdict.schema import Measured
 
 POWERS = {"^2": "²", "^3": "³", "^4": "⁴"}
+SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "g")}
+"""What is shown in thousandths, so that a page has one unit for each kind of quantity."""
+
+
+def shown(value: float, of: str) -> float:
+    """`value` in the unit in which a page shows what is stated in `of`."""
+    return value * SMALL.get(of, (1.0, of))[0]
 
 
 def unit(text: str) -> str:
-    """A unit with raised powers; a pure number has none."""
+    """The unit in which a page shows `text`, powers raised; a pure number has none."""
+    text = SMALL.get(text, (1.0, text))[1]
     for plain, raised in POWERS.items():
         text = text.replace(plain, raised)
     return "" if text == "1" else text.replace(" ", "\N{NO-BREAK SPACE}")
@@ -28,13 +36,13 @@ def probability(p: float) -> str:
 
 
 def quantity(value: float, of: str) -> str:
-    """A number with its unit."""
-    return f"{number(value)}\N{NO-BREAK SPACE}{unit(of)}".rstrip("\N{NO-BREAK SPACE}")
+    """A number in `of` as a page shows it, with its unit."""
+    return f"{number(shown(value, of))}\N{NO-BREAK SPACE}{unit(of)}".rstrip("\N{NO-BREAK SPACE}")
 
 
 def interval(value: Measured) -> str:
     """An estimate with its interval and unit."""
     if value.low is None or value.high is None:
         return quantity(value.value, value.unit)
-    ends = f"[{number(value.low)}, {number(value.high)}]"
-    return f"{number(value.value)} {ends} {unit(value.unit)}".rstrip()
+    low, middle, high = (number(shown(v, value.unit)) for v in (value.low, value.value, value.high))
+    return f"{middle} [{low}, {high}] {unit(value.unit)}".rstrip()

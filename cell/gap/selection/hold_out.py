@@ -82,20 +82,20 @@ class Informativeness:
 def _responses(subject: Subject, simulate: Simulate, base: Estimate) -> list[Array]:
     """Whitened response (n, candidates) of each run to each candidate's middle probe."""
     runs, candidates = base.evidence.runs, subject.scope.candidates
-    asked = []
+    models = [(base.model, base.shared)]
     for c in candidates:
         (vector, *_) = c.probes[len(c.probes) // 2]
-        model = Model(base.model.base, (c,))
         shared = np.concatenate([base.shared, np.array(vector)])
-        asked += [
-            request(model, run, shared, own)
-            for run, own in zip(runs, base.point.local, strict=True)
-        ]
-    answers = simulate(asked)
+        models.append((Model(base.model.base, (c,)), shared))
+    answers = simulate([
+        replace(request(model, run, shared, own), rough=True)
+        for model, shared in models
+        for run, own in zip(runs, base.point.local, strict=True)
+    ])  # fmt: skip
     return [
         np.array([
-            response(answers[k * len(runs) + i], base.raw[i], base.evidence.scales[i])
-            for k in range(len(candidates))
+            response(answers[k * len(runs) + i], answers[i], base.evidence.scales[i])
+            for k in range(1, len(models))
         ]).T
         for i in range(len(runs))
     ]  # fmt: skip

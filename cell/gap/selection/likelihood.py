@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from cell.gap.fitting import robust
 from cell.gap.fitting.crossvalidation import Validated
@@ -86,7 +86,7 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     if _within(other, model):
         p = _nested(model, other, by)
     else:
-        p = float(stats.norm.sf((gain + 0.5 * distance**2) / max(distance, 1e-9)))
+        p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
     return Margin(each, gain, se, p, distance, removed(model, other, by))
 
 
@@ -112,7 +112,7 @@ def _nested(model: Validated, other: Validated, by: LikelihoodScale) -> float:
     mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
     its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
     freedom = len(model.model.parameters) - len(other.model.parameters)
-    return float(stats.chi2.sf(max(0.0, 2.0 * (its - mine) / by.inefficiency), freedom))
+    return float(special.chdtrc(freedom, max(0.0, 2.0 * (its - mine) / by.inefficiency)))
 
 
 def _distance(model: Validated, other: Validated, by: LikelihoodScale) -> float:

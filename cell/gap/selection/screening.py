@@ -86,17 +86,15 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
     asked = [
-        request(model, run, np.concatenate([base.shared, v]), own)
-        for v in vectors
+        replace(request(model, run, np.concatenate([base.shared, v]), own), rough=True)
+        for v in (candidate.null, *vectors)
         for run, own in zip(runs, local, strict=True)
     ]
     answers = yield asked
-    columns = []
-    for k in range(len(vectors)):
+    here, columns = answers[: len(runs)], []
+    for k in range(1, len(vectors) + 1):
         mine = answers[k * len(runs) : (k + 1) * len(runs)]
-        parts = [
-            response(a, b, s) for a, b, s in zip(mine, base.raw, base.evidence.scales, strict=True)
-        ]
+        parts = [response(*each) for each in zip(mine, here, base.evidence.scales, strict=True)]
         columns.append(np.concatenate(parts))
     responses, at = [], 0
     for group in groups:

@@ -9,6 +9,8 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.fitting.projection import projection
+from cell.gap.fitting.scatter import with_scatter
+from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, judged
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
 from cell.gap.selection.choice import choose, exhausted
@@ -151,6 +153,17 @@ def extended(
             found.setdefault(beside.names, beside)
     scores, base = list(found.values()), fits.base.estimate
     return scores if beam == 1 else shortlist(simulate, base, scores, candidates, FURTHER)
+
+
+def singles_with_scatter(
+    fits: Fits, candidates: Sequence[Candidate], found: Sequence[Spread], whole: Evidence
+) -> dict[str, Estimate]:
+    """The fitted single effects by name, with the random unknowns `found` of the runs `whole`.
+
+    Those with free shape parameters are left out.
+    """
+    plain = [m.estimate for m in fits.of_size(1) if m.model.effects[0] in candidates]
+    return {e.model.effects[0].name: with_scatter(e, found, whole) for e in plain}
 
 
 def without_each(fits: Fits) -> list[Score]:

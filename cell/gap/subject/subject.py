@@ -120,12 +120,16 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One simulation: a run, base parameters, parameters by effect, and the run's own unknowns."""
+    """One simulation: a run, base parameters, parameters by effect, and the run's own unknowns.
+
+    A `rough` one serves to be held against other rough ones: a subject may simulate it faster.
+    """
 
     run: Run
     base: Array
     effects: Mapping[str, Array]
     local: Array
+    rough: bool = False
 
 
 @dataclass(frozen=True, slots=True)

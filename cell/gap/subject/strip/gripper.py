@@ -2,7 +2,6 @@
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 from drivers.types import Array, frozen
 
@@ -22,6 +21,18 @@ def smoothed(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     rough = np.stack([np.interp(even, t, poses[:, c]) for c in range(3)], axis=1)
     half = int(np.clip(NARROW * (sigma / QUIET) ** 0.4, NARROW, WIDE))
     half = min(half, (len(even) - 1) // 2)
-    smooth = savgol_filter(rough, 2 * half + 1, 2, axis=0, mode="interp") if half > 1 else rough
+    smooth = _by_parabolas(rough, half) if half > 1 else rough
     fine = np.arange(even[0], even[-1] + 0.5 * FINE, FINE)
     return frozen(fine), frozen(CubicSpline(even, smooth)(fine))
+
+
+def _by_parabolas(values: Array, half: int) -> Array:
+    """Values (k, c) of the parabolas through `half` neighbours on each side; the ends lie on the
+    first and the last of them. scipy.signal has the same filter, and takes a second to import.
+    """
+    powers = np.vander(np.arange(-half, half + 1.0), 3, increasing=True)
+    through = np.linalg.pinv(powers)
+    windows = np.lib.stride_tricks.sliding_window_view(values, len(powers), axis=0)
+    ends = values[: len(powers)], values[-len(powers) :]
+    first, last = (powers @ (through @ part) for part in ends)
+    return np.concatenate([first[:half], windows @ through[0], last[half + 1 :]])

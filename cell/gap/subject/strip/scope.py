@@ -151,11 +151,16 @@ def _probes(
     tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(effect.sizes(strip), product(*shapes)):
+    for size, shape in product(_unmirrored(effect.sizes(strip)), product(*shapes)):
         inside = _inside(switch, size)
         group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, vector)) for vector in group))
     return tuple(groups)
+
+
+def _unmirrored(sizes: Sequence[float]) -> list[float]:
+    """The sizes without those whose mirror image comes before: it is screened with both signs."""
+    return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 
 
 def _tried(p: Number, start: float, spots: tuple[float, ...]) -> tuple[float, ...]:

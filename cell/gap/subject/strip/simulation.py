@@ -22,7 +22,9 @@ from drivers.types import Array
 
 SHAPES = 0.01  # s between the shapes that are kept
 AT_ONCE = 32  # motions in one call: all their shapes are in memory
-REMEMBERED = 256 * 2**20  # bytes of motions that are kept
+LANES = 8  # motions that cost no more than one
+REMEMBERED = 224 * 2**20  # bytes of motions that are kept
+SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +36,8 @@ class Resolution:
 
 
 COARSE, FINE = Resolution(100, 0.005), Resolution(200, 0.0025)
+ROUGH = Resolution(100, 0.01)
+"""For responses alone: half the cost, and a few percent off where nothing jumps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class Job:
         blind = replace(model, observation=Observation(contact_height=height))
         h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
         for array in (way.t, way.poses):
-            h.update(np.ascontiguousarray(array).tobytes())
+            h.update(np.ascontiguousarray(array).data)
         h.update(bytes([way.hanging]))
         return cls(model, way, h.digest())
 
@@ -84,8 +88,11 @@ class Simulation:
     A motion does not depend on what is simulated beside it, nor on how many threads there are.
     """
 
-    def __init__(self, grain: Resolution = COARSE, jobs: int = 1) -> None:
+    def __init__(
+        self, grain: Resolution = COARSE, jobs: int = 1, remembered: int = REMEMBERED
+    ) -> None:
         self.grain = grain
+        self._remembered = remembered
         self._jobs = max(1, jobs)
         self._known: OrderedDict[bytes, SimulatedMotion | None] = OrderedDict()
         self._size = 0
@@ -105,7 +112,9 @@ class Simulation:
         A lane that finds its shapes with effort makes the others of its vector wait.
         """
         order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
-        batches = [order[i : i + AT_ONCE] for i in range(0, len(order), AT_ONCE)]
+        fair = LANES * -(-len(order) // (LANES * self._jobs))
+        size = max(LANES, min(AT_ONCE, fair))
+        batches = [order[i : i + size] for i in range(0, len(order), size)]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, SimulatedMotion | None] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
@@ -148,6 +157,6 @@ class Simulation:
             self._size += shown.size if shown else 0
         self._known[key] = shown
         self._known.move_to_end(key)
-        while self._size > REMEMBERED:
+        while self._size > self._remembered:
             _, gone = self._known.popitem(last=False)
             self._size -= gone.size if gone else 0

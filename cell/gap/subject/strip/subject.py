@@ -1,7 +1,9 @@
 """The strip as a subject of the gap workflow."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from itertools import groupby, islice
 from pathlib import Path
 from typing import cast
 
@@ -17,7 +19,15 @@ from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, SLACK, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
-from cell.gap.subject.strip.simulation import COARSE, FINE, Job, Simulation
+from cell.gap.subject.strip.simulation import (
+    COARSE,
+    FINE,
+    ROUGH,
+    SELDOM,
+    Job,
+    SimulatedMotion,
+    Simulation,
+)
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
@@ -30,7 +40,7 @@ QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
 PORTION = 128  # motions that are held at once
 Values = tuple[float, ...]
-Look = tuple[str, bytes, Observation]  # run, key of the motion, how it is looked at
+Look = tuple[str, bytes, bool, Observation]  # run, motion, whether rough, how it is looked at
 
 
 class Strip:
@@ -55,6 +65,7 @@ class Strip:
         self._scope = scope(strip, self._floors, _lifted(self._measured), without)
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
+        self._rough = Simulation(ROUGH, jobs, SELDOM)
         self._described = lru_cache(DESCRIBED)(self._describe)
         self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs, scatter)
 
@@ -77,7 +88,7 @@ class Strip:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
         folds, drives = self._driven(requests)
         looks = [
-            (request.run.name, drive.key, drive.model.observation)
+            (request.run.name, drive.key, request.rough, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
         ]
         seen = self._compared(dict(zip(looks, zip(folds, drives, strict=True), strict=True)))
@@ -92,13 +103,16 @@ class Strip:
         Motions of one length together, in the order in which they are asked, as they are simulated.
         """
         first = {look[1]: i for i, look in reversed(list(enumerate(asked)))}
-        order = sorted(asked, key=lambda look: (asked[look][1].way.duration, first[look[1]]))
-        seen = {}
-        for portion in (order[i : i + PORTION] for i in range(0, len(order), PORTION)):
-            pairs = [asked[look] for look in portion]
-            shown = self._simulation([drive for _, drive in pairs])
-            for look, (fold, drive), motion in zip(portion, pairs, shown, strict=True):
-                seen[look] = fold.comparison(drive.model, motion)
+        order = sorted(asked, key=lambda k: (k[2], asked[k][1].way.duration, first[k[1]]))
+        seen: dict[Look, Residuals] = {}
+        with ThreadPoolExecutor(self._jobs) as pool:
+            for rough, group in groupby(order, key=lambda look: look[2]):
+                simulated, looks = self._rough if rough else self._simulation, iter(group)
+                while portion := list(islice(looks, PORTION)):
+                    folds, drives = zip(*(asked[look] for look in portion), strict=True)
+                    shown = simulated(drives)
+                    found = pool.map(_held_against, folds, drives, shown)
+                    seen.update(zip(portion, found, strict=True))
         return seen
 
     def measured(self, run: Run) -> Scene:
@@ -165,6 +179,11 @@ class Strip:
         added = {e.name: file_values(e, values) for e, values in known}
         model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
         return with_law(model, {name: values[0] for name, values in effects})
+
+
+def _held_against(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:
+    """Residuals of a motion against the run of `fold`."""
+    return fold.comparison(drive.model, shown)
 
 
 def _lifted(runs: Sequence[MeasuredRun]) -> float:

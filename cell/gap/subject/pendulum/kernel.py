@@ -1,0 +1,217 @@
+"""Compiled integration of chains of hinged links, one chain after another.
+
+The equations are those of `dynamics`. Arrays have the chain as first axis; a coefficient of zero
+switches a force off.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.strip.rod.compiled import entry, kernel
+from drivers.types import Array
+
+SMOOTH = 0.02  # rad/s over which dry friction changes sign
+REACH = 0.004  # s over which the pivot's acceleration is differenced
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+LAWS = (
+    "viscous",
+    "dry",
+    "quadratic",
+    "cubic",
+    "spring",
+    "cubic_spring",
+    "bent_viscous",
+    "constant",
+)
+"""Torques that oppose a joint, of its relative rate and of its bend from hanging straight."""
+_, DRY, QUADRATIC, CUBIC, SPRING, CUBIC_SPRING, BENT_VISCOUS, CONSTANT = range(len(LAWS))
+
+
+@kernel
+def _torque(law: int, rate: float, bend: float) -> float:
+    """Torque of a law of LAWS for a coefficient of one."""
+    found = rate  # viscous
+    if law == DRY:
+        found = math.tanh(rate / SMOOTH)
+    elif law == QUADRATIC:
+        found = abs(rate) * rate
+    elif law == CUBIC:
+        found = rate**3
+    elif law == SPRING:
+        found = bend
+    elif law == CUBIC_SPRING:
+        found = bend**3
+    elif law == BENT_VISCOUS:
+        found = abs(bend) * rate
+    elif law == CONSTANT:
+        found = 1.0
+    return found
+
+
+@kernel
+def _add_joints(laws: Array, joint: Array, y: Array, force: Array) -> None:
+    """Add the torques of all joints to the generalised `force` (n,)."""
+    n = len(force)
+    for i in range(n):
+        rate = y[1, i] - (y[1, i - 1] if i else 0.0)
+        bend = y[0, i] - (y[0, i - 1] if i else np.pi)
+        torque = 0.0
+        for k in range(len(laws)):
+            torque -= joint[k, i] * _torque(laws[k], rate, bend)
+        force[i] += torque
+        if i:
+            force[i - 1] -= torque
+
+
+@kernel
+def _add_drag(drag: float, length: Array, s: Array, c: Array, omega: Array, force: Array) -> None:
+    """Add a force -drag |v_n| v_n per length, normal to each link, to `force` (n,)."""
+    vx = vy = 0.0
+    for k in range(len(force)):
+        half = 0.5 * length[k]
+        across = vx * c[k] - vy * s[k]
+        resultant = torque = 0.0
+        for q in range(len(POINTS)):
+            arm = half * (1.0 + POINTS[q])
+            v = across + arm * omega[k]
+            f = -half * drag * WEIGHTS[q] * abs(v) * v
+            resultant += f
+            torque += f * arm
+        force[k] += torque
+        for i in range(k):
+            force[i] += resultant * length[i] * (c[i] * c[k] + s[i] * s[k])
+        vx += length[k] * omega[k] * c[k]
+        vy -= length[k] * omega[k] * s[k]
+
+
+@kernel
+def _solve(a: Array, x: Array) -> None:
+    """Solve the symmetric positive system `a` (n, n) in place of its right side `x` (n,)."""
+    n = len(x)
+    for k in range(n):
+        for i in range(k + 1, n):
+            ratio = a[i, k] / a[k, k]
+            for j in range(k, n):
+                a[i, j] -= ratio * a[k, j]
+            x[i] -= ratio * x[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            x[k] -= a[k, j] * x[j]
+        x[k] /= a[k, k]
+
+
+@kernel
+def _rigid(chain: tuple, y: Array, push: float, out: Array) -> None:  # type: ignore[type-arg]
+    """Rate of change `out` (2, n) of a state; `push` [m/s^2] is the pivot's acceleration in x."""
+    lever, moment, gravity, length, laws, joint, drag, tilt, (s, c, inertia) = chain
+    n = len(moment)
+    force = out[1]
+    for i in range(n):
+        s[i], c[i] = np.sin(y[0, i]), np.cos(y[0, i])
+    for i in range(n):
+        lean = s[i] if tilt == 0.0 else s[i] * np.cos(tilt) + c[i] * np.sin(tilt)
+        total = 0.0
+        for j in range(n):
+            inertia[i, j] = lever[i, j] * (c[i] * c[j] + s[i] * s[j])
+            total += lever[i, j] * (s[i] * c[j] - c[i] * s[j]) * (y[1, j] * y[1, j])
+        force[i] = moment[i] * (gravity * lean - c[i] * push) - total
+        out[0, i] = y[1, i]
+    _add_joints(laws, joint, y, force)
+    if drag != 0.0:
+        _add_drag(drag, length, s, c, y[1], force)
+    _solve(inertia, force)
+
+
+@kernel
+def _pull(moment: Array, y: Array, rate: Array) -> float:
+    pull = 0.0
+    for i in range(len(moment)):
+        pull += moment[i] * (np.cos(y[0, i]) * rate[1, i] - np.sin(y[0, i]) * y[1, i] ** 2)
+    return pull
+
+
+@kernel
+def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[type-arg]
+    """Acceleration of a compliant pivot: to first order it follows the pull at once.
+
+    u = -C X'' with X = sum b_i sin theta_i, so that its acceleration is -C (X'')'' along the
+    rigid motion, differenced over +-REACH by midpoint steps.
+    """
+    moment = chain[1]
+    rigid, rate, ahead = np.empty_like(y), np.empty_like(y), np.empty_like(y)
+    _rigid(chain, y, 0.0, rigid)
+    here = _pull(moment, y, rigid)
+    around = 0.0
+    for h in (REACH, -REACH):
+        _moved(y, 0.5 * h, rigid, ahead)
+        _rigid(chain, ahead, 0.0, rate)
+        _moved(y, h, rate, ahead)
+        _rigid(chain, ahead, 0.0, rate)
+        around += _pull(moment, ahead, rate)
+    return -compliance * (around - 2.0 * here) / REACH**2
+
+
+@kernel
+def _moved(y: Array, h: float, rate: Array, out: Array) -> None:
+    """`out` (2, n): the state `y` moved on by `h` [s] at `rate`."""
+    for i in range(y.shape[1]):
+        out[0, i] = y[0, i] + h * rate[0, i]
+        out[1, i] = y[1, i] + h * rate[1, i]
+
+
+@kernel
+def _advance(  # type: ignore[no-untyped-def]
+    chain, y: Array, h: float, push: float, rise: float, k: Array, out: Array
+) -> None:
+    """One step of RK4 from `y` to `out`; the pivot's acceleration goes on rising as it did in the
+    last step. `k` (5, 2, n) is room for the rates and a state.
+    """
+    half, end = push + 0.5 * rise, push + rise
+    _rigid(chain, y, push, k[0])
+    _moved(y, 0.5 * h, k[0], k[4])
+    _rigid(chain, k[4], half, k[1])
+    _moved(y, 0.5 * h, k[1], k[4])
+    _rigid(chain, k[4], half, k[2])
+    _moved(y, h, k[2], k[4])
+    _rigid(chain, k[4], end, k[3])
+    for r in range(2):
+        for i in range(y.shape[1]):
+            slope = k[0, r, i] + 2.0 * (k[1, r, i] + k[2, r, i]) + k[3, r, i]
+            out[r, i] = y[r, i] + (h / 6.0) * slope
+
+
+@entry
+def integrate(
+    lever: Array,
+    moment: Array,
+    gravity: Array,
+    length: Array,
+    laws: Array,
+    joint: Array,
+    drag: Array,
+    tilt: Array,
+    compliance: Array,
+    initial: Array,
+    step: float,
+    steps: int,
+) -> Array:
+    """States (B, steps + 1, 2, n) from `initial` (B, 2, n), by RK4 with steps of `step` [s].
+
+    Of each chain: `lever` (n, n), `moment`, `length` (n,), `joint` (laws, n) the coefficients of
+    the numbered `laws` (laws,), and one number each of the others.
+    """
+    count, _, n = initial.shape
+    states = np.empty((count, steps + 1, 2, n))
+    work, k = (np.empty(n), np.empty(n), np.empty((n, n))), np.empty((5, 2, n))
+    for b in range(count):
+        own = (lever[b], moment[b], gravity[b], length[b], laws, joint[b], drag[b], tilt[b], work)
+        states[b, 0] = initial[b]
+        before = 0.0
+        for i in range(steps):
+            y = states[b, i]
+            push = 0.0 if compliance[b] == 0.0 else _pivot(own, compliance[b], y)
+            rise = 0.0 if i == 0 else push - before
+            _advance(own, y, step, push, rise, k, states[b, i + 1])
+            before = push
+    return states
