@@ -3,7 +3,6 @@
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
 from functools import partial
-from math import sqrt
 
 import numpy as np
 
@@ -14,14 +13,15 @@ from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
+from cell.orchestrator.lay import HANGING, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import (
     SETTLE,
-    Motion,
     Phase,
     close_hand,
+    drive,
     move,
     open_hand,
     pause,
@@ -33,14 +33,11 @@ from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
 from policies.foretelling import Foretelling
-from policies.path import Path, lift_pitch
-from policies.policy import Decision, Observation
+from policies.path import lift_pitch
+from policies.policy import Observation
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
-HANGING = np.pi / 2
-LAY_BRAKING = 0.3  # m/s^2, less than any arm's limit, towards the end of the lay
-CREEP = 0.005  # m/s
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -90,7 +87,7 @@ def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
         if decision.done[0]:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
-        snapshot = yield Drive(_velocity(decision, _lift_pitch_rate(travel, speed, pose.pitch)))
+        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch))
     return Event.LIFTED
 
 
@@ -110,7 +107,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
         if decision.done[0]:
             return Event.PATH_DONE
         upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
-        command = Drive(_velocity(decision, float(decision.pitch_rate[0]) + upright))
+        command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
 def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
@@ -138,7 +135,7 @@ def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk without pulling the contact of the layers along."""
     path = lay_path(_seen(cell), begin.arm.pose, cell.strip.thickness)
-    snapshot = yield from _follow_lay(path, cell.settings.fold.lay_speed, begin)
+    snapshot = yield from follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 
@@ -230,46 +227,10 @@ def observe(snapshot: Snapshot) -> Observation:
     )
 
 
-def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
-    """Path from `gripper` straight to the edge of the taut upper layer, `rest` [m] above the desk.
-
-    That is x = touch.x - l1. A straight line, not the circle about the touch: the circle starts
-    sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
-    """
-    start = (gripper.x, gripper.z)
-    return Path.through(np.array([start, (touch.x - touch.to_grasped, rest)]))
-
-
-def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path, turning the pitch uniformly from hanging to lying backward.
-
-    It slows down in time: a gripper that brakes at the end of the path only meets the desk.
-    """
-    follower = Follower(path, 1)
-    snapshot, pace = (yield Drive(begin.velocity)), speed
-    while True:
-        pose = snapshot.arm.pose
-        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)
-        if decision.done[0]:
-            break
-        progress = float(follower.progress[0])
-        wanted = HANGING + progress / path.length * HANGING
-        rate = HANGING * pace / path.length + PITCH_GAIN * (wanted - pose.pitch)
-        pace = min(speed, max(CREEP, sqrt(2 * LAY_BRAKING * max(path.length - progress, 0.0))))
-        snapshot = yield Drive(_velocity(decision, rate))
-    end = path.points[-1]
-    return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))
-
-
 def _lift_pitch_rate(travel: float, speed: float, pitch: float) -> float:
     wanted = float(lift_pitch(travel))
     ahead = float(lift_pitch(travel + 0.01)) - wanted
     return ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
-
-
-def _velocity(decision: Decision, pitch_rate: float) -> Velocity:
-    phi, speed = float(decision.direction[0]), float(decision.speed[0])
-    return Velocity(speed * np.cos(phi), speed * np.sin(phi), pitch_rate)
 
 
 def _camera_checks(

@@ -6,10 +6,12 @@ its record serves every motion.
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from math import cos, sin
 
-from cell.orchestrator.snapshot import CloseHand, Command, Hold, MoveTo, OpenHand, Snapshot
+from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event
-from drivers.types import Frame, Pose
+from drivers.types import Frame, Pose, Velocity
+from policies.policy import Decision
 
 Phase = Generator[Command, Snapshot, Event]
 Motion = Generator[Command, Snapshot, Snapshot]
@@ -98,3 +100,9 @@ def arrived(snapshot: Snapshot, pose: Pose) -> bool:
 
 def _distance(a: Pose, b: Pose) -> float:
     return max(abs(a.x - b.x), abs(a.z - b.z), abs(a.pitch - b.pitch))
+
+
+def drive(decision: Decision, pitch_rate: float) -> Drive:
+    """The command that carries out a `decision` on one strip, turning at `pitch_rate` [rad/s]."""
+    phi, speed = float(decision.direction[0]), float(decision.speed[0])
+    return Drive(Velocity(speed * cos(phi), speed * sin(phi), pitch_rate))
