@@ -38,6 +38,8 @@ from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 HANGING = np.pi / 2
+BRAKING = 0.5  # m/s^2 towards the end of the lay: a faster hand would press into the desk
+SLOWEST = 0.005  # m/s, there
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -243,12 +245,14 @@ def _follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
     snapshot = yield Drive(begin.velocity)
     while True:
         pose = snapshot.arm.pose
-        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), speed)
+        left = path.length - float(follower.progress[0])
+        pace = min(speed, max(np.sqrt(2 * BRAKING * max(left, 0.0)), SLOWEST))
+        decision = follower.decide(np.array([pose.x]), np.array([pose.z]), pace)
         if decision.done[0]:
             break
         share = float(follower.progress[0]) / path.length
         wanted = HANGING + share * HANGING
-        rate = HANGING * speed / path.length + PITCH_GAIN * (wanted - pose.pitch)
+        rate = HANGING * pace / path.length + PITCH_GAIN * (wanted - pose.pitch)
         snapshot = yield Drive(_velocity(decision, rate))
     end = path.points[-1]
     return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))
