@@ -15,7 +15,7 @@ Curve = tuple[tuple[float, float], ...]  # x, z [m]
 class ImageFold(Settings):
     """A fold through images on the twin: `displacement` as the camera saw it and the true one
     [m], None without a touch; times and `retardation_time` of the strip [s], its
-    `bending_length` [m]; `run` is the folder.
+    `bending_length` [m]; `edge_offset_true` [m] between the laid edges; `run` is the folder.
     """
 
     kind: Literal["fold"] = "fold"
@@ -28,6 +28,7 @@ class ImageFold(Settings):
     reason: str
     displacement: float | None
     displacement_true: float | None
+    edge_offset_true: float | None = None
     duration: float
     wall: float
     run: str
@@ -50,6 +51,17 @@ class RangeFolds(Settings):
     def d(self) -> Array:
         """Displacements (side, side) [m], NaN without a touch."""
         return np.array(self.displacement, dtype=np.float64).reshape(self.side, self.side)
+
+
+class EffectFolds(Settings):
+    """A policy over strips of the paper's range with one `effect` of textile size that it is not
+    told of, none where empty: `displacement` [m] in the rod, None without a touch.
+    """
+
+    kind: Literal["effect"] = "effect"
+    policy: str
+    effect: str
+    displacement: tuple[float | None, ...]
 
 
 class CriticalPoints(Settings):
@@ -109,7 +121,9 @@ class Refused(Settings):
     reason: str
 
 
-Result = ImageFold | RangeFolds | CriticalPoints | Evolution | Adaptation | Laid | Refused
+Result = (
+    ImageFold | RangeFolds | EffectFolds | CriticalPoints | Evolution | Adaptation | Laid | Refused
+)
 AnyResult = Annotated[Result, Field(discriminator="kind")]
 
 
@@ -136,6 +150,11 @@ class Results(Settings):
         """The folds of `policy` over the paper's range in `engine`."""
         found = [r for r in self.results if isinstance(r, RangeFolds)]
         return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
+
+    def hidden(self, policy: str) -> tuple[EffectFolds, ...]:
+        """The folds of `policy` on strips with hidden effects, in the order of measuring."""
+        found = [r for r in self.results if isinstance(r, EffectFolds)]
+        return tuple(r for r in found if r.policy == policy)
 
     def _image_folds(self, policy: str) -> list[ImageFold]:
         return [r for r in self.results if isinstance(r, ImageFold) and r.policy == policy]

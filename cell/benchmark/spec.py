@@ -15,7 +15,8 @@ FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
 
 class Size(Settings):
     """Number of simulated strips: a side of the `grid` in the rod, and on the `chain`;
-    `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips.
+    `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips;
+    `hidden` strips for each effect that a policy is not told of.
     """
 
     grid: int = Field(12, ge=2)
@@ -24,9 +25,12 @@ class Size(Settings):
     dampings: int = Field(5, ge=2)
     heights: tuple[float, ...] = (0.06, 0.10, 0.14, 0.18, 0.22, 0.26)
     laid: int = Field(4, ge=1)
+    hidden: int = Field(24, ge=2)
 
 
-QUICK = Size(grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2)
+QUICK = Size(
+    grid=4, chain=2, stiffnesses=3, dampings=2, heights=(0.10, 0.18, 0.26), laid=2, hidden=4
+)
 
 
 class BenchmarkSpec(Settings):

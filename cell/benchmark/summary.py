@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cell.benchmark.results import ImageFold, RangeFolds, Results
+from cell.benchmark.numbers import numeral
+from cell.benchmark.results import EffectFolds, ImageFold, RangeFolds, Results
+from cell.report.words import NO_VALUE
 from drivers.types import Array
 
 NONE = float("nan")
@@ -12,7 +14,9 @@ NONE = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class StripNumbers:
-    """Statistics of the folds through images, as measured [m]: NaN where there is none."""
+    """Statistics of the folds through images, as measured [m], and |offset| of the laid edges by
+    truth: NaN where there is none.
+    """
 
     folded: int
     of: int
@@ -22,6 +26,8 @@ class StripNumbers:
     worst: float
     worst_strip: str
     misread: float
+    offset: float = NONE
+    worst_offset: float = NONE
 
     @classmethod
     def of_folds(cls, folds: tuple[ImageFold, ...], asked: int) -> "StripNumbers":
@@ -32,6 +38,7 @@ class StripNumbers:
         d = np.array([value for _, value in touched])
         errors = [abs(v - f.displacement_true) for f, v in touched if f.displacement_true]
         worst = int(np.argmax(np.abs(d)))
+        apart = [abs(f.edge_offset_true) for f, _ in touched if f.edge_offset_true is not None]
         return cls(
             folded=len(touched),
             of=asked,
@@ -41,6 +48,8 @@ class StripNumbers:
             worst=float(abs(d[worst])),
             worst_strip=touched[worst][0].strip,
             misread=max(errors, default=NONE),
+            offset=float(np.mean(apart)) if apart else NONE,
+            worst_offset=max(apart, default=NONE),
         )
 
 
@@ -86,6 +95,17 @@ def spread(folds: tuple[ImageFold, ...]) -> float:
     """Largest difference among the displacements of repeated `folds` [m]."""
     d: Array = np.array([f.displacement for f in folds if f.displacement is not None])
     return float(np.ptp(d)) if d.size > 1 else NONE
+
+
+def told_misses(folds: EffectFolds) -> str:
+    """|d| of `folds` as text [mm]: mean, 95 % and worst, and how many did not touch."""
+    d = np.abs([value for value in folds.displacement if value is not None])
+    if d.size == 0:
+        return NO_VALUE
+    numbers = (float(np.mean(d)), float(np.quantile(d, 0.95)), float(np.max(d)))
+    lost = len(folds.displacement) - d.size
+    text = " / ".join(numeral(number) for number in numbers)
+    return f"{text}, {lost} without a touch" if lost else text
 
 
 def _row(results: Results, policy: str) -> Row:

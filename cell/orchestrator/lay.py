@@ -13,7 +13,7 @@ from policies.path import Path
 
 HANGING = np.pi / 2
 TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
-BRAKING = 0.3  # m/s^2, less than any arm's limit, towards the end of the path
+BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
 TURNING = 2.0  # rad/s, likewise: a short lay is a slow one
 CREEP = 0.005  # m/s
 

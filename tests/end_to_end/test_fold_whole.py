@@ -224,3 +224,9 @@ def test_json_line_has_what_programs_read(denim: Folded) -> None:
     keys += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
     assert keys == list(line)
     assert app.info.name == "cell"
+
+
+def test_hand_lays_the_edge_down_without_pressing_into_the_desk(denim: Folded) -> None:
+    ticks = denim.run.ticks
+    laid = ticks.t > denim.run.result.t_layer_touch
+    assert ticks.z[laid].min() > 0.0

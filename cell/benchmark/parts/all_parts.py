@@ -11,6 +11,7 @@ import policies
 from cell.benchmark.parts.adaptation import Adapted
 from cell.benchmark.parts.critical import Critical
 from cell.benchmark.parts.evolution import LEVEL, Evolved
+from cell.benchmark.parts.hidden_effect import HIDDEN, HiddenEffect
 from cell.benchmark.parts.image_fold import ThroughImages
 from cell.benchmark.parts.laid import LaidDown
 from cell.benchmark.parts.paper_range import OverRange
@@ -48,6 +49,8 @@ def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
     for policy in spec.policies:
         yield OverRange(policy, "rod", extent.grid, speed, of)
         yield OverRange(policy, "chain", extent.chain, speed, of)
+        for effect in HIDDEN:
+            yield HiddenEffect(policy, effect, extent.hidden, speed, of)
     for pace in (SLOW, speed):
         yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):

@@ -41,6 +41,7 @@ class ThroughImages:
             reason=done.reason,
             displacement=done.displacement,
             displacement_true=done.displacement_true,
+            edge_offset_true=done.edge_offset_true,
             duration=done.duration,
             wall=done.wall,
             run=done.run,

@@ -9,8 +9,11 @@ from cell.benchmark.figures.style import smooth
 from cell.benchmark.parts.adaptation import Adapted
 from cell.benchmark.parts.critical import Critical
 from cell.benchmark.parts.evolution import LEVEL, Evolved
+from cell.benchmark.parts.hidden_effect import FRICTION, HiddenEffect
 from cell.benchmark.parts.laid import LaidDown
 from cell.benchmark.parts.paper_range import OverRange
+from cell.benchmark.summary import told_misses
+from cell.report.words import NO_VALUE
 
 SLOW_X = {0.06: (437, 310), 0.14: (352, 223), 0.22: (268, 140)}  # mm, softest and stiffest
 
@@ -66,3 +69,13 @@ def test_learned_policy_leads_stiffer_strips_further_before_they_touch() -> None
     ends = np.array([path[-1][0] for path in found.paths])
     assert np.all(np.array(found.bending_lengths[1:]) > found.bending_lengths[:-1])
     assert ends[-1] < ends[0] - 0.02
+
+
+def test_friction_that_nobody_told_of_spoils_a_plan_and_hardly_the_feedback_of_adaptive() -> None:
+    adaptive, planned = (
+        HiddenEffect(policy, FRICTION, 4, 0.1, "").measure() for policy in ("adaptive", "planned")
+    )
+    assert np.abs(adaptive.displacement).max() < 0.006
+    assert np.abs(planned.displacement).mean() > 0.008
+    assert told_misses(adaptive).count("/") == 2
+    assert told_misses(adaptive.model_copy(update={"displacement": (None,)})) == NO_VALUE

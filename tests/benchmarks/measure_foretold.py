@@ -1,0 +1,82 @@
+"""Folds through images by `adaptive`, and how well each was foretold.
+
+python -m tests.benchmarks.measure_foretold [--strips denim,blanket] [--seeds N] [--jobs J]
+    [--runs DIR]
+
+Prints the displacement and the final offset of the edges by truth [mm], what was foretold at the
+touch, and the rod's residual (`policies.agreement`); in the end |d| and |offset|, the share of
+folds within one and 1.96 sigma, and mean and spread of d minus what the critic foresaw, which
+`policies.adaptive.adaptive` corrects by SHORT and SCATTER.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.operations.batch import side_by_side
+from cell.operations.fold import Request
+from cell.operations.result import FoldResult
+from cell.record.run import read_run
+from drivers.types import Array
+from policies.adaptive.adaptive import SHORT
+
+
+def arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--strips", default=",".join(find_configs(None).strip_names()))
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--runs", type=Path, default=Path("runs/foretold"))
+    return parser.parse_args()
+
+
+def tell(result: FoldResult) -> Array:
+    """d, offset, foretold d and sigma [mm], and whether the strip was flagged; NaN where none."""
+    stored = read_run(Path(result.run)).result
+    told = None if stored is None else stored.foretold
+    agreed = None if stored is None else stored.agreement
+    lengths = (result.displacement_true, result.edge_offset_true)
+    lengths += (None, None) if told is None else (told.displacement, told.sigma)
+    row = [1e3 * np.nan if value is None else 1e3 * value for value in lengths]
+    residual = np.nan if agreed is None else 1e3 * agreed.residual
+    flagged = agreed is not None and not agreed.like_model
+    print(
+        f"{result.strip:14s} seed {result.seed} {result.outcome:12s} d {row[0]:+5.1f}, foretold "
+        f"{row[2]:+5.1f} +- {row[3]:.1f}, edges {row[1]:+5.1f} mm, residual {residual:.2f} mm"
+        f"{', FLAGGED' if flagged else ''}",
+        flush=True,
+    )
+    return np.array([*row, flagged])
+
+
+def main() -> None:
+    asked = arguments()
+    requests = [
+        Request(
+            *(strip, "adaptive", None, DeviceSelection(seed=seed), asked.runs),
+            *(None, None, True, "off"),
+        )
+        for strip in asked.strips.split(",")
+        for seed in range(asked.seeds)
+    ]
+    rows = np.array([tell(result) for result in side_by_side(requests, asked.jobs)])
+    for name, column in (("|d|", 0), ("|edges|", 1)):
+        size = np.abs(rows[:, column])
+        numbers = np.nanmean(size), np.nanquantile(size, 0.95), np.nanmax(size)
+        print(f"{name:8s} mean {numbers[0]:.2f}, 95 % {numbers[1]:.2f}, worst {numbers[2]:.2f} mm")
+    off = rows[:, 0] - rows[:, 2]
+    ratio = np.abs(off) / rows[:, 3]
+    foreseen = off + 1e3 * SHORT
+    print(
+        f"within one sigma {100 * np.mean(ratio < 1):.0f} %, within 1.96 "
+        f"{100 * np.mean(ratio < 1.96):.0f} %; d minus foreseen by the critic "
+        f"{np.nanmean(foreseen):+.2f} mm, spread {np.nanstd(foreseen):.2f} mm; flagged "
+        f"{rows[:, 4].sum():.0f} of {len(rows)}"
+    )
+
+
+if __name__ == "__main__":
+    main()

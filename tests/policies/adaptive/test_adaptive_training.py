@@ -1,0 +1,49 @@
+"""A training of the critic gives the same weights again, however it is interrupted."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.parallel import workers
+from drivers.errors import ConfigurationError
+from policies.adaptive.critic import NAMES, Critic
+from policies.adaptive.train.settings import CriticSettings
+from policies.adaptive.train.training import CriticTraining
+
+TINY = CriticSettings(
+    pieces=(1,),
+    trials=1,
+    folds=64,
+    perturbation=(0.0,),
+    epochs=(2,),
+    segments=20,
+    friction=False,
+)
+
+
+def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99) -> Critic | None:
+    """The critic of a training in `folder`; None where it is left after so many steps."""
+    training = CriticTraining(settings, folder)
+    with workers(1) as executor:
+        for step in training.run(executor):
+            if step.done == stop_after:
+                return None
+    return training.finished
+
+
+def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(tmp_path: Path) -> None:
+    whole = trained(tmp_path / "whole")
+    assert trained(tmp_path / "broken", stop_after=1) is None
+    again = trained(tmp_path / "broken")
+    for name in NAMES:
+        np.testing.assert_array_equal(whole.weights[name], again.weights[name])
+    assert (tmp_path / "whole" / "adaptive.npz").read_bytes() == (
+        tmp_path / "broken" / "adaptive.npz"
+    ).read_bytes()
+
+
+def test_folder_of_another_training_is_refused(tmp_path: Path) -> None:
+    CriticTraining(TINY, tmp_path)
+    with pytest.raises(ConfigurationError, match="was begun with other settings"):
+        CriticTraining(TINY.model_copy(update={"seed": 1}), tmp_path)
