@@ -77,7 +77,8 @@ class Judged:
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
-    `scatter` the quantities that differ from run to run beside it.
+    `scatter` the quantities that differ from run to run beside it. `phases` tests each of several
+    effects by the parts of a motion: by rate, height, direction and time.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -90,6 +91,7 @@ class Judged:
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
     scatter: tuple[Spread, ...] = ()
+    phases: tuple[Invariance, ...] = ()
 
     @property
     def remains(self) -> bool:
