@@ -98,7 +98,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         advice = [item.model_dump(mode="json") for item in verdict.advice]
         sys.stdout.write(json.dumps(advice) + "\n")
         return
-    for line in _repeatability(fitted):
+    planned = max((item.expected_sigma for item in verdict.advice), default=0.0)
+    for line in _repeatability(fitted, planned):
         sys.stdout.write(f"{line}\n")
     if not verdict.advice:
         sys.stdout.write("no experiment is worth more than those that were made\n")
@@ -109,14 +110,17 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
         )
 
 
-def _repeatability(fitted: Path) -> Iterator[str]:
-    """By how much the runs differ for no reason, and what would help before another motion."""
+def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
+    """By how much the runs differ for no reason, and whether less of it would tell more than the
+    best motion, which tells `planned` sigma.
+    """
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
     from cell.gap.verdict.stored import FitRecord, read_stored
 
     record = read_stored(fitted / RECORD, FitRecord)
-    yield from remedies({s.name: (s.value, s.unit) for s in record.scatter})
+    spreads = {s.name: (s.value, s.unit) for s in record.scatter}
+    yield from remedies(spreads, record.steadier, planned)
 
 
 def _summary(verdict: "Verdict") -> Iterator[str]:

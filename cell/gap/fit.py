@@ -25,7 +25,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "12"  # of the engine: another one starts anew
+VERSION = "13"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -96,6 +96,7 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects],
               "scatter": [asdict(s) for s in found.judged.scatter],
+              "steadier": {s.name: s.sigma for s in found.advised.steadier},
               "law": found.offered and asdict(found.offered)}  # fmt: skip
     write_text(out / RECORD, json.dumps(record, indent=1))
     write_report(found, verdict, out / "report.html")

@@ -40,7 +40,7 @@ from cell.gap.selection.screening import (
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import kind
-from cell.gap.verdict.findings import Findings, Fitted, Screened
+from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, judge, show
 from cell.gap.verdict.offered_law import offered_law
 
@@ -86,10 +86,9 @@ def investigate(
     unseen = scattered(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
-    advised = advice(subject, screened, choice, judged, simulate)
-    found = Findings(
-        subject, tuple(held_out), fitted, screened, choice, judged, shown, tuple(advised)
-    )
+    there = bool(choice.accepted.model.effects) or fitted.gap
+    advised = advice(subject, screened, choice, judged, simulate) if there else Advised()
+    found = Findings(subject, tuple(held_out), fitted, screened, choice, judged, shown, advised)
     if kind(found) != "unexplained":
         return found
     law = offered_law(subject, simulate, fitted.base, choice.by, shown.before, rng)

@@ -1,4 +1,4 @@
-"""One amplitude must serve all conditions: what tells a cause from a proxy."""
+"""One amplitude must serve all conditions and phases: what tells a cause from a proxy."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ DRIFT = 0.25  # relative scatter of the amplitude between conditions that a caus
 
 @dataclass(frozen=True, slots=True)
 class Invariance:
-    """Amplitudes of an effect relative to its fitted one, by condition (`p`: all are equal).
+    """Amplitudes of an effect relative to its fitted one, by condition or phase (`p`: all equal).
 
     `drift` is their scatter beyond what noise explains.
     """
@@ -30,12 +30,14 @@ class Invariance:
 
     @property
     def holds(self) -> bool:
-        """Whether one amplitude serves all conditions."""
+        """Whether one amplitude serves everywhere."""
         return self.p >= 0.01 or self.drift <= DRIFT
 
 
-def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Invariance]:
-    """Homogeneity of an effect's amplitude over conditions; yields simulations.
+def invariance(
+    estimate: Estimate, effect: str, by: LikelihoodScale, *, phases: bool = False
+) -> Task[Invariance]:
+    """Homogeneity of an effect's amplitude over conditions, or over `phases`; yields simulations.
 
     The whitened response of the fitted effect, split by condition, is regressed on what is left
     with all fitted unknowns free; the test is a score test of equal amplitudes (Rao 1948; in the
@@ -43,13 +45,12 @@ def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Inv
     """
     moved = yield from _response(estimate, effect)
     about = projection(estimate)
-    labels = [run.condition for run in estimate.evidence.runs]
-    conditions = list(dict.fromkeys(labels))
-    columns = np.zeros((len(moved), len(conditions)))
-    at = 0
-    for label, r in zip(labels, estimate.residuals, strict=True):
-        columns[at : at + len(r), conditions.index(label)] = moved[at : at + len(r)]
-        at += len(r)
+    runs = estimate.evidence.runs
+    labels = np.concatenate(
+        [r.samples.phase if phases else np.full(len(r.samples), r.condition) for r in runs]
+    )
+    conditions = list(dict.fromkeys(map(str, labels)))
+    columns = np.where(labels[:, None] == np.array(conditions), moved[:, None], 0.0)
     form = about.form(about.weighed(columns))
     inverse = np.linalg.pinv(form.curvature, rcond=1e-6, hermitian=True)
     amounts = -inverse @ form.gradient
@@ -62,7 +63,7 @@ def invariance(estimate: Estimate, effect: str, by: LikelihoodScale) -> Task[Inv
         {c: float(1.0 + a) for c, a in zip(conditions, amounts, strict=True)},
         {c: float(e) for c, e in zip(conditions, errors, strict=True)},
         p,
-        _drift(amounts, errors),
+        _scatter(amounts, form.curvature / by.inefficiency) if phases else _drift(amounts, errors),
     )
 
 
@@ -93,3 +94,14 @@ def _drift(amounts: Array, errors: Array) -> float:
     q = float(w @ (amounts - w @ amounts / w.sum()) ** 2)
     spread = (q - len(amounts) + 1) / (w.sum() - (w**2).sum() / w.sum())
     return float(np.sqrt(max(0.0, spread)))
+
+
+def _scatter(amounts: Array, precision: Array) -> float:
+    """The same of amounts (k,) that depend on one another: `precision` (k, k) is their inverse
+    covariance. What they have in common is free; where an effect does nothing it has no weight.
+    """
+    common = precision.sum(axis=1)
+    among = precision - np.outer(common, common) / max(float(common.sum()), 1e-9)
+    freedom = np.linalg.matrix_rank(among, rtol=1e-6, hermitian=True)
+    q, weight = float(amounts @ among @ amounts), float(np.trace(among))
+    return float(np.sqrt(max(0.0, q - freedom) / weight)) if weight > 0.0 else 0.0

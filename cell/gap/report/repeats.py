@@ -8,7 +8,7 @@ from cell.gap.subject.strip.scatter import RUN_EFFECTS
 from cell.gap.verdict.findings import Findings
 from cell.report.markup import table
 
-WORSE = 0.8  # of the usual spread, from which a remedy is worth more than another motion
+TELLING = 1.0  # sigma that a smaller spread must tell more to be worth a word
 SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "1": (100.0, "%")}
 
 
@@ -24,14 +24,18 @@ def repeats(found: Findings) -> str:
         "from these runs beside the accepted model. Names, intervals and what is detectable count "
         "it.</p>"
     )
-    return note + table(("what differs", "by", "95 %", "smaller by"), list(_rows(found)))
+    columns = ("what differs", "by", "95 %", "half would tell", "smaller by")
+    return note + table(columns, list(_rows(found)))
 
 
-def remedies(spreads: Mapping[str, tuple[float, str]]) -> Iterator[str]:
-    """A line for each quantity that differs by more than usual: by how much, what would help.
+def remedies(
+    spreads: Mapping[str, tuple[float, str]], steadier: Mapping[str, float], planned: float
+) -> Iterator[str]:
+    """A line for each quantity that differs from run to run: by how much, and whether less of it
+    would tell more than another motion.
 
-    `spreads` are standard deviations with their units, by name. Where a laboratory does worse
-    than an honest one usually does, a better grip or more repeats tell more than another motion.
+    `spreads` are standard deviations with their units; with half of one, the runs would separate
+    two explanations by `steadier` sigma more, by name; the best motion `planned` by so many.
     """
     known = {e.name: e for e in RUN_EFFECTS}
     for name, (value, unit) in spreads.items():
@@ -40,19 +44,25 @@ def remedies(spreads: Mapping[str, tuple[float, str]]) -> Iterator[str]:
             continue
         factor, shown = SHOWN.get(unit, (1.0, unit))
         line = f"{effect.sentence} differs by {number(factor * value, 2)} {shown} from run to run"
-        if value > WORSE * effect.usual:
-            yield f"{line}: before another motion, {effect.remedy}; or repeat each motion twice"
+        more = steadier.get(name, 0.0)
+        if more < TELLING:
+            yield f"{line}: half of it would tell nothing more"
         else:
-            yield f"{line}, as usual"
+            than = "more" if more > planned else "less"
+            yield (
+                f"{line}: half of it would tell {more:.1f} sigma more, {than} than any motion "
+                f"({planned:.1f}): {effect.remedy}, or each motion made four times"
+            )
 
 
-def _rows(found: Findings) -> Iterator[tuple[str, str, str, str]]:
+def _rows(found: Findings) -> Iterator[tuple[str, ...]]:
     known = {e.name: e for e in found.subject.scope.scatter}
+    more = {s.name: f"{s.sigma:.1f} sigma more" for s in found.advised.steadier}
     for s in found.judged.scatter:
         factor, unit = SHOWN.get(s.unit, (1.0, s.unit))
         ends = f"{number(factor * s.low, 2)} to {number(factor * s.high, 2)}"
         said, remedy = known[s.name].sentence, known[s.name].remedy
-        yield said, spread(s), f"{ends} {unit}", remedy
+        yield said, spread(s), f"{ends} {unit}", more.get(s.name, ""), remedy
 
 
 def spread(s: Spread) -> str:

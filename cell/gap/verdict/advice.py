@@ -1,25 +1,38 @@
-"""Which experiments would tell the accepted explanation from the next best one."""
+"""What would tell the accepted explanation from the next best one: experiments, better repeats."""
+
+from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.diagnosis.next_experiment import Advice, advise
-from cell.gap.fitting.model import Model
+from cell.gap.diagnosis.next_experiment import advise
+from cell.gap.diagnosis.steadier import steadier
+from cell.gap.fitting.model import Model, evidence
+from cell.gap.fitting.scatter import scattered
 from cell.gap.fitting.tasks import Simulate, run_one
 from cell.gap.selection.choice import Choice
 from cell.gap.subject.subject import Subject
-from cell.gap.verdict.findings import Judged, Screened
+from cell.gap.verdict.findings import Advised, Judged, Screened
 from drivers.types import Array
 
 
 def advice(
     subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
-) -> list[Advice]:
-    """Planned experiments, the most telling for its minutes first; empty where none would tell."""
-    experiments = subject.experiments()
+) -> Advised:
+    """What would separate the accepted explanation from the one that deserves it most.
+
+    In planned runs those quantities differ that were found to differ in the runs so far.
+    """
     second = _alternative(screened, choice, judged)
-    if second is None or not experiments:
-        return []
-    return run_one(simulate, advise(choice.accepted.estimate, second, experiments, choice.by))
+    if second is None:
+        return Advised()
+    first = choice.accepted.estimate
+    more = run_one(simulate, steadier(first, second, choice.by))
+    experiments = [
+        replace(e, run=scattered(evidence([e.run]), judged.scatter).runs[0])
+        for e in subject.experiments()
+    ]
+    planned = run_one(simulate, advise(first, second, experiments, choice.by))
+    return Advised(tuple(planned), tuple(more))
 
 
 def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Model, Array] | None:

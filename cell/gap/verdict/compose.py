@@ -184,6 +184,6 @@ def _advice(found: Findings) -> list[Recommended]:
             expected_sigma=a.sigma,
             minutes=a.experiment.minutes,
         )
-        for a in found.advice
+        for a in found.advised.experiments
         if a.sigma >= TELLING
     ]

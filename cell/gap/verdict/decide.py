@@ -95,9 +95,15 @@ def _bounded_gap(estimate: Estimate, scale: float) -> float:
 
 
 def drifting(found: Findings) -> list[str]:
-    """Effects whose amplitude does not serve all conditions: proxies, not causes."""
+    """Effects whose amplitude does not serve all conditions, or of several one that does not serve
+    all phases of a motion: proxies, not causes.
+    """
     tests = found.judged.invariances.get(found.accepted.model.name, {})
-    return [name for name, test in tests.items() if not test.holds]
+    names = [name for name, test in tests.items() if not test.holds]
+    return [
+        *names,
+        *(t.effect for t in found.judged.phases if not t.holds and t.effect not in names),
+    ]
 
 
 def confidence(found: Findings) -> float:
@@ -148,7 +154,8 @@ def _reasons(found: Findings) -> Iterator[str]:
     """Why the best model is left open, or not all of the cause."""
     judged, drift = found.judged, drifting(found)
     if drift:
-        yield f"the amplitude of {', '.join(drift)} drifts between conditions"
+        where = "conditions or phases" if judged.phases else "conditions"
+        yield f"the amplitude of {', '.join(drift)} drifts between {where}"
     if judged.drifts and judged.drift is not None:
         yield f"the specimen changes from run to run: {judged.drift.words}"
     if judged.astray is not None:

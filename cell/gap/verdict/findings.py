@@ -9,6 +9,7 @@ from cell.gap.diagnosis.lack_of_fit import Misfit
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.diagnosis.next_experiment import Advice
 from cell.gap.diagnosis.sparse_law import Law
+from cell.gap.diagnosis.steadier import Steadier
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
@@ -77,7 +78,8 @@ class Judged:
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
-    `scatter` the quantities that differ from run to run beside it.
+    `scatter` the quantities that differ from run to run beside it. `phases` tests each of several
+    effects by the parts of a motion: by rate, height, direction and time.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -90,6 +92,7 @@ class Judged:
     classes: tuple[tuple[str, ...], ...]
     law: Law | None
     scatter: tuple[Spread, ...] = ()
+    phases: tuple[Invariance, ...] = ()
 
     @property
     def remains(self) -> bool:
@@ -117,6 +120,16 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
+class Advised:
+    """Planned `experiments`, the most telling for its minutes first, and what `steadier` runs
+    would tell more; both empty where nothing would tell.
+    """
+
+    experiments: tuple[Advice, ...] = ()
+    steadier: tuple[Steadier, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Findings:
     """Everything that an investigation found, stage by stage."""
 
@@ -127,7 +140,7 @@ class Findings:
     choice: Choice
     judged: Judged
     shown: Shown
-    advice: tuple[Advice, ...]
+    advised: Advised
     offered: OfferedLaw | None = None
 
     @property

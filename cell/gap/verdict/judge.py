@@ -68,8 +68,31 @@ def judge(
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimated(simulate, best, whole)
     return Judged(
-        invariances, misfit, leftover, astray, change, inflation, tuple(close), groups, law, scatter
+        invariances,
+        misfit,
+        leftover,
+        astray,
+        change,
+        inflation,
+        tuple(close),
+        groups,
+        law,
+        scatter,
+        _by_phases(choice, simulate),
     )
+
+
+def _by_phases(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:
+    """Whether each of several accepted effects has one amplitude in all parts of a motion.
+
+    Two effects that only imitate a cause share its parts between them in other ways than each
+    would by itself.
+    """
+    fit = choice.accepted.estimate
+    if len(fit.model.effects) < 2:
+        return ()
+    tests = [invariance(fit, e.name, choice.by, phases=True) for e in fit.model.effects]
+    return tuple(run_all(simulate, tests))
 
 
 def _invariances(choice: Choice, simulate: Simulate) -> dict[str, dict[str, Invariance]]:

@@ -1,9 +1,10 @@
 """What a fit and an acceptance leave for the next command, checked when it is read again."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.files import MEGABYTE
 from drivers.settings import Settings, parse, read_json
@@ -36,12 +37,15 @@ class StoredLaw(Stored):
 class FitRecord(Stored):
     """fit.json: hash of the file that was fitted, and the effects that were named.
 
-    `scatter` are quantities that differ from run to run; `law` describes what nothing explains.
+    `scatter` are quantities that differ from run to run; by `steadier` sigma the runs would tell
+    two explanations apart better, had one differed by half as much; `law` describes what nothing
+    explains.
     """
 
     file_sha256: str
     effects: tuple[str, ...]
     scatter: tuple[StoredSpread, ...] = ()
+    steadier: Mapping[str, float] = Field(default_factory=dict)
     law: StoredLaw | None = None
 
     @property

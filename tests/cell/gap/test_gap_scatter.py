@@ -6,10 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.gap.diagnosis.steadier import steadier
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import run_one
+from cell.gap.report.repeats import remedies
+from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.subject.subject import Parameter, Request, Residuals
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, fitted, hidden, judged, nothing
 
@@ -86,3 +89,32 @@ def test_what_is_detectable_counts_the_scatter() -> None:
 
 def test_a_subject_without_random_unknowns_has_no_scatter() -> None:
     assert spreads(fitted(Curves(nothing))) == ()
+
+
+def told_by_steadier_runs(spread: float) -> float:
+    """Sigma by which a wave of 0.2 would be told better, had the ripple half that spread."""
+    subject = Scattering(nothing, spread)
+    fit = estimate(subject)
+    known = [tuple(replace(p, spread=spread) if p.random else p for p in run.local)
+             for run in fit.evidence.runs]  # fmt: skip
+    runs = tuple(replace(r, local=own) for r, own in zip(fit.evidence.runs, known, strict=True))
+    fit = replace(fit, evidence=replace(fit.evidence, runs=runs))
+    wave = Model(fit.model.base, tuple(c for c in subject.scope.candidates if c.name == "wave"))
+    second = (wave, np.append(fit.shared, 0.2))
+    (found,) = run_one(subject.simulate, steadier(fit, second, LikelihoodScale(1.0, 1.0, 4.0)))
+    assert found.name == "ripple"
+    return found.sigma
+
+
+def test_steadier_runs_tell_more_only_where_scatter_hides_something() -> None:
+    assert told_by_steadier_runs(0.02) > 1.0
+    assert told_by_steadier_runs(1e-6) < 0.1
+
+
+def test_advice_holds_a_smaller_spread_against_the_best_motion() -> None:
+    spread = {"grip_x": (4e-4, "m")}
+    better, worse = (next(remedies(spread, {"grip_x": 3.0}, best)) for best in (2.0, 5.0))
+    assert "differs by 0.4 mm from run to run" in better
+    assert "3.0 sigma more, more than any motion (2.0)" in better
+    assert "less than any motion (5.0)" in worse
+    assert "nothing more" in next(remedies(spread, {}, 2.0))

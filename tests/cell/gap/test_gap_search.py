@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cell.gap.diagnosis.invariance import invariance
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.model import Model
 from cell.gap.fitting.tasks import run_one
@@ -107,3 +108,16 @@ def test_values_of_a_law_that_was_not_bent_start_its_bent_one() -> None:
     model = Model(scope.base, (scope.candidates[0].bent(),))
     joined = model.joined(np.array([1.0, 2.0]), {"bump": np.array([0.3])})
     assert joined == pytest.approx([1.0, 2.0, 0.3, 0.0])
+
+
+def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> None:
+    halved: Law = lambda t, s, i: BOTH(t, s, i) - 0.1 * bump(t, s, i) * (t > 0.5)  # noqa: E731
+    for law, holds in ((BOTH, True), (halved, False)):
+        subject = Curves(law)
+        models = [validated(at(subject, names), subject) for names in ((), ("bump", "wave"))]
+        by = Fits(tuple(models)).scale
+        fit = models[1].estimate
+        found = run_one(subject.simulate, invariance(fit, "bump", by, phases=True))
+        assert found.holds is holds
+        assert set(found.amplitudes) == {"lift", "fall"}
+        assert run_one(subject.simulate, invariance(fit, "bump", by)).holds

@@ -16,7 +16,7 @@ from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.prepare import Fold, corrected, prepared
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import RUN_EFFECTS, SLACK, RunEffect
+from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import (
@@ -141,7 +141,7 @@ class Strip:
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
         runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs, SLACK)
+        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
         return [
             Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
