@@ -31,7 +31,17 @@ class RunEffect:
     def parameter(self) -> Parameter:
         """The unknown of one run, with its usual spread."""
         most = FARTHEST * self.usual
-        return Parameter(self.name, self.unit, 0.0, -most, most, self.step, self.usual, random=True)
+        return Parameter(
+            self.name,
+            self.unit,
+            0.0,
+            -most,
+            most,
+            self.step,
+            self.usual,
+            random=True,
+            common=self.common,
+        )
 
 
 def _grip_x(model: StripModel, value: float) -> StripModel:
