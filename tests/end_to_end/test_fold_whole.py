@@ -187,6 +187,7 @@ def test_replay_decides_with_the_weights_of_the_run(secret: Folded, tmp_path: Pa
     assert replay(copy).differences
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_whatever_the_jobs(denim: Folded, tmp_path: Path) -> None:
     requests = [
         request_for("denim", "triangular", tmp_path / "again"),

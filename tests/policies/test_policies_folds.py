@@ -70,6 +70,7 @@ def test_committed_feedback_beats_every_open_loop_over_the_papers_range() -> Non
     assert feedback.max() < baseline.max() < 0.018
 
 
+@pytest.mark.slow
 def test_feedback_trained_in_the_rod_folds_every_fabric_on_the_chain() -> None:
     folds = fold("feedback", STRIPS, engine=Chain())
     assert np.abs(folds.displacement).max() < 0.014

@@ -34,6 +34,7 @@ def _agreement(name: str, kind: str) -> Agreement:
     return agreement(fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "camera",
     [

@@ -38,6 +38,7 @@ def trained(folder: Path, executor: Executor, between: object = None) -> Array:
     return run.weights
 
 
+@pytest.mark.slow
 def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None:
     with ThreadPoolExecutor(1) as here:
         alone = trained(tmp_path / "here", here)

@@ -56,6 +56,7 @@ def killed_after(folder: Path, generation: int) -> None:
     assert training.returncode == -signal.SIGKILL
 
 
+@pytest.mark.slow
 def test_run_killed_twice_ends_with_the_weights_of_one_left_alone(
     monkeypatch, capsys, tmp_path: Path
 ) -> None:
@@ -86,6 +87,7 @@ def test_command_trains_by_default_as_the_settings_say() -> None:
     assert all(offered[name].default == fields[name].default for name in shared)
 
 
+@pytest.mark.slow
 def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
     weights = np.array(load_checkpoint(COMMITTED).weights)
     heard: list[tuple[int, int]] = []
