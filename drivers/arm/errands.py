@@ -5,6 +5,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
 import ruckig
 
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
@@ -13,6 +14,7 @@ from drivers.motion import TICK
 
 JOINTS = 7
 SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
+UNHEARD = 1e-6  # rad: more than the state's rounding
 LONGEST = 180.0  # s of an errand
 
 
@@ -88,7 +90,8 @@ def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any
         robot.write_joints(motion, output.new_position)
         before, state = state.time.to_sec(), robot.read(motion)
         output.pass_to_input(plan)
-        if round((state.time.to_sec() - before) / TICK) > 1:
+        lost = round((state.time.to_sec() - before) / TICK) > 1
+        if lost or not np.allclose(state.q_d, plan.current_position, rtol=0.0, atol=UNHEARD):
             _resume(plan, state)
         _feel(state, task.settings.guard)
     robot.write_joints(motion, output.new_position, last=True)

@@ -19,6 +19,7 @@ from drivers.types import Pose, Velocity
 FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
 SPAN = 8  # ticks over which the velocity is measured
+UNHEARD = 1e-6  # m, and of a rotation's entries: more than the state's rounding
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -96,11 +97,11 @@ class Loop:
         self._obey(self._orders.read())
         if self.ticks % LOOK == 0:
             self._look_ahead()
-        command = self._profile.tick()
-        self._robot.write_pose(self._motion, self._plane.command(*command))
+        sent = self._plane.command(*self._profile.tick())
+        self._robot.write_pose(self._motion, sent)
         state = self._robot.read(self._motion)
         self.ticks += 1
-        self._keep_up(state)
+        self._keep_up(state, sent)
         self._publish(state)
         self._feel(state)
 
@@ -152,15 +153,16 @@ class Loop:
         if force > limit:
             self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
 
-    def _keep_up(self, state: Any) -> None:
-        """Go on from the robot's own setpoint when it has made ticks without a command.
+    def _keep_up(self, state: Any, sent: list[float]) -> None:
+        """Go on from the robot's own setpoint when that is not the one that was `sent`.
 
-        The robot continues the motion by itself meanwhile, and a command that does not continue
-        what it did is a discontinuity, which stops it.
+        A robot that hears a command too late continues the motion by itself, and a command that
+        does not continue what it did is a discontinuity, which stops it.
         """
         before, self._time = self._time, state.time.to_sec()
         lost = round((self._time - before) / TICK) - 1
-        if lost > 0:
+        apart = max(abs(c - s) for c, s in zip(state.O_T_EE_c, sent, strict=True))
+        if lost > 0 or apart > UNHEARD:
             pose = Pose(*self._plane.commanded(state.O_T_EE_c))
             velocity, acceleration = (
                 Velocity(*self._plane.rates(twist)) for twist in (state.O_dP_EE_c, state.O_ddP_EE_c)

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,11 +33,13 @@ from cell.record.run import read_run
 from drivers.arm.errands import go_to
 from drivers.arm.process import Task
 from drivers.arm.timing import Timing
+from drivers.errors import Fault
 from drivers.strip.describe import load_strip
 from drivers.twin.server.server import RobotServer
 from drivers.twin.server.settings import ServerSettings
 from drivers.types import frozen
 
+TRIES = 10
 BAR = 2.0  # points at most between the bare loop and the cell
 STILL = 10.0  # s of the bare loop at a time
 BETWEEN = 0.0005  # m, always between the fingers: this robot knows no strip
@@ -126,15 +128,24 @@ def measure(seconds: float, strip: str) -> tuple[Share, Share, list[str]]:
                 bare.add(STILL, json.loads(told.stdout))
             else:
                 ends.append("bare loop stopped by reflex")
-            go_to(Task(address, fci, installation, 0.0), joints, 1.0, recover=True)
+            go_home(Task(address, fci, installation, 0.0), joints)
             result = fold(request, calibration=calibration, page=False)
             header = read_run(Path(result.run)).header
             if header.arm_timing is not None:
                 cell.add(result.duration, header.arm_timing.model_dump())
             ends.append(result.outcome)
             sys.stderr.write(f"{cell.seconds:.0f} s: {result.outcome}: {result.reason}\n")
-            go_to(Task(address, fci, installation, 0.0), joints, 1.0, recover=True)
+            go_home(Task(address, fci, installation, 0.0), joints)
     return bare, cell, ends
+
+
+def go_home(task: Task, joints: list[float]) -> None:
+    """Bring the robot to `joints`; a machine that loses packets may need several tries."""
+    for _ in range(TRIES):
+        with suppress(Fault):
+            go_to(task, joints, 1.0, recover=True)
+            return
+    raise SystemExit(f"the robot did not come home in {TRIES} tries: too many packets are lost")
 
 
 def configured(folder: Path, address: str) -> Path:
