@@ -99,7 +99,7 @@ class MotionProfile:
 
     def resume(self, pose: Pose, velocity: Velocity, acceleration: Velocity, lost: int) -> None:
         """Go on from where the arm came by itself in `lost` ticks without a setpoint."""
-        self._age += max(lost, 0)
+        self._age += lost
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
         self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]

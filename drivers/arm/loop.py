@@ -160,14 +160,14 @@ class Loop:
         does not continue what it did is a discontinuity, which stops it.
         """
         before, self._time = self._time, state.time.to_sec()
-        lost = round((self._time - before) / TICK) - 1
+        ticks = round((self._time - before) / TICK)
         apart = max(abs(c - s) for c, s in zip(state.O_T_EE_c, sent, strict=True))
-        if lost > 0 or apart > UNHEARD:
+        if ticks > 1 or apart > UNHEARD:
             pose = Pose(*self._plane.commanded(state.O_T_EE_c))
             velocity, acceleration = (
                 Velocity(*self._plane.rates(twist)) for twist in (state.O_dP_EE_c, state.O_ddP_EE_c)
             )
-            self._profile.resume(pose, velocity, acceleration, lost)
+            self._profile.resume(pose, velocity, acceleration, max(ticks - 1, 1))
 
     def _look_ahead(self) -> None:
         """Brake while the arm still can, before it comes where it could not follow."""

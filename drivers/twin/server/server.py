@@ -224,7 +224,7 @@ class RobotServer:
 
         The hand is handled before the arm, so that a command for it counts from the same tick.
         """
-        if seconds is not None and seconds < OFFER_HAND:
+        if seconds is not None and 0 < seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
             seconds = 0
         events = self._poll.poll(seconds)

@@ -1,0 +1,40 @@
+"""The lay, driven tick by tick by an arm that does what it is told."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.orchestrator.lay import BRAKING, TURNING, follow_lay
+from cell.orchestrator.snapshot import Drive
+from drivers.types import Pose, Velocity
+from policies.path import Path
+from tests.cell.orchestrator.test_monitors import GOOD
+
+TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
+
+
+def driven(start: tuple[float, float]) -> list[Velocity]:
+    """Velocities commanded from `start` to the fixed edge, up to the last move."""
+    begin = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*start, math.pi / 2)))
+    lay = follow_lay(Path.through(np.array([start, (0.0, REST)])), SPEED, begin)
+    command, snapshot, told = next(lay), begin, []
+    while isinstance(command, Drive):
+        told.append(command.velocity)
+        pose, rate = snapshot.arm.pose, command.velocity
+        x, z = pose.x + TICK * rate.vx, pose.z + TICK * rate.vz
+        pitch = pose.pitch + TICK * rate.pitch_rate
+        snapshot = replace(snapshot, arm=replace(snapshot.arm, pose=Pose(x, z, pitch)))
+        command = lay.send(snapshot)
+    return told[1:]  # the first one is that of the fold
+
+
+@pytest.mark.parametrize("start", [(0.2, 0.24), (0.038, 0.038)], ids=["long", "short"])
+def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float, float]) -> None:
+    told = driven(start)
+    speeds = [math.hypot(v.vx, v.vz) for v in told]
+    assert max(speeds) <= SPEED + 1e-9
+    assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3  # m, in which it could stop
+    assert max(abs(v.pitch_rate) for v in told) <= TURNING
+    assert all(v.vz < 0.0 for v in told)
