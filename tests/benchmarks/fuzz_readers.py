@@ -49,6 +49,7 @@ from tests.cell.conftest import HEADER, RESULT, MadeFold, straight_camera
 from tests.support.hostile_files import Spoiled, copied, documents, spoilers
 
 LONGEST = 2.0  # s of processor time for one input
+PAGE = 0.8  # s for a whole folder's page where LONGEST holds; a slower machine has more
 MEMORY = 1000  # MB at most
 Reader = Callable[[Path], object]
 
@@ -58,14 +59,14 @@ class TooLong(BaseException):
 
 
 @contextmanager
-def limited() -> Iterator[None]:
-    """Ends what takes more than LONGEST [s] of processor time, or waits ten times as long."""
+def limited(longest: float) -> Iterator[None]:
+    """Ends what takes more than `longest` [s] of processor time, or waits ten times as long."""
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise TooLong
 
     timers = ((signal.ITIMER_PROF, signal.SIGPROF), (signal.ITIMER_REAL, signal.SIGALRM))
-    for (timer, number), limit in zip(timers, (LONGEST, 10 * LONGEST), strict=True):
+    for (timer, number), limit in zip(timers, (longest, 10 * longest), strict=True):
         signal.signal(number, stop)
         signal.setitimer(timer, limit)
     try:
@@ -75,9 +76,9 @@ def limited() -> Iterator[None]:
             signal.setitimer(timer, 0.0)
 
 
-def tried(read: Callable[[], object]) -> str:
+def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
     """How a reader took its input: `read` or `refused`; anything else is raised."""
-    with limited(), warnings.catch_warnings():
+    with limited(longest), warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
             read()
@@ -164,7 +165,7 @@ def made_run(root: Path) -> Path:
     return writer.folder
 
 
-def read_everything(folder: Path, *, pages: bool) -> Counter[str]:
+def read_everything(folder: Path, longest: float, *, pages: bool) -> Counter[str]:
     """Everything that reads a run folder; `pages` draws the report and the recording too."""
     strip = load_strip(find_configs(None).strip_path("denim"))
     readers: dict[str, Reader] = {
@@ -177,7 +178,7 @@ def read_everything(folder: Path, *, pages: bool) -> Counter[str]:
     }
     if pages:
         readers |= {"report": write_report, "viz": viz_from_run}
-    return Counter(f"{name} {tried(lambda: r(folder))}" for name, r in readers.items())  # noqa: B023
+    return Counter(f"{name} {tried(lambda: r(folder), longest)}" for name, r in readers.items())  # noqa: B023
 
 
 def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[str]:
@@ -187,6 +188,9 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
     first = copied(whole, root / "first" / whole.name)
     for read in (write_report, viz_from_run):
         read(first)  # what they import and compile once counts for no input
+    begun = time.process_time()
+    write_report(first)
+    longest = LONGEST * max(1.0, (time.process_time() - begun) / PAGE)
     for seed_of in (8, 9):  # folds of other seeds, beside which a spoiled one is fitted
         beside = copied(whole, root / "runs" / f"a-whole-{seed_of}")
         text = (beside / "run.yaml").read_text()
@@ -194,7 +198,7 @@ def fuzz_folders(count: int, start: int, root: Path, pages: int = 4) -> Counter[
 
     def check(changes: tuple[Spoiled, ...]) -> None:
         folder = copied(whole, root / "runs" / "20261121T000000Z-denim-fold-0000", *changes)
-        took.update(read_everything(folder, pages=took["folders"] % pages == 0))
+        took.update(read_everything(folder, longest, pages=took["folders"] % pages == 0))
         took["folders"] += 1
 
     spoiled = spoilers(whole)
