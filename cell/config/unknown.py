@@ -8,6 +8,7 @@ NAME = "unknown"
 MARK = NAME + ":"  # before its length [m], where a strip is named
 WIDTH, DENSITY = 0.05, 0.3  # m, kg/m^2
 BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)  # m, s: the paper's range
+THICKNESS = (0.0002, 0.003)  # m, of shirting and of felt
 ASSUMED = ("width", "areal_density", "bending_length", "retardation_time", "thickness")
 
 
@@ -33,6 +34,7 @@ def unknown_strip(length: str) -> StripFile:
         "spread": {
             "bending_length": list(BENDING_LENGTH),
             "retardation_time": list(RETARDATION_TIME),
+            "thickness": list(THICKNESS),
         },
         "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED],
     }
