@@ -1,11 +1,11 @@
 """Unknown strips folded by `adaptive` through images: how far off, and how well it was foretold.
 
 python -m tests.benchmarks.measure_unknown [--hidden nothing,friction,seam] [--count N] [--first K]
-    [--rate 30]
+    [--rate 30] [--calipers]
 
 Strips are drawn over the paper's range, each with the effect named by --hidden at textile size:
 `friction`, `nothing`, one of the library's, or two joined by a plus. A cell that knows only their
-length folds them. Strip K of a name is the same in every run. Prints for every name |d| and final
+length folds them, with --calipers also their thickness. Strip K of a name is the same in every run. Prints for every name |d| and final
 offset of the edges by truth, what the camera said of the edges, the share of folds within one and
 1.96 sigma of what was foretold, and the errors of the belief.
 """
@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from cell.config.places import find_configs
-from cell.config.unknown import MARK
+from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
 from cell.operations.fold import Request, fold
 from cell.operations.result import FoldResult
@@ -66,12 +66,13 @@ def drawn(hidden: str, number: int) -> StripFile:
     return plain(rng, **effects)
 
 
-def folded(strip: StripFile, number: int, configs: Path, folder: Path) -> Row:
-    """The fold of `strip` by a cell that knows its length alone."""
+def folded(strip: StripFile, number: int, configs: Path, folder: Path, *, calipers: bool) -> Row:
+    """The fold of `strip` by a cell that knows its length, and with `calipers` its thickness."""
+    name = name_of(LENGTH, strip.thickness if calipers else None)
     plant = folder / "plant.yaml"
     plant.write_text(yaml.safe_dump(strip.model_dump(mode="json", by_alias=True)), encoding="utf-8")
     request = Request(
-        *(f"{MARK}{LENGTH}", "adaptive", None, DeviceSelection(plant=plant, seed=number)),
+        *(name, "adaptive", None, DeviceSelection(plant=plant, seed=number)),
         *(folder / "runs", configs, "none", True, "off"),
     )
     result = fold(request, page=False)
@@ -118,6 +119,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--rate", type=float)
+    parser.add_argument("--calipers", action="store_true")
     asked = parser.parse_args()
     with TemporaryDirectory() as place:
         folder = Path(place)
@@ -125,7 +127,8 @@ def main() -> None:
         for name in asked.hidden.split(","):
             rows = []
             for number in range(asked.first, asked.first + asked.count):
-                rows.append(folded(drawn(name, number), number, configs, folder))
+                strip = drawn(name, number)
+                rows.append(folded(strip, number, configs, folder, calipers=asked.calipers))
                 numbers = " ".join(f"{value:+6.2f}" for value in rows[-1].numbers())
                 print(f"{name} {number} {rows[-1].result.outcome} {numbers}", flush=True)
             print(line(name, rows), flush=True)
