@@ -12,7 +12,7 @@ MEAN, OF_LENGTH, OF_TIME, OF_FRICTION = 3.21e-3, -1.39e-3, -0.71e-3, -3.03e-3
 OF_LENGTH_AND_TIME, OF_LENGTH_AND_FRICTION = -2.71e-3, -4.87e-3
 LENGTH, TIME = np.log(0.02), np.log(0.05)  # ln of m, s, about which the fit is made
 MOST = 5e-3  # m
-SHARE = 0.35  # of it that the fold is displaced to the other side: d and offset both stay small
+SHARE = 0.3  # of it that the fold is displaced to the other side: d and offset both stay small
 
 
 def rolled(belief: Belief) -> Array:

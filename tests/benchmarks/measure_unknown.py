@@ -5,9 +5,9 @@ python -m tests.benchmarks.measure_unknown [--hidden nothing,friction,seam] [--c
 
 Strips are drawn over the paper's range, each with the effect named by --hidden at textile size:
 `friction`, `nothing`, one of the library's, or two joined by a plus. A cell that knows only their
-length folds them, with --calipers also their thickness. Strip K of a name is the same in every run. Prints for every name |d| and final
-offset of the edges by truth, what the camera said of the edges, the share of folds within one and
-1.96 sigma of what was foretold, and the errors of the belief.
+length folds them, with --calipers also their thickness. Strip K of a name is the same in every run.
+Prints for every name |d| and final offset of the edges by truth, what the camera said of the edges,
+the share of folds within one and 1.96 sigma of what was foretold, and the errors of the belief.
 """
 
 import argparse
