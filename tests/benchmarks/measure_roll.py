@@ -152,8 +152,8 @@ def main() -> None:
     for name, value in (("|d|", np.abs(d)), ("|offset|", np.abs(offset))):
         most, worst = 1e3 * np.quantile(value, 0.95), 1e3 * value.max()
         print(f"{name:9s} mean {1e3 * value.mean():.2f}, 95 % {most:.2f}, worst {worst:.2f} mm")
-    terms = np.stack([ones, length, time, rubbed, length * time, length * rubbed], axis=1)
-    fit("roll (1, length, time, friction, length time, length friction)", terms, short - d)
+    terms = np.stack([ones, length, length**2, time, rubbed, length * time], axis=1)
+    fit("roll (1, length, length^2, time, friction, length time)", terms, short - d)
     fit("loop (1, length [m], friction)", np.stack([ones, c, rubbed], axis=1), offset - straight)
 
 
