@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
+from policies.adaptive.bias import IN_ROD, Bias
 from policies.adaptive.critic import Critic, Judgement
 from policies.adaptive.features import USUAL, Features
 from policies.adaptive.roll import wanted
@@ -22,21 +23,6 @@ BLIND = 0.2  # s without an image that deserves belief, after which nothing is f
 LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
-
-
-class Bias(NamedTuple):
-    """Displacement that the critic foresees minus the one that comes [m]: `mean` and `sigma`."""
-
-    mean: float
-    sigma: float
-
-
-IN_ROD = Bias(0.0, 0.0)
-"""Of folds like those of the training."""
-THROUGH_IMAGES = Bias(1.3e-3, 0.35e-3)
-"""Of folds of the chain through images (`python -m tests.benchmarks.measure_foretold`): half of it
-the chain's, which falls a little further than the rod; to the critic, the tenths of a millimetre by
-which images are off are damping."""
 
 
 class Fold(NamedTuple):
@@ -66,6 +52,7 @@ class Adaptive:
         self.judgement: Judgement | None = None
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._length = USUAL
+        self._thickness: float | None = None
         self._steering = Steering(USUAL, SPEED, 1)
         self._features = Features(USUAL, 1)
         self._fold: Fold = _begun(USUAL, 1, critic.memory)
@@ -77,6 +64,7 @@ class Adaptive:
         """
         _check(strip.length, speed)
         self._length, self.judgement = strip.length, None
+        self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
         self._features = Features(strip.length, count)
         self._fold = _begun(strip.length, count, self.critic.memory)
@@ -95,9 +83,10 @@ class Adaptive:
         if self.judgement is None:
             return None
         displacement, sigma = self.judgement.displacement, self.judgement.sigma
+        bias = self.bias.of(self.judgement.belief, self._thickness)
         return Foretold(
-            displacement=float(displacement[0]) - self.bias.mean,
-            sigma=math.hypot(float(sigma[0]), self.bias.sigma),
+            displacement=float(displacement[0] - bias[0]),
+            sigma=float(self.bias.sigma_of(sigma, self._thickness)[0]),
             **self.judgement.belief.first(),
             blind=bool(self.blind[0]),
         )
@@ -124,7 +113,8 @@ class Adaptive:
 
     def _moved(self, judgement: Judgement, time: Array) -> Array:
         """The rises (n,) at which d is as wanted, approached smoothly."""
-        missing = wanted(judgement.belief) + self.bias.mean - judgement.displacement
+        bias = self.bias.of(judgement.belief, self._thickness)
+        missing = wanted(judgement.belief) + bias - judgement.displacement
         rise = self.rise + missing / judgement.slope
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)

@@ -7,7 +7,8 @@ from policies.policy import Policy
 
 
 def _make(checkpoint: Path | None) -> Policy:
-    from policies.adaptive.adaptive import THROUGH_IMAGES, Adaptive
+    from policies.adaptive.adaptive import Adaptive
+    from policies.adaptive.bias import THROUGH_IMAGES
     from policies.adaptive.checkpoint import load_critic
 
     return Adaptive(load_critic(checkpoint), THROUGH_IMAGES)

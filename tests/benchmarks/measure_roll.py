@@ -20,7 +20,8 @@ from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array, Pose
-from policies.adaptive.adaptive import Adaptive, Bias
+from policies.adaptive.adaptive import Adaptive
+from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import friction, plain
 from policies.adaptive.roll import LENGTH, TIME
@@ -33,7 +34,7 @@ DT = 0.005  # s
 SEEN_AFTER = 0.1  # s after the touch, when it is told
 SPEED = 0.1  # m/s
 SHORT = 0.006  # m before the taut edge
-ON_CHAIN = Bias(0.7e-3, 0.0)  # of the critic, told of states
+ON_CHAIN = Bias(0.77e-3, -0.97e-3)  # of the critic, told of states
 
 
 class Traced:
