@@ -18,7 +18,7 @@ def belief(friction: float, length: float = 0.0) -> Belief:
 
 def test_nothing_is_wrong_in_the_rod() -> None:
     assert IN_ROD.of(belief(1.0, 0.3), 0.002) == pytest.approx([0.0])
-    assert IN_ROD.sigma_of(np.array([5e-4]), None) == pytest.approx([5e-4])
+    assert IN_ROD.sigma_of(np.array([5e-4]), belief(1.0), None) == pytest.approx([5e-4])
 
 
 def test_stiff_and_rough_strips_fall_less_far_than_foreseen_smooth_ones_further() -> None:
@@ -30,6 +30,8 @@ def test_stiff_and_rough_strips_fall_less_far_than_foreseen_smooth_ones_further(
 
 def test_thickness_that_nobody_measured_widens_sigma() -> None:
     sigma = np.array([5e-4])
-    known, unknown = (THROUGH_IMAGES.sigma_of(sigma, each)[0] for each in (0.001, None))
+    smooth = belief(0.0)
+    known, unknown = (THROUGH_IMAGES.sigma_of(sigma, smooth, each)[0] for each in (0.001, None))
     assert unknown > 1.5 * known
+    assert THROUGH_IMAGES.sigma_of(sigma, belief(1.5), 0.001)[0] > 1.5 * known
     assert THROUGH_IMAGES.of(belief(0.5), None) == THROUGH_IMAGES.of(belief(0.5), 0.001)
