@@ -71,6 +71,11 @@ class MotionProfile:
         """The commanded acceleration [m/s^2, rad/s^2]."""
         return Velocity(*self._acceleration)
 
+    def soon(self, seconds: float) -> tuple[Pose, Velocity, Velocity]:
+        """Commanded pose, velocity and acceleration `seconds` later, if no other command comes."""
+        place, rate, change = self._plan.at_time(self._elapsed * self.period + seconds)
+        return Pose(*place), Velocity(*rate), Velocity(*change)
+
     @property
     def moving(self) -> bool:
         """True until the commanded motion has come to rest."""

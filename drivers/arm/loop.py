@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from drivers.arm.departure import Departure
 from drivers.arm.failure import Cause, Failed, Failure
-from drivers.arm.guard import ReachGuard
+from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
@@ -68,6 +68,7 @@ class Loop:
         self._lock_step = lock_step
         self._taken = orders.read().number
         self._beat, self._unheard = -1, 0
+        self._new = False  # whether a command has come since the last look ahead
         self._reason: Failure | None = None
         self.ticks = 0
         self.success = 0.0
@@ -120,7 +121,7 @@ class Loop:
         """Report a state, and brake where it or what lies ahead demands it."""
         self._publish(state)
         self._feel(state)
-        if self.ticks % LOOK == 0:
+        if self._new or self.ticks % LOOK == 0:
             self._look_ahead()
 
     def end(self) -> None:
@@ -152,6 +153,7 @@ class Loop:
             self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
 
     def _take(self, order: Order) -> None:
+        self._new = True
         values = order.a, order.b, order.c
         try:
             match order.kind:
@@ -197,9 +199,10 @@ class Loop:
 
     def _look_ahead(self) -> None:
         """Brake while the arm still can, before it comes where it could not follow."""
+        self._new = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(self._profile.pose, self._profile.velocity)
+        reason = self._guard.objection(Soon(*self._profile.soon(REACTION)))
         if reason:
             pose = self._profile.pose
             self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
