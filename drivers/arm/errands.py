@@ -18,6 +18,7 @@ JOINTS = 7
 SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
 UNHEARD = 3e-7  # rad: more than the rounding of the state
 REST = 1e-3  # rad/s at which the robot may be told to stand
+NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
 LONGEST = 180.0  # s of an errand
 
 
@@ -108,6 +109,8 @@ def follow_joints(
         if not np.allclose(state.q_d, plan.current_position, rtol=0.0, atol=UNHEARD):
             _resume(plan, state, share * ACCELERATION)
             moving = True
+            if _stands(state) and np.allclose(state.q_d, joints, rtol=0.0, atol=NEAR):
+                _brake(plan)
         _feel(state, guard)
     robot.write_joints(motion, list(state.q_d), last=True)
     return list(state.q)

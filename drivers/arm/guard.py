@@ -16,7 +16,8 @@ ROOM = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
 REACHED = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
-SHARE = 0.9  # of a joint's velocity and acceleration; the rest is for what changes on the way
+FAST = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
+SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for what changes on the way
 SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
@@ -32,10 +33,10 @@ class ReachGuard:
     """Looks at the commanded motion a moment later, and at where it would rest if it braked then.
 
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
-    what the motion asks of it, and what braking would, must lie within SHARE of its velocity and
-    acceleration. So the arm can always brake, whatever it is told next. Where a change of all axes
-    at once in the worst directions would ask SPARE of a joint's acceleration, it does not go: there
-    hardly any command could be followed.
+    what the motion asks of it, curvature included, must lie within FAST of its velocity and SHARE
+    of its acceleration; what braking would ask, within its acceleration. So the arm can brake,
+    whatever it is told next. Where a change of all axes at once in the worst directions would ask
+    SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
@@ -47,6 +48,7 @@ class ReachGuard:
         self._rest: Array = np.array(joints)
         self._twists = _twists(plane)
         self._most = np.array([axis.acceleration for axis in motion.axes])
+        self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: Soon) -> str:
         """Why a motion must not go on that will be so `soon`; empty while it may."""
@@ -54,7 +56,8 @@ class ReachGuard:
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
         )
-        braking = -np.sign(speed) * self._most
+        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
+        braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
         self._soon, here = self._followed(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
@@ -71,8 +74,8 @@ class ReachGuard:
             [
                 self._haste(turning),
                 np.abs(here @ change + bending) / limits.ACCELERATION / SHARE,
-                np.abs(here @ braking + bending) / limits.ACCELERATION / SHARE,
-                np.abs(there @ braking) / limits.ACCELERATION / SHARE,
+                np.abs(here @ braking + bending) / limits.ACCELERATION,
+                np.abs(there @ braking) / limits.ACCELERATION,
                 np.abs(there) @ self._most / limits.ACCELERATION / SPARE,
             ]
         )
@@ -96,7 +99,7 @@ class ReachGuard:
     def _haste(self, rates: Array) -> Array:
         """Joint `rates` (7,) [rad/s] as shares of what is allowed; 1 is the most."""
         low, high = limits.velocity_bounds(self._soon)
-        return np.asarray(np.maximum(rates / high, rates / low) / SHARE, dtype=np.float64)
+        return np.asarray(np.maximum(rates / high, rates / low) / FAST, dtype=np.float64)
 
 
 def _twists(plane: StripPlane) -> Array:
