@@ -155,7 +155,7 @@ def _resume(plan: Any, state: Any, most: float) -> None:
 
 def _stands(state: Any) -> bool:
     """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
-    return max(abs(rate) for rate in state.dq_d) < REST
+    return bool(max(abs(rate) for rate in state.dq_d) < REST)
 
 
 def _brake(plan: Any) -> None:

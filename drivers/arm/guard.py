@@ -1,5 +1,4 @@
-"""Keeps the gripper where the arm can follow and brake: joints off their ends, and never stretched.
-"""
+"""Keeps the gripper where the arm can follow and brake: joints off their ends, and never stretched."""
 
 from typing import NamedTuple
 

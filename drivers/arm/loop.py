@@ -107,7 +107,8 @@ class Loop:
         while the next one is on its way; in lock-step it is the newest that is considered.
         """
         self._obey(self._orders.read())
-        sent = self._plane.command(*self._profile.tick(), self._departure.tick())
+        x, z, pitch = self._profile.tick()
+        sent = self._plane.command(x, z, pitch, self._departure.tick())
         self._robot.write_pose(self._motion, sent)
         if not self._lock_step:
             self._consider(self._state)

@@ -56,9 +56,7 @@ class StripPlane:
         rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         self._rest = np.asarray(rest, dtype=np.float64)
 
-    def command(
-        self, x: float, z: float, pitch: float, aside: Triple = NONE
-    ) -> Numbers:
+    def command(self, x: float, z: float, pitch: float, aside: Triple = NONE) -> Numbers:
         """The hand's pose in the base as 16 numbers, column-major, as the robot takes it.
 
         `aside` leaves the plane: an offset across it [m], angles [rad] about its x and z axes.
@@ -66,8 +64,8 @@ class StripPlane:
         pose = self.matrix(x, z, pitch)
         if any(aside):
             pose[:3, 3] += aside[0] * self._axes[1]
-            pose[:3, :3] = rotation(aside[1] * self._axes[0] + aside[2] * self._axes[2]) @ (
-                pose[:3, :3]
+            pose[:3, :3] = (
+                rotation(aside[1] * self._axes[0] + aside[2] * self._axes[2]) @ (pose[:3, :3])
             )
         if self._rest is not None:
             pose = pose @ self._rest

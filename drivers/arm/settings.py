@@ -50,8 +50,8 @@ class FciSettings(Settings):
     Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
     with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
     requires a real-time kernel, as the manufacturer does; priority only that the user may have
-    real-time priority, which the process that owns the loop takes; ignore neither. The arm brakes at
-    `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
+    real-time priority, which the process that owns the loop takes; ignore neither. The arm brakes
+    at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
     than the cell's: the joints accelerate at 10 rad/s^2 at most, which bounds the gripper most
     where the arm is stretched.
     """

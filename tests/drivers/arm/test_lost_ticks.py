@@ -5,8 +5,8 @@ import pytest
 
 from drivers.arm.departure import FADE, Departure
 from drivers.arm.errands import follow_joints
-from drivers.arm.plane import StripPlane
 from drivers.arm.messages import Kind
+from drivers.arm.plane import StripPlane
 from drivers.franka.kinematics import HOME
 from drivers.franka.tracking import rotation
 from drivers.motion import TICK
