@@ -1,4 +1,4 @@
-"""Keeps the gripper where the arm can follow and brake: joints off their ends, and never stretched."""
+"""Keeps the gripper where the arm can follow and brake: off the joints' ends, never stretched."""
 
 from typing import NamedTuple
 
