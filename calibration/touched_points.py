@@ -40,14 +40,23 @@ class TouchedPoints:
     """
 
     def __init__(
-        self, lens: Lens, settings: TouchSettings, plan: Sequence[Pose] | None = None
+        self,
+        lens: Lens,
+        settings: TouchSettings,
+        plan: Sequence[Pose] | None = None,
+        *,
+        fitted: bool = True,
     ) -> None:
-        """`plan` replaces the poses of the settings' grid, e.g. by edited ones."""
+        """`plan` replaces the poses of the settings' grid, e.g. by edited ones.
+
+        Points that are not `fitted` may be few, and each is touched once.
+        """
         self._lens = lens
         self._settings = settings
-        self._plan = touch_plan(settings) if plan is None else checked_plan(plan, settings)
+        planned = touch_plan(settings) if plan is None else tuple(plan)
+        self._plan = checked_plan(planned, settings) if fitted else planned
         self._queue = list(range(len(self._plan)))
-        self._second = False
+        self._fitted, self._second = fitted, False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
         self._touches: list[Touched] = []
@@ -71,6 +80,11 @@ class TouchedPoints:
     def held_out(self) -> bool:
         """Whether the pose that is asked for decides and is not fitted."""
         return bool(self._queue) and held_out(self._queue[0], self._settings)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the points make a map, not only check one."""
+        return self._fitted
 
     @property
     def again(self) -> bool:
@@ -98,7 +112,7 @@ class TouchedPoints:
         """Give up the requested pose."""
         self._queue = self._queue[1:]
         self._tries, self._last = 0, None
-        if not self._queue and not self._second:
+        if not self._queue and self._fitted and not self._second:
             self._second = True
             self._queue = list(suspects(self._touches, self._lens, self._settings))
 
@@ -153,6 +167,14 @@ def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
         columns = np.linspace(settings.x_min, settings.x_max, settings.columns)
         poses += [Pose(float(x), float(z), pi / 2) for x in columns[:: 1 if i % 2 == 0 else -1]]
     return checked_plan(poses, settings)
+
+
+def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
+    """Poses that tell whether a calibration still holds: the corners and the middle."""
+    xs, zs = (settings.x_min, settings.x_max), (settings.z_min, settings.z_max)
+    middle = (sum(xs) / 2, sum(zs) / 2)
+    places = [(xs[0], zs[0]), (xs[1], zs[0]), middle, (xs[1], zs[1]), (xs[0], zs[1])]
+    return tuple(Pose(x, z, pi / 2) for x, z in places)
 
 
 def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, ...]:

@@ -14,8 +14,8 @@ def policy_names() -> tuple[str, ...]:
     return tuple(entries())
 
 
-def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
-    """The policy called `name`, not yet reset.
+def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> Policy:
+    """The policy called `name`, not yet reset, for folds through images or `in_rod`.
 
     `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
     for an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
@@ -28,7 +28,9 @@ def make_policy(name: str, checkpoint: FilePath | None = None) -> Policy:
     if checkpoint is not None and not entries()[name].learned:
         learned = ", ".join(sorted(n for n, entry in entries().items() if entry.learned))
         raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")
-    return entries()[name].make(checkpoint)
+    entry = entries()[name]
+    make = entry.in_rod if in_rod and entry.in_rod is not None else entry.make
+    return make(checkpoint)
 
 
 def _motion(name: str) -> Policy:

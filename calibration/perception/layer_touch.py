@@ -10,6 +10,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
 DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals tell different events
+THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 
 
@@ -30,12 +31,14 @@ class LayerTouch:
 
     The first signal is the gap: within `touch_margin` of the touching distance. The second is the
     fall: its speed drops to `touch_stop` of what it was while the gap closed. The time of the touch
-    is where the closing gap, extrapolated from before the stop, reaches the touching distance.
+    is where the closing gap, extrapolated from before the stop, reaches the touching distance. That
+    is the strip's thickness; where the file states a spread of it, the gap that stays.
     """
 
     def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
         self._settings = settings
-        self._distance = max(strip.thickness, 0.001)
+        thickness = strip.spread.get("thickness", (strip.thickness, strip.thickness))
+        self._distances = max(thickness[0], THINNEST), max(thickness[1], THINNEST)
         self._length = strip.length
         self._most = strip.length + settings.length_error
         self._falls: list[Fall] = []
@@ -61,10 +64,11 @@ class LayerTouch:
     def _judged(self) -> SeenTouch | None:
         t = np.array([f.time for f in self._falls])
         gap = np.array([f.gap for f in self._falls])
-        near = gap < self._distance + self._settings.touch_margin
-        if not near[-3:].all() or len(gap) < 6:
+        distance = float(np.clip(np.median(gap[-3:]), *self._distances))
+        level = distance + self._settings.touch_margin
+        if len(gap) < 6 or not (gap[-3:] < level).all():
             return None
-        closing = _closing(t, gap, self._distance + self._settings.touch_margin, self._distance)
+        closing = _closing(t, gap, level, distance)
         if closing is None:
             return None
         time, speed = closing
@@ -85,6 +89,7 @@ class LayerTouch:
             to_grasped=_at(time, t, l1),
             to_fixed=_at(time, t, x),
             confidence=float(np.exp(-apart)),
+            distance=distance,
         )
         return seen if self._is_a_fold(seen) else None
 

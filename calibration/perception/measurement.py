@@ -36,7 +36,8 @@ class StripMeasurement:
 class SeenTouch:
     """layer_touch measured in images: time [s], x [m], lengths l1 and l2 [m], confidence.
 
-    `confidence` is the agreement of its two signals, the closing gap and the stopping fold.
+    `confidence` is the agreement of its two signals, the closing gap and the stopping fold;
+    `distance` [m] that of the midlines, the strip's thickness where it is not below 1 mm.
     """
 
     time: float
@@ -44,6 +45,7 @@ class SeenTouch:
     to_grasped: float
     to_fixed: float
     confidence: float
+    distance: float
 
     @property
     def displacement(self) -> float:

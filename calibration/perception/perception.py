@@ -13,6 +13,7 @@ from calibration.perception.measurement import StripMeasurement
 from calibration.perception.profile import Geometry, midline_points, ordered, resampled
 from calibration.perception.region import START, Region, hide_hand, strip_region, zones
 from calibration.perception.settings import PerceptionSettings
+from calibration.perception.shade import without_shade
 from calibration.perception.silhouette import Grip, Side, outer_side, silhouette
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Gap, fold_tip, layer_gap
@@ -93,7 +94,7 @@ class Perception:
     def _levels(self, image: Image, region: Region, gripper: Pose) -> Image:
         """Matte levels of each pixel of `region`."""
         if self._scenery is None:
-            return self._matte.of(region.of(image))
+            return without_shade(self._matte.of(region.of(image)), region.of(self._zones.lifted))
         visible = np.full(region.of(image).shape[:2], 255, dtype=np.uint8)
         hide_hand(visible, region, self._calibration, gripper)
         return self._scenery.of(image, region, visible)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 
+from calibration.wizard.check_verdict import CheckVerdict
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import Grade, TouchVerdict
@@ -61,6 +62,19 @@ def touch_lines(
         level = Level.GOOD if touches.grade is Grade.GOOD else Level.FAIR
         return (*lines, Line(level, f"{touches.grade}: this calibration may be used"))
     return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
+
+
+def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
+    """Lines of the verdict on an old calibration."""
+    lines = [Line(Level.BAD, reason) for reason in verdict.reasons]
+    if verdict.errors_mm:
+        most = _level(verdict.worst_mm, 0.5, 1.0)
+        words = f"half of {len(verdict.errors_mm)} touched points are under "
+        words += f"{verdict.median_mm:.2f} mm off, the worst {verdict.worst_mm:.2f}"
+        lines.insert(0, Line(most, words))
+    if verdict.passed:
+        return (*lines, Line(Level.GOOD, "good: this calibration still holds"))
+    return (*lines, Line(Level.BAD, "refused: it no longer holds"))
 
 
 def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tuple[str, ...]:

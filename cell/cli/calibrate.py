@@ -7,12 +7,16 @@ from typing import Annotated
 import typer
 
 from cell.cli.calibrate_camera import calibrate_camera
+from cell.cli.calibrate_check import calibrate_check
 from cell.cli.calibrate_homography import calibrate_homography
 from cell.cli.options import Configs
 
-calibrate = typer.Typer(help="Calibrate the camera: `camera` its lens, `homography` its place.")
+calibrate = typer.Typer(
+    help="Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
+)
 calibrate.command(name="camera")(calibrate_camera)
 calibrate.command(name="homography")(calibrate_homography)
+calibrate.command(name="check")(calibrate_check)
 
 
 @calibrate.callback(invoke_without_command=True)

@@ -68,7 +68,7 @@ def calibrate_homography(
         _finish(settings, solved.touches, solved.latency, made, out, as_json=as_json)
     else:
         folder = session_folder(out, settings.name, "homography")
-        devices = _devices(settings, arm, camera)
+        devices = opened(settings, arm, camera)
         session = _run(
             settings,
             devices,
@@ -84,7 +84,8 @@ def calibrate_homography(
     sys.exit(0 if made is not None else 1)
 
 
-def _devices(settings: "CellFile", arm: ArmDriver | None, camera: CameraDriver | None) -> "Devices":
+def opened(settings: "CellFile", arm: ArmDriver | None, camera: CameraDriver | None) -> "Devices":
+    """The cell's devices for a calibration, without a strip."""
     from cell.devices.devices import DeviceSelection
     from cell.devices.open import open_cell
     from cell.operations.calibrate import NO_STRIP

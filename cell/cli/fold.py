@@ -53,6 +53,9 @@ StripName = Annotated[
 ]
 PolicyName = Annotated[str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")]
 Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
+Thickness = Annotated[
+    float | None, typer.Option(help="Its thickness [m], where calipers are at hand.")
+]
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
 ]
@@ -62,6 +65,7 @@ def fold(
     strip: StripName,
     policy: PolicyName = "adaptive",
     length: Length = None,
+    thickness: Thickness = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Plants = None,
     arm: Annotated[ArmDriver | None, typer.Option(help="Arm driver.")] = None,
@@ -93,7 +97,7 @@ def fold(
 
     choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
     base = Request(
-        strip=_named(strip, length),
+        strip=_named(strip, length, thickness),
         policy=policy,
         checkpoint=checkpoint,
         choice=choice,
@@ -127,16 +131,20 @@ def _folded(base: "Request", wanted: "Sequence[Request]", jobs: int, *, as_json:
     return code
 
 
-def _named(strip: str, length: float | None) -> str:
-    """The strip as requests name it: one without a file by its length."""
-    from cell.config.unknown import MARK, NAME
+def _named(strip: str, length: float | None, thickness: float | None) -> str:
+    """The strip as requests name it: one without a file by its length, and thickness if known."""
+    from cell.config.unknown import NAME, name_of
     from drivers.errors import ConfigurationError
 
     if (strip == NAME) != (length is not None):
         raise ConfigurationError(
             "--length: goes with `--strip unknown`, which needs it; other strips have a file"
         )
-    return strip if length is None else f"{MARK}{length:g}"
+    if thickness is not None and length is None:
+        raise ConfigurationError(
+            "--thickness: goes with `--strip unknown`; other strips have a file that states it"
+        )
+    return strip if length is None else name_of(length, thickness)
 
 
 def _real(base: "Request") -> bool:

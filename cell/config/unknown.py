@@ -1,31 +1,56 @@
 """A fabric without a file: what is assumed of it before the fold."""
 
+from typing import Any
+
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 
 NAME = "unknown"
-MARK = NAME + ":"  # before its length [m], where a strip is named
+MARK = NAME + ":"  # before its length [m], and its thickness [m] if known, where a strip is named
 WIDTH, DENSITY = 0.05, 0.3  # m, kg/m^2
 BENDING_LENGTH, RETARDATION_TIME = (0.0135, 0.0333), (0.004, 1.0)  # m, s: the paper's range
-ASSUMED = ("width", "areal_density", "bending_length", "retardation_time", "thickness")
+THICKNESS = (0.0002, 0.003)  # m, of shirting and of felt
+ASSUMED = ("width", "areal_density", "bending_length", "retardation_time")
+CALIPERS = {"key": "thickness", "source": "measured", "note": "stated by the operator"}
 
 
-def unknown_strip(length: str) -> StripFile:
-    """The strip of `length` [m] that nobody measured: the middle of the paper's range.
+def name_of(length: float, thickness: float | None) -> str:
+    """The name of a strip of which only these are known [m], for `unknown_strip` past its MARK."""
+    return f"{MARK}{length:g}" if thickness is None else f"{MARK}{length:g}:{thickness:g}"
 
-    Raises ConfigurationError for what is no length.
+
+def unknown_strip(known: str) -> StripFile:
+    """The strip of which only length, or `LENGTH:THICKNESS` [m], is `known`: the middle of the
+    paper's range.
+
+    Raises ConfigurationError for what are no such numbers.
     """
+    length, _, thickness = known.partition(":")
+    content = _content(_metres("--length", length))
+    if thickness:
+        content["thickness"] = _metres("--thickness", thickness)
+        del content["spread"]["thickness"]
+        content["provenance"].append(CALIPERS)
+    else:
+        content["provenance"].append({"key": "thickness", "source": "assumed"})
+    return parse(content, StripFile, "--length, --thickness")
+
+
+def _metres(option: str, text: str) -> float:
     try:
-        metres = float(length)
+        return float(text)
     except ValueError:
         raise ConfigurationError(
-            f"--length: {length!r} is no number; give the strip's length in metres, as 0.6"
+            f"{option}: {text!r} is no number; give it in metres, as 0.6 for a length of 60 cm"
         ) from None
+
+
+def _content(length: float) -> dict[str, Any]:
     (c_low, c_high), (t_low, t_high) = BENDING_LENGTH, RETARDATION_TIME
-    content = {
+    return {
         "name": NAME,
-        "length": metres,
+        "length": length,
         "width": WIDTH,
         "areal_density": DENSITY,
         "bending_length": (c_low * c_high) ** 0.5,
@@ -33,7 +58,7 @@ def unknown_strip(length: str) -> StripFile:
         "spread": {
             "bending_length": list(BENDING_LENGTH),
             "retardation_time": list(RETARDATION_TIME),
+            "thickness": list(THICKNESS),
         },
         "provenance": [{"key": key, "source": "assumed"} for key in ASSUMED],
     }
-    return parse(content, StripFile, "--length")

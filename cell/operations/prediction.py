@@ -71,7 +71,7 @@ def predict(request: Request) -> Prediction:
     """
     configs = find_configs(request.configs)
     settings, strip = configs.cell(), configs.strip(request.strip)
-    policy = make_policy(request.policy, request.checkpoint)
+    policy = make_policy(request.policy, request.checkpoint, in_rod=True)
     variants = [strip, *_variants(strip)]
     folds = roll_out(
         policy,

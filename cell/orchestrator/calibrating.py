@@ -3,7 +3,8 @@
 from collections.abc import Generator
 
 from calibration.landmarks import remember
-from calibration.touched_points import TouchedPoints
+from calibration.touched_points import TouchedPoints, check_plan
+from calibration.wizard.check_verdict import check_verdict
 from calibration.wizard.latency import LatencySteps
 from calibration.wizard.news import Stage, TouchNews
 from cell.orchestrator.context import CalibrationContext
@@ -39,19 +40,32 @@ def go_calibrate(_cell: CalibrationContext, _record: Record, _begin: Snapshot) -
 
 
 def calibrate(cell: CalibrationContext, record: Record, _: Snapshot) -> Phase:
-    """Phase that measures the map to the plane, the latency, and the landmarks."""
+    """Phase that measures the map to the plane, the latency, and the landmarks; or checks one."""
     yield from open_hand()
     yield from _answer(cell, POINTER_IN)
     yield from close_hand()
-    points = TouchedPoints(cell.lens, cell.settings.touches, cell.plan)
+    points = _points(cell)
     yield from turn(points.plan[0].pitch)
     yield from _touch_all(cell, points, record)
+    if cell.old is not None:
+        cell.check = check_verdict(points.touches, cell.old, cell.settings.touches)
+        yield from open_hand()
+        yield from _answer(cell, POINTER_OUT)
+        return Event.CALIBRATED
     cell.touches = points.verdict()
     if cell.touches.homography is not None:
         yield from _measure_latency(cell, points)
     if cell.touches.homography is not None and cell.remembers:
         yield from _remember(cell, points)
     return Event.CALIBRATED
+
+
+def _points(cell: CalibrationContext) -> TouchedPoints:
+    """The points that are fitted, or the few that check an old calibration."""
+    settings = cell.settings.touches
+    if cell.old is None:
+        return TouchedPoints(cell.lens, settings, cell.plan)
+    return TouchedPoints(cell.lens, settings, cell.plan or check_plan(settings), fitted=False)
 
 
 def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) -> Doing:
@@ -151,9 +165,9 @@ def _answer(cell: CalibrationContext, question: Question) -> Answering:
 def _why(points: TouchedPoints) -> str:
     if points.again:
         return f"point {points.number} disagrees with the others: touch it once more"
-    done = len(points.touches)
+    done = f"{len(points.touches)} of {len(points.plan)} points are touched"
     part = "held out, it decides" if points.held_out else "fitted"
-    return f"point {points.number} ({part}): {done} of {len(points.plan)} points are touched"
+    return f"point {points.number} ({part}): {done}" if points.fitted else done
 
 
 def _news(points: TouchedPoints, wanted: Pose, why: str, stage: Stage | None = None) -> TouchNews:

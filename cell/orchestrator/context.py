@@ -7,6 +7,7 @@ from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
 from calibration.lens import Lens
 from calibration.perception.measurement import SeenTouch
+from calibration.wizard.check_verdict import CheckVerdict
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.news import Watcher, nobody
 from calibration.wizard.touch_verdict import TouchVerdict
@@ -45,8 +46,8 @@ class CalibrationContext:
     """A calibration of the map to the plane: its lens, its wizard's settings and its results.
 
     The `operator` is asked before the arm moves, `watch` receives all news. `plan` replaces the
-    poses of the settings. Only a run that `remembers` leaves `landmarks`. No strip is read, so
-    `reader` stays None.
+    poses of the settings. Only a run that `remembers` leaves `landmarks`. With an `old` calibration
+    nothing is fitted: a few touches leave a `check` of it. No strip is read: `reader` stays None.
     """
 
     settings: CellSettings
@@ -58,6 +59,8 @@ class CalibrationContext:
     touches: TouchVerdict | None = None
     latency: LatencyVerdict | None = None
     landmarks: Landmarks | None = None
+    old: Calibration | None = None
+    check: CheckVerdict | None = None
     reader: None = None
 
 

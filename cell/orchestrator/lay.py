@@ -16,16 +16,20 @@ TURN_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
 BRAKING = 0.5  # m/s^2, less than any arm's limit, towards the end of the path
 TURNING = 2.0  # rad/s, likewise: a short lay is a slow one
 CREEP = 0.005  # m/s
+PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 
 
 def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
-    """Path from `gripper` straight to the edge of the taut upper layer, `rest` [m] above the desk.
+    """Path from `gripper` straight to the fixed edge at x = 0, `rest` [m] above the desk.
 
-    That is x = touch.x - l1. A straight line, not the circle about the touch: the circle starts
-    sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
+    A layer that is too short is pulled along; the edge of one that is too long springs to the same
+    place from wherever it is laid. Within `PULL` of the edge of the taut upper layer, which is
+    x = touch.x - l1. A straight line, not the circle about the touch: the circle starts sideways,
+    pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
-    start = (gripper.x, gripper.z)
-    return Path.through(np.array([start, (touch.x - touch.to_grasped, rest)]))
+    taut = touch.x - touch.to_grasped
+    end = min(max(0.0, taut - PULL), taut + PULL)
+    return Path.through(np.array([(gripper.x, gripper.z), (end, rest)]))
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:

@@ -134,7 +134,8 @@ def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk without pulling the contact of the layers along."""
-    path = lay_path(_seen(cell), begin.arm.pose, cell.strip.thickness)
+    touch = _seen(cell)
+    path = lay_path(touch, begin.arm.pose, max(cell.strip.thickness, touch.distance))
     snapshot = yield from follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID

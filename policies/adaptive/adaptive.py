@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
+from policies.adaptive.bias import IN_ROD, Bias
 from policies.adaptive.critic import Critic, Judgement
 from policies.adaptive.features import USUAL, Features
 from policies.adaptive.roll import wanted
@@ -21,10 +22,6 @@ SMOOTH = 0.08  # s in which the path follows a new judgement
 BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
 LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
-# Of d minus what the critic foresees at the touch [m], mean and sigma over folds through images:
-# to the critic, tenths of a millimetre by which images are off are damping
-# (`python -m tests.benchmarks.measure_foretold`).
-SHORT, SCATTER = -1.3e-3, 0.35e-3
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
 
 
@@ -48,11 +45,14 @@ class Adaptive:
 
     name = "adaptive"
 
-    def __init__(self, critic: Critic) -> None:
+    def __init__(self, critic: Critic, bias: Bias = IN_ROD) -> None:
+        """With the `bias` that `critic` has where it folds."""
         self.critic = critic
+        self.bias = bias
         self.judgement: Judgement | None = None
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._length = USUAL
+        self._thickness: float | None = None
         self._steering = Steering(USUAL, SPEED, 1)
         self._features = Features(USUAL, 1)
         self._fold: Fold = _begun(USUAL, 1, critic.memory)
@@ -64,6 +64,7 @@ class Adaptive:
         """
         _check(strip.length, speed)
         self._length, self.judgement = strip.length, None
+        self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
         self._features = Features(strip.length, count)
         self._fold = _begun(strip.length, count, self.critic.memory)
@@ -82,9 +83,10 @@ class Adaptive:
         if self.judgement is None:
             return None
         displacement, sigma = self.judgement.displacement, self.judgement.sigma
+        bias = self.bias.of(self.judgement.belief, self._thickness)
         return Foretold(
-            displacement=float(displacement[0]) + SHORT,
-            sigma=math.hypot(float(sigma[0]), SCATTER),
+            displacement=float(displacement[0] - bias[0]),
+            sigma=float(self.bias.sigma_of(sigma, self._thickness)[0]),
             **self.judgement.belief.first(),
             blind=bool(self.blind[0]),
         )
@@ -111,7 +113,8 @@ class Adaptive:
 
     def _moved(self, judgement: Judgement, time: Array) -> Array:
         """The rises (n,) at which d is as wanted, approached smoothly."""
-        missing = wanted(judgement.belief) - judgement.displacement
+        bias = self.bias.of(judgement.belief, self._thickness)
+        missing = wanted(judgement.belief) + bias - judgement.displacement
         rise = self.rise + missing / judgement.slope
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)

@@ -12,9 +12,11 @@ class Entry:
     """A policy's factory, called with a checkpoint or None, and its `rank` in lists.
 
     A `learned` policy has weights that a checkpoint replaces. `make` does its own heavy imports, so
-    that names are listed without loading any policy.
+    that names are listed without loading any policy. `in_rod` makes the policy for folds of the
+    rod, where that is another one than for folds through images.
     """
 
     rank: int
     make: Callable[[Path | None], Policy]
     learned: bool = False
+    in_rod: Callable[[Path | None], Policy] | None = None

@@ -68,7 +68,7 @@ class OverRange:
 
 def knowing(policy: str, strips: Sequence[StripFile]) -> Policy:
     """The policy by name; one that must know the strip before the fold is given each strip."""
-    return Planned(strips) if policy == Planned.name else make_policy(policy)
+    return Planned(strips) if policy == Planned.name else make_policy(policy, in_rod=True)
 
 
 def _engine(name: str) -> Stepper:

@@ -29,10 +29,14 @@ def _profile(gap: float) -> Array:
 
 
 def _watch(
-    gap: Callable[[float], float], *, frames: int = 60, skip: set[int] | None = None
+    gap: Callable[[float], float],
+    strip: StripFile = DENIM,
+    *,
+    frames: int = 60,
+    skip: set[int] | None = None,
 ) -> tuple[SeenTouch | None, float]:
     """The touch told for gap(t) at 60 Hz, and when it was told."""
-    detector = LayerTouch(PerceptionSettings(), DENIM)
+    detector = LayerTouch(PerceptionSettings(), strip)
     for k in range(frames):
         if skip and k in skip:
             continue
@@ -76,6 +80,15 @@ def test_touch_stays_told() -> None:
 
 def test_fold_that_comes_to_rest_above_the_lower_layer_is_no_touch() -> None:
     assert _watch(_closing(0.05, 0.5, rest=0.003))[0] is None
+
+
+def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
+    unknown = DENIM.model_copy(update={"spread": {"thickness": (0.0002, 0.003)}})
+    touch, _ = _watch(_closing(0.05, 0.5, rest=0.0022), unknown)
+    assert touch is not None
+    assert touch.distance == pytest.approx(0.0022)
+    assert touch.time == pytest.approx(0.5 - 0.0012 / 0.05, abs=0.012)
+    assert _watch(_closing(0.05, 0.5, rest=0.005), unknown)[0] is None
 
 
 def test_gap_that_only_dips_is_no_touch() -> None:

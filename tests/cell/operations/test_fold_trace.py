@@ -20,7 +20,7 @@ from drivers.types import STILL, ArmState, Array, HandState, Pose
 from policies.measured_fold import MeasuredFold
 from tests.policies.test_policies_agreement import BELIEF, STRIP, measured
 
-TOUCH = SeenTouch(time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0)
+TOUCH = SeenTouch(time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0, distance=0.001)
 OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BELIEF)
 ANOTHER_LAW = {"quadratic_damping": (("coefficient", 0.02),)}
 

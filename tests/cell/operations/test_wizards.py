@@ -1,6 +1,7 @@
 """The wizards at the twin: unattended, kept, solved again from their folder to the last bit."""
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,14 +12,17 @@ import yaml
 
 from calibration.calibration import load_calibration
 from calibration.camera_info import read_lens
+from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.wizard.news import Stage, TouchNews, ViewNews
 from calibration.wizard.session import read_rows, read_session
+from calibration.wizard.words import check_lines
 from cell.config.cell import CellFile
 from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
 from cell.operations.calibrate import NO_STRIP
+from cell.operations.calibration_check import check_calibration
 from cell.operations.fold import Request, fold
 from cell.operations.homography_wizard import TouchSession, calibrate_homography, read_poses
 from cell.operations.keyboard import TwinOperator
@@ -252,6 +256,30 @@ def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touc
     header = yaml.safe_load((Path(result.run) / "run.yaml").read_text())
     assert header["calibration"]["id"] == session.calibration.id
     assert header["preflight"][0]["name"] == "camera stands where it was calibrated"
+
+
+@pytest.mark.parametrize(("shift", "holds"), [(0.0, True), (0.0015, False)])
+def test_calibration_is_checked_by_touching_five_points(touched, shift: float, holds: bool) -> None:
+    made = touched[0].calibration
+    moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
+    old = replace(made, homography=Homography.of(moved))
+    news: News = []
+    devices = _devices()
+    assert devices.aids is not None
+    operator = TwinOperator(devices.aids, Unattended())
+    verdict = check_calibration(SETTINGS, devices, old, operator, news.append)
+    assert verdict.passed is holds
+    assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
+    assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
+    assert check_lines(verdict)[-1].text.startswith("good" if holds else "refused")
+    assert isinstance(news[0], TouchNews)
+    assert news[0].wanted is not None
+
+
+def test_calibration_of_another_camera_is_not_checked(touched) -> None:
+    foreign = replace(touched[0].calibration, camera="another")
+    with pytest.raises(ConfigurationError, match="belongs to camera another"):
+        check_calibration(SETTINGS, _devices(), foreign, Unattended(), lambda _: None)
 
 
 def test_picture_of_the_session_is_drawn(shown, touched) -> None:

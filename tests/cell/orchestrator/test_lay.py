@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cell.orchestrator.lay import BRAKING, TURNING, follow_lay
+from calibration.perception.measurement import SeenTouch
+from cell.orchestrator.lay import BRAKING, PULL, TURNING, follow_lay, lay_path
 from cell.orchestrator.snapshot import Drive
 from drivers.types import Pose, Velocity
 from policies.path import Path
@@ -38,3 +39,14 @@ def test_lay_ends_slowly_and_turns_no_faster_than_an_arm_may(start: tuple[float,
     assert speeds[-1] ** 2 / (2 * BRAKING) < 1e-3  # m, in which it could stop
     assert max(abs(v.pitch_rate) for v in told) <= TURNING
     assert all(v.vz < 0.0 for v in told)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "end"), [(0.0, 0.0), (-0.003, 0.0), (0.004, 0.0), (-0.03, 0.03 - PULL)]
+)
+def test_grasped_edge_is_laid_over_the_fixed_one_unless_that_pulls_far(
+    displacement: float, end: float
+) -> None:
+    touch = SeenTouch(5.0, 0.25, 0.25 + displacement, 0.25, confidence=1.0, distance=0.001)
+    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST)
+    assert path.points[-1] == pytest.approx((end, REST))

@@ -31,7 +31,7 @@ def folded(policy: object, sensing: Sensing = IMAGES, *, rough: bool = False) ->
 
 @pytest.mark.parametrize("rough", [False, True], ids=["smooth", "yarn friction"])
 def test_unknown_strips_end_within_two_millimetres_in_the_mean(rough: bool) -> None:
-    folds = folded(make_policy("adaptive"), rough=rough)
+    folds = folded(make_policy("adaptive", in_rod=True), rough=rough)
     assert folds.touched.all()
     miss = np.abs(folds.displacement)
     assert miss.mean() < 0.002
@@ -41,7 +41,7 @@ def test_unknown_strips_end_within_two_millimetres_in_the_mean(rough: bool) -> N
 def test_half_the_images_dropped_or_three_millimetres_of_noise_end_no_fold() -> None:
     loud = replace(IMAGES, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
     for sensing in (replace(IMAGES, dropped=(0.5, 0.5)), loud):
-        folds = folded(make_policy("adaptive"), sensing)
+        folds = folded(make_policy("adaptive", in_rod=True), sensing)
         assert folds.touched.all()
         assert np.abs(folds.displacement).mean() < 0.0035
 

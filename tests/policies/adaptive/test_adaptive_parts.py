@@ -9,7 +9,7 @@ from drivers.errors import ConfigurationError
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import about, load_critic, save_critic
 from policies.adaptive.features import COUNT
-from policies.adaptive.roll import rolled, wanted
+from policies.adaptive.roll import MOST, SHARE, rolled, wanted
 from policies.adaptive.steering import Steering
 from policies.adaptive.window import SPAN, Window
 from policies.registry import make_policy
@@ -127,12 +127,12 @@ def test_strip_or_speed_that_was_not_trained_is_refused(length: float, speed: fl
         policy.reset(paper_strip(0.1, 0.01, length=length), speed, 1)
 
 
-def test_softer_strips_roll_further_and_are_folded_further_to_the_other_side() -> None:
+def test_fold_that_rolls_further_is_displaced_further_to_the_other_side() -> None:
     critic = load_critic()
-    policy = Adaptive(critic)
-    assert policy.foretold() is None
+    assert Adaptive(critic).foretold() is None
     whitened = critic.whitened(critic.weights["mean"][None])
     belief = critic.judge(whitened, critic.recalled(whitened)).belief
-    soft = belief._replace(log_bending_length=belief.log_bending_length - 0.3)
-    assert rolled(soft)[0] >= rolled(belief)[0] >= 0
-    assert wanted(soft)[0] <= 0
+    smooth = belief._replace(friction=0.0 * belief.friction)
+    rough = belief._replace(friction=0.0 * belief.friction + np.log1p(6.0))
+    assert MOST >= rolled(smooth)[0] > rolled(rough)[0] >= 0
+    assert -SHARE * MOST <= wanted(smooth)[0] < wanted(rough)[0] <= 0
