@@ -11,6 +11,11 @@ from drivers.types import Pose, Velocity
 TICK = 0.001  # s, the servo's period
 EXPIRY = 0.1  # s for which a velocity target holds
 BORDER = 1e-9  # m or rad, rounding at the border of the workspace
+SETTLE = 0.3  # s, of a correction near the goal
+CHANGE = 0.05  # s, of a correction near the velocity asked for
+LOSS = 0.01  # s that a robot may go on by itself at a time
+SLOWEST = 0.01  # of the acceleration, at least, in such a correction
+ARRIVED = 2e-5  # m or rad from the goal, from which nothing is corrected any more
 NOTHING = 1e-6  # m or rad, or the same per second: a change too small to have a direction
 
 Numbers = list[float]
@@ -66,6 +71,11 @@ class MotionProfile:
         """The commanded acceleration [m/s^2, rad/s^2]."""
         return Velocity(*self._acceleration)
 
+    def soon(self, seconds: float) -> tuple[Pose, Velocity, Velocity]:
+        """Commanded pose, velocity and acceleration `seconds` later, if no other command comes."""
+        place, rate, change = self._plan.at_time(self._elapsed * self.period + seconds)
+        return Pose(*place), Velocity(*rate), Velocity(*change)
+
     @property
     def moving(self) -> bool:
         """True until the commanded motion has come to rest."""
@@ -103,11 +113,22 @@ class MotionProfile:
         self._position = [pose.x, pose.z, pose.pitch]
         self._velocity = [velocity.vx, velocity.vz, velocity.pitch_rate]
         self._acceleration = [acceleration.vx, acceleration.vz, acceleration.pitch_rate]
+        goal = list(self._order.target_position)
         if self._wish is not None:
-            self._follow(self._wish, self._blocked)
-        elif not self._move(goal := list(self._order.target_position)):
+            self._follow(self._wish, self._blocked, gently=True)
+        elif self._is_at(goal):
+            self._follow(_STILL, gently=True)
+        elif not self._move(goal, gently=True):
             self._follow(_STILL)
             self._next_move = goal
+
+    def _is_at(self, goal: Numbers) -> bool:
+        apart = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
+        left = (
+            abs(rate) * SETTLE + abs(change) * LOSS**2
+            for rate, change in zip(self._velocity, self._acceleration, strict=True)
+        )
+        return max(apart) < ARRIVED and max(left) < ARRIVED
 
     def tick(self) -> Numbers:
         """Advance by one period; the commanded x, z [m], pitch [rad] at its end."""
@@ -141,8 +162,12 @@ class MotionProfile:
             goal, self._next_move = self._next_move, None
             self._move(goal)
 
-    def _follow(self, wish: Numbers, blocked: frozenset[int] = frozenset()) -> None:
-        """Plan towards a velocity; the `blocked` axes brake, each as fast as it can."""
+    def _follow(
+        self, wish: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
+    ) -> None:
+        """Plan towards a velocity, or `gently` if near it; the `blocked` axes brake, each as fast
+        as it can.
+        """
         order, synchronization = self._order, ruckig.Synchronization
         order.control_interface = ruckig.ControlInterface.Velocity
         order.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(wish)]
@@ -153,11 +178,18 @@ class MotionProfile:
         straight = any(wish) and not blocked and not any(self._acceleration)
         change = [w - v for w, v in zip(wish, self._velocity, strict=True)]
         _limit(order, self._limits, change if straight else _STILL)
+        if gently:
+            order.max_acceleration = [
+                most if i in blocked else min(most, max(abs(change[i]) / CHANGE, SLOWEST * most))
+                for i, most in enumerate(order.max_acceleration)
+            ]
         self._calculate(order, self._plan, self._state)
         self._elapsed = 0
 
-    def _move(self, goal: Numbers) -> bool:
-        """Plan a move to rest at `goal`; False when it would overshoot the workspace."""
+    def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
+        """Plan a move to rest at `goal`, or `gently` if near it; False when it would overshoot the
+        workspace.
+        """
         order = self._order
         order.control_interface = ruckig.ControlInterface.Position
         order.per_dof_synchronization = None
@@ -167,6 +199,14 @@ class MotionProfile:
         change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
         _limit(order, self._limits, change)
         order.max_velocity = _shared(order.max_velocity, change)
+        if gently:
+            far = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
+            order.max_acceleration = [
+                settling(distance, abs(rate), most)
+                for distance, rate, most in zip(
+                    far, self._velocity, order.max_acceleration, strict=True
+                )
+            ]
         self._calculate(order, self._plan, self._state)
         self._elapsed = 0
         return not self._leaving(self._plan)
@@ -207,6 +247,19 @@ class MotionProfile:
             self._ruckig.calculate(order, plan)
         except ruckig.RuckigError as error:
             raise Fault("motion_refused", " ".join(str(error).split())) from None
+
+
+def settling(distance: float, speed: float, most: float) -> float:
+    """Acceleration, of `most` at most, that an axis needs to stop at `distance` from its goal in
+    about SETTLE.
+
+    Corrections in the shortest time would swing about the goal for ever where ticks are lost: what
+    a lost tick continues is an acceleration.
+    """
+    needed = max(4 * distance / SETTLE**2, 2 * speed / SETTLE)
+    if distance > NOTHING:
+        needed = max(needed, speed**2 / distance)
+    return min(most, max(needed, SLOWEST * most))
 
 
 def _blank_order(limits: MotionLimits, synchronization: ruckig.Synchronization) -> Any:

@@ -17,6 +17,7 @@ Phase = Generator[Command, Snapshot, Event]
 Motion = Generator[Command, Snapshot, Snapshot]
 
 SETTLE = 0.3  # s for strip and image to come to rest
+TURNING = 2.4  # rad/s at most, a little below what any arm allows
 REACHED = 0.002  # m, rad: how near a finished move must have come
 
 
@@ -103,6 +104,11 @@ def _distance(a: Pose, b: Pose) -> float:
 
 
 def drive(decision: Decision, pitch_rate: float) -> Drive:
-    """The command that carries out a `decision` on one strip, turning at `pitch_rate` [rad/s]."""
+    """The command that carries out a `decision` on one strip, turning at `pitch_rate` [rad/s].
+
+    The rate is bounded: after a late tick the correction of the pitch may ask for more than an arm
+    gives.
+    """
+    rate = min(max(pitch_rate, -TURNING), TURNING)
     phi, speed = float(decision.direction[0]), float(decision.speed[0])
-    return Drive(Velocity(speed * cos(phi), speed * sin(phi), pitch_rate))
+    return Drive(Velocity(speed * cos(phi), speed * sin(phi), rate))

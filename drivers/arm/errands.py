@@ -1,6 +1,7 @@
 """What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
 
 import signal
+from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
@@ -10,11 +11,14 @@ import ruckig
 
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
 from drivers.arm.process import Task
-from drivers.motion import TICK
+from drivers.arm.scheduling import schedule
+from drivers.motion import TICK, settling
 
 JOINTS = 7
 SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
-UNHEARD = 1e-6  # rad: more than the state's rounding
+UNHEARD = 3e-7  # rad: more than the rounding of the state
+REST = 1e-3  # rad/s at which the robot may be told to stand
+NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
 LONGEST = 180.0  # s of an errand
 
 
@@ -73,29 +77,43 @@ def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)
+    schedule(task.settings.realtime)
     if not errand:
         return {"pose": list(robot.state().O_T_EE)}
     if errand["recover"]:
         robot.recover()
     robot.require_ready()
     robot.configure(task.settings.collision)
+    share, guard = errand["share"], task.settings.guard
+    return {"joints": follow_joints(robot, errand["joints"], share, guard, pipe.poll)}
+
+
+def follow_joints(
+    robot: Any, joints: list[float], share: float, guard: float, left: Callable[[], bool]
+) -> list[float]:
+    """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left`; where it stands then.
+
+    Raises Failed at more than `guard` [N] on the hand.
+    """
     motion = robot.start_joints()
     state = robot.read(motion)
-    plan = _plan(list(state.q_d), errand["joints"], errand["share"])
-    output, working = ruckig.OutputParameter(JOINTS), True
-    while working:
-        if pipe.poll():
+    plan = _plan(list(state.q_d), joints, share)
+    output, moving = ruckig.OutputParameter(JOINTS), True
+    while moving or not _stands(state):
+        if left():
             _brake(plan)
-        working = _step_planner(plan, output)
+        moving = _step_planner(plan, output)
         robot.write_joints(motion, output.new_position)
-        before, state = state.time.to_sec(), robot.read(motion)
+        state = robot.read(motion)
         output.pass_to_input(plan)
-        lost = round((state.time.to_sec() - before) / TICK) > 1
-        if lost or not np.allclose(state.q_d, plan.current_position, rtol=0.0, atol=UNHEARD):
-            _resume(plan, state)
-        _feel(state, task.settings.guard)
-    robot.write_joints(motion, output.new_position, last=True)
-    return {"joints": list(state.q)}
+        if not np.allclose(state.q_d, plan.current_position, rtol=0.0, atol=UNHEARD):
+            _resume(plan, state, share * ACCELERATION)
+            moving = True
+            if _stands(state) and np.allclose(state.q_d, joints, rtol=0.0, atol=NEAR):
+                _brake(plan)
+        _feel(state, guard)
+    robot.write_joints(motion, list(state.q_d), last=True)
+    return list(state.q)
 
 
 _PLANNER = ruckig.Ruckig(JOINTS, TICK)
@@ -119,13 +137,29 @@ def _plan(start: list[float], goal: list[float], share: float) -> Any:
     return plan
 
 
-def _resume(plan: Any, state: Any) -> None:
-    """Go on from where the robot came by itself while packets were lost."""
-    plan.current_position, plan.current_velocity = list(state.q_d), list(state.dq_d)
-    plan.current_acceleration = list(state.ddq_d)
+def _resume(plan: Any, state: Any, most: float) -> None:
+    """Go on from where the robot came by itself while packets were lost, gently near the goal.
+
+    Its velocity is that of its last tick, so half a tick old.
+    """
+    plan.current_position, plan.current_acceleration = list(state.q_d), list(state.ddq_d)
+    plan.current_velocity = [
+        rate + 0.5 * TICK * change for rate, change in zip(state.dq_d, state.ddq_d, strict=True)
+    ]
+    if plan.control_interface == ruckig.ControlInterface.Position:
+        plan.max_acceleration = [
+            settling(abs(goal - place), abs(rate), most)
+            for goal, place, rate in zip(plan.target_position, state.q_d, state.dq_d, strict=True)
+        ]
+
+
+def _stands(state: Any) -> bool:
+    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    return bool(max(abs(rate) for rate in state.dq_d) < REST)
 
 
 def _brake(plan: Any) -> None:
+    plan.max_acceleration = [ACCELERATION] * JOINTS
     plan.control_interface = ruckig.ControlInterface.Velocity
     plan.target_velocity = plan.target_acceleration = [0.0] * JOINTS
 

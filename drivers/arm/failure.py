@@ -34,7 +34,7 @@ REMEDY = {
     Cause.CONTACT: "look what the gripper has met, then start again",
     Cause.NETWORK: "check cable, address and that the robot is on, then start again",
     Cause.VERSION: "install the library that fits the robot, see runbooks/version-mismatch.md",
-    Cause.REALTIME: "use a real-time kernel, or set fci.realtime to ignore",
+    Cause.REALTIME: "use a real-time kernel or allow the priority, else set fci.realtime to ignore",
     Cause.REFUSED: "unlock the joints and activate FCI in Desk, then start again",
     Cause.COMMAND: "this is an error of the cell; keep the record",
     Cause.LIBRARY: "keep the record; the library's own words are above",

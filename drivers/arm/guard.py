@@ -1,4 +1,6 @@
-"""Keeps the gripper where the arm can brake: joints off their ends, and never stretched."""
+"""Keeps the gripper where the arm can follow and brake: off the joints' ends, never stretched."""
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,51 +15,90 @@ ROOM = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
 REACHED = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
-WORST = 1.3  # of a joint's acceleration, if all axes changed at once in the worst directions
+FAST = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
+SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for what changes on the way
+SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
+
+
+class Soon(NamedTuple):
+    """A commanded motion REACTION later: pose, velocity, and its derivative [m/s^2, rad/s^2]."""
+
+    pose: Pose
+    velocity: Velocity
+    acceleration: Velocity
 
 
 class ReachGuard:
-    """Looks where the arm would come to rest if it braked now, and whether it may go there.
+    """Looks at the commanded motion a moment later, and at where it would rest if it braked then.
 
-    The elbow is taken to stay where the motion began. What is judged is the joints' room, and the
-    acceleration that the limits on the gripper could ask of each joint there.
+    The elbow is taken to stay where the motion began. At both places each joint must have room, and
+    what the motion asks of it, curvature included, must lie within FAST of its velocity and SHARE
+    of its acceleration; what braking would ask, within its acceleration. So the arm can brake,
+    whatever it is told next. Where a change of all axes at once in the worst directions would ask
+    SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
     """
 
     def __init__(self, plane: StripPlane, motion: MotionLimits, joints: list[float]) -> None:
         """From `joints` (7,) [rad], where the motion begins."""
         self._plane = plane
         self._axes = motion.axes
-        self._joints: Array = np.array(joints)
-        self._elbow = float(self._joints[ELBOW_JOINT])
+        self._elbow = float(joints[ELBOW_JOINT])
+        self._soon: Array = np.array(joints)
+        self._rest: Array = np.array(joints)
         self._twists = _twists(plane)
         self._most = np.array([axis.acceleration for axis in motion.axes])
+        self._jerk = np.array([axis.jerk for axis in motion.axes])
 
-    def objection(self, pose: Pose, velocity: Velocity) -> str:
-        """Why a motion at `pose` and `velocity` must not go on; empty while it may."""
-        target = self._plane.matrix(*self._ahead(pose, velocity))
-        for _ in range(NEWTON):
-            reached, jac = pose_and_jacobian(self._joints)
-            step = joint_step(self._joints, reached, jac, target, self._elbow)
-            self._joints = self._joints + step
-        if not float(np.abs(step).max()) < REACHED:
+    def objection(self, soon: Soon) -> str:
+        """Why a motion must not go on that will be so `soon`; empty while it may."""
+        speed, change = (
+            np.array([rate.vx, rate.vz, rate.pitch_rate])
+            for rate in (soon.velocity, soon.acceleration)
+        )
+        peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
+        braking = -np.sign(speed) * peak
+        where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
+        self._soon, here = self._followed(self._soon, where)
+        rest = where + speed * np.abs(speed) / (2 * self._most)
+        self._rest, there = self._followed(self._rest, rest)
+        if here is None or there is None:
             return "the arm does not reach on"
-        room = limits.margins(self._joints)
+        room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
         if room.min() < ROOM:
             return f"joint {int(room.argmin()) + 1} comes to its end"
-        demand = np.abs(joint_rates(jac, self._twists)) @ self._most / limits.ACCELERATION
-        if demand.max() > WORST:
-            return f"joint {int(demand.argmax()) + 1} could not follow any further"
+        turning = here @ speed
+        later = pose_and_jacobian(self._soon + REACTION * turning)[1]
+        bending = (joint_rates(later, self._twists) @ speed - turning) / REACTION
+        asked = np.maximum.reduce(
+            [
+                self._haste(turning),
+                np.abs(here @ change + bending) / limits.ACCELERATION / SHARE,
+                np.abs(here @ braking + bending) / limits.ACCELERATION,
+                np.abs(there @ braking) / limits.ACCELERATION,
+                np.abs(there) @ self._most / limits.ACCELERATION / SPARE,
+            ]
+        )
+        if asked.max() > 1.0:
+            return f"joint {int(asked.argmax()) + 1} could not follow any further"
         return ""
 
-    def _ahead(self, pose: Pose, velocity: Velocity) -> tuple[float, float, float]:
-        """Where the gripper would rest."""
-        places = (pose.x, pose.z, pose.pitch)
-        rates = (velocity.vx, velocity.vz, velocity.pitch_rate)
-        x, z, pitch = (
-            place + rate * (REACTION + abs(rate) / (2 * axis.acceleration))
-            for place, rate, axis in zip(places, rates, self._axes, strict=True)
-        )
-        return x, z, pitch
+    def _followed(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+        """Joints (7,) at a place x, z, pitch, from near ones, and the rates (7, 3) that a unit of
+        velocity on each axis asks of them there; None where they do not reach.
+        """
+        target = self._plane.matrix(*where.tolist())
+        for _ in range(NEWTON):
+            reached, jac = pose_and_jacobian(joints)
+            step = joint_step(joints, reached, jac, target, self._elbow)
+            joints = joints + step
+        if not float(np.abs(step).max()) < REACHED:
+            return joints, None
+        return joints, joint_rates(jac, self._twists)
+
+    def _haste(self, rates: Array) -> Array:
+        """Joint `rates` (7,) [rad/s] as shares of what is allowed; 1 is the most."""
+        low, high = limits.velocity_bounds(self._soon)
+        return np.asarray(np.maximum(rates / high, rates / low) / FAST, dtype=np.float64)
 
 
 def _twists(plane: StripPlane) -> Array:

@@ -5,8 +5,9 @@ from collections.abc import Callable
 from math import degrees, hypot, isfinite
 from typing import Any, Protocol
 
+from drivers.arm.departure import Departure
 from drivers.arm.failure import Cause, Failed, Failure
-from drivers.arm.guard import ReachGuard
+from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
@@ -18,8 +19,9 @@ from drivers.types import Pose, Velocity
 
 FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
-SPAN = 8  # ticks over which the velocity is measured
-UNHEARD = 1e-6  # m, and of a rotation's entries: more than the state's rounding
+SPAN = 8  # states over which the velocity is measured
+UNHEARD = 1e-7  # m, and of a rotation's entries: more than the rounding of the state
+REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -54,6 +56,8 @@ class Loop:
         orders: Latest[Order],
         reports: Latest[Report],
         now: Callable[[], float],
+        *,
+        lock_step: bool = True,
     ) -> None:
         self._robot = robot
         self._settings = settings
@@ -61,57 +65,73 @@ class Loop:
         self._orders = orders
         self._reports = reports
         self._now = now
+        self._lock_step = lock_step
         self._taken = orders.read().number
         self._beat, self._unheard = -1, 0
+        self._new = False  # whether a command has come since the last look ahead
         self._reason: Failure | None = None
         self.ticks = 0
         self.success = 0.0
-        self._path: deque[tuple[float, float, float]] = deque(maxlen=SPAN + 1)
+        self._departure = Departure()
+        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=SPAN + 1)
 
     def begin(self) -> None:
         """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
+        self._plane = plane_of(self._installation, state.O_T_EE_c)
+        state = self._heard(state)
         pose = state.O_T_EE_c
-        self._plane = plane_of(self._installation, pose)
         self._plane.take_over(pose)
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        state = self._heard(pose, state)
+        self._state = state
         self._time = state.time.to_sec()
         self._publish(state)
 
-    def _heard(self, pose: list[float], state: Any) -> Any:
-        """The state once the robot follows commands; until then it is told to stay at `pose`."""
+    def _heard(self, state: Any) -> Any:
+        """The state once the robot follows commands; until then it is told to stay where it is."""
         for _ in range(FIRST):
-            self._robot.write_pose(self._motion, pose)
+            self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
             if state.control_command_success_rate > 0:
                 break
         return state
 
     def step(self) -> None:
-        """One tick of the robot's time; Failed when the robot has stopped."""
+        """One tick of the robot's time; Failed when the robot has stopped.
+
+        On the robot's clock the command goes out first, and the state that it answers is considered
+        while the next one is on its way; in lock-step it is the newest that is considered.
+        """
         self._obey(self._orders.read())
-        if self.ticks % LOOK == 0:
-            self._look_ahead()
-        sent = self._plane.command(*self._profile.tick())
+        x, z, pitch = self._profile.tick()
+        sent = self._plane.command(x, z, pitch, self._departure.tick())
         self._robot.write_pose(self._motion, sent)
-        state = self._robot.read(self._motion)
+        if not self._lock_step:
+            self._consider(self._state)
+        self._state = self._robot.read(self._motion)
         self.ticks += 1
-        self._keep_up(state, sent)
+        self._keep_up(self._state, sent)
+        if self._lock_step:
+            self._consider(self._state)
+
+    def _consider(self, state: Any) -> None:
+        """Report a state, and brake where it or what lies ahead demands it."""
         self._publish(state)
         self._feel(state)
+        if self._new or self.ticks % LOOK == 0:
+            self._look_ahead()
 
     def end(self) -> None:
         """Brake to rest and end the motion; later commands are ignored."""
         self._taken = -1
         self._profile.stop()
-        while self._profile.moving:
+        while self._profile.moving or not at_rest(self._state):
             self.step()
-        self._robot.write_pose(self._motion, self._plane.command(*self._position), last=True)
+        self._robot.write_pose(self._motion, self._state.O_T_EE_c, last=True)
 
     @property
     def halted(self) -> Failure | None:
@@ -134,6 +154,7 @@ class Loop:
             self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
 
     def _take(self, order: Order) -> None:
+        self._new = True
         values = order.a, order.b, order.c
         try:
             match order.kind:
@@ -163,17 +184,26 @@ class Loop:
         ticks = round((self._time - before) / TICK)
         apart = max(abs(c - s) for c, s in zip(state.O_T_EE_c, sent, strict=True))
         if ticks > 1 or apart > UNHEARD:
-            pose = Pose(*self._plane.commanded(state.O_T_EE_c))
-            velocity, acceleration = (
-                Velocity(*self._plane.rates(twist)) for twist in (state.O_dP_EE_c, state.O_ddP_EE_c)
-            )
-            self._profile.resume(pose, velocity, acceleration, max(ticks - 1, 1))
+            self._resume(state, ticks - 1)
+
+    def _resume(self, state: Any, lost: int) -> None:
+        """Continue the setpoint of the robot, in the strip's plane and beside it.
+
+        Its velocity is that of its last tick, so half a tick old.
+        """
+        half = [0.5 * TICK * part for part in state.O_ddP_EE_c]
+        twist = [part + gain for part, gain in zip(state.O_dP_EE_c, half, strict=True)]
+        course = self._plane.course(state.O_T_EE_c, twist, state.O_ddP_EE_c)
+        pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
+        self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
+        self._departure.begin(course.aside, course.aside_velocity, course.aside_acceleration)
 
     def _look_ahead(self) -> None:
         """Brake while the arm still can, before it comes where it could not follow."""
+        self._new = False
         if not self._profile.moving:
             return
-        reason = self._guard.objection(self._profile.pose, self._profile.velocity)
+        reason = self._guard.objection(Soon(*self._profile.soon(REACTION)))
         if reason:
             pose = self._profile.pose
             self._halt(Cause.REACH, f"{reason} beyond x {pose.x:.3f} m, z {pose.z:.3f} m")
@@ -190,8 +220,8 @@ class Loop:
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
             self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
-            here = self._path[-1] if self._path else here
-        self._path.append(here)
+            here = self._path[-1][:3] if self._path else here
+        self._path.append((*here, state.time.to_sec()))
         rate = self._rate()
         calm = hypot(rate[0], rate[1]) < CALM[0] and abs(rate[2]) < CALM[1]
         self._reports.write(
@@ -216,12 +246,18 @@ class Loop:
         return pose.x, pose.z, pose.pitch
 
     def _rate(self) -> tuple[float, float, float]:
-        """Measured velocity over the last ticks; 0 before there are two."""
-        first, last, steps = self._path[0], self._path[-1], len(self._path) - 1
-        if steps == 0:
+        """Measured velocity over the last states, by the robot's time; 0 before there are two."""
+        (*first, begun), (*last, now) = self._path[0], self._path[-1]
+        if now <= begun:
             return 0.0, 0.0, 0.0
-        x, z, pitch = ((b - a) / (steps * TICK) for a, b in zip(first, last, strict=True))
+        x, z, pitch = ((b - a) / (now - begun) for a, b in zip(first, last, strict=True))
         return x, z, pitch
+
+
+def at_rest(state: Any) -> bool:
+    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    twist = state.O_dP_EE_c
+    return hypot(*twist[:3]) < REST[0] and hypot(*twist[3:]) < REST[1]
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:

@@ -1,15 +1,33 @@
 """The plane of the strip in the robot's frame, and poses of the hand in it."""
 
+from dataclasses import dataclass
 from math import atan2, cos, pi, sin
 
 import numpy as np
 
+from drivers.arm.departure import NONE
+from drivers.franka.tracking import rotation, rotation_vector
 from drivers.geometry import CellInRobot
 from drivers.types import Array
 
 Numbers = list[float]
+Triple = tuple[float, float, float]
 BESIDE = 0.005  # m beside the strip's plane that are taken along
 LEANING = 0.05  # rad out of it, likewise
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A motion of the hand: `pose` x, z [m], pitch [rad] in the strip's plane, and `aside` of it,
+    an offset [m] and angles [rad] as `StripPlane.command` takes them, each with two derivatives.
+    """
+
+    pose: Triple
+    velocity: Triple
+    acceleration: Triple
+    aside: Numbers
+    aside_velocity: Numbers
+    aside_acceleration: Numbers
 
 
 class StripPlane:
@@ -28,6 +46,7 @@ class StripPlane:
         self._across: Numbers = (-sign * frame[:3, 1]).tolist()
         self._up: Numbers = frame[:3, 2].tolist()
         self._origin: Numbers = frame[:3, 3].tolist()
+        self._axes: Array = frame[:3, :3].T.copy()
         self._sign = sign
         self.turned = turned
         self._rest: Array | None = None
@@ -37,25 +56,48 @@ class StripPlane:
         rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         self._rest = np.asarray(rest, dtype=np.float64)
 
-    def command(self, x: float, z: float, pitch: float) -> Numbers:
-        """The hand's pose in the base as 16 numbers, column-major, as the robot takes it."""
+    def command(self, x: float, z: float, pitch: float, aside: Triple = NONE) -> Numbers:
+        """The hand's pose in the base as 16 numbers, column-major, as the robot takes it.
+
+        `aside` leaves the plane: an offset across it [m], angles [rad] about its x and z axes.
+        """
         pose = self.matrix(x, z, pitch)
+        if any(aside):
+            pose[:3, 3] += aside[0] * self._axes[1]
+            pose[:3, :3] = (
+                rotation(aside[1] * self._axes[0] + aside[2] * self._axes[2]) @ (pose[:3, :3])
+            )
         if self._rest is not None:
             pose = pose @ self._rest
         numbers: Numbers = pose.T.ravel().tolist()
         return numbers
 
-    def commanded(self, pose: Numbers) -> tuple[float, float, float]:
-        """x, z [m] and pitch [rad] whose `command` is `pose`."""
-        if self._rest is None:
-            return self.to_cell(pose)
-        inside = matrix(pose) @ np.linalg.inv(self._rest)
-        return self.to_cell(inside.T.ravel().tolist())
+    def course(self, pose: Numbers, twist: Numbers, change: Numbers) -> Course:
+        """The motion that a hand at `pose` makes whose twist (6,) in the base and its derivative
+        are these: the inverse of `command`, with rates.
+        """
+        hand = matrix(pose)
+        inside = hand if self._rest is None else hand @ np.linalg.inv(self._rest)
+        spin, turn = _crossing(twist[3:]), _crossing(change[3:])
+        arm = inside[:3, 3] - hand[:3, 3]
+        moved = np.array(twist[:3]) + spin @ arm
+        gained = np.array(change[:3]) + turn @ arm + spin @ (spin @ arm)
+        columns: Numbers = inside.T.ravel().tolist()
+        x, z, pitch = self.to_cell(columns)
+        lean = rotation_vector(inside[:3, :3] @ self.matrix(x, z, pitch)[:3, :3].T)
+        pose_aside = [self.place(columns)[1], *(self._axes @ lean)[[0, 2]].tolist()]
+        velocity, velocity_aside = self._parted(moved, twist[3:])
+        acceleration, acceleration_aside = self._parted(gained, change[3:])
+        return Course(
+            (x, z, pitch), velocity, acceleration,
+            pose_aside, velocity_aside, acceleration_aside,
+        )  # fmt: skip
 
-    def rates(self, twist: Numbers) -> tuple[float, float, float]:
-        """Rates of x, z and pitch of a twist (6,) of the hand in the base, or of its derivative."""
-        turn = _dot(self._across, twist[3:])
-        return _dot(self._along, twist), _dot(self._up, twist), self._sign * turn
+    def _parted(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
+        """Rates of x, z and pitch, and those beside the plane."""
+        along, across, up = (self._axes @ linear).tolist()
+        lean, turn, yaw = (self._axes @ np.array(angular)).tolist()
+        return (along, up, -turn), [across, lean, yaw]
 
     def matrix(self, x: float, z: float, pitch: float) -> Array:
         """The hand's pose (4, 4) in the base, exactly in the plane."""
@@ -94,6 +136,12 @@ def _pitch(along: float, up: float) -> float:
     """Pitch of an approach axis with these components in the cell: -x is 0, down pi/2, +x pi."""
     pitch = atan2(-up, -along)
     return pitch + 2 * pi if pitch < -pi / 2 else pitch
+
+
+def _crossing(vector: Numbers) -> Array:
+    """The matrix (3, 3) that takes another vector to its product with this one."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _dot(a: Numbers, b: Numbers) -> float:

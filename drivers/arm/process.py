@@ -11,6 +11,7 @@ from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
 from drivers.arm.robot import Robot
+from drivers.arm.scheduling import schedule
 from drivers.arm.settings import FciSettings
 from drivers.arm.timing import Timing
 from drivers.clock import WallClock
@@ -47,6 +48,7 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     clock = WallClock(task.origin)
     robot = Robot(task.address, task.settings)
+    schedule(task.settings.realtime)
     robot.require_ready()
     robot.configure(task.settings.collision)
     loop = Loop(
@@ -56,6 +58,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
         Latest(orders, Order, ORDER_LAYOUT),
         Latest(reports, Report, REPORT_LAYOUT),
         clock.now,
+        lock_step=task.lock_step,
     )
     loop.begin()
     pipe.send_bytes(encoded({"ready": True}))

@@ -8,6 +8,7 @@ from drivers.installation import Installation
 from drivers.limits import AxisLimits, MotionLimits
 from drivers.settings import Settings
 
+RealTime = Literal["enforce", "priority", "ignore"]
 Force = Annotated[float, Field(gt=0, le=100)]
 
 
@@ -48,15 +49,16 @@ class FciSettings(Settings):
 
     Without an `address` the cell starts a twin that speaks the robot's protocol, in `lock_step`;
     with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
-    requires a real-time kernel, as the manufacturer does; ignore does not. The arm brakes at
-    `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
+    requires a real-time kernel, as the manufacturer does; priority only that the user may have
+    real-time priority, which the process that owns the loop takes; ignore neither. The arm brakes
+    at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
     than the cell's: the joints accelerate at 10 rad/s^2 at most, which bounds the gripper most
     where the arm is stretched.
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
     lock_step: bool | None = None
-    realtime: Literal["enforce", "ignore"] = "enforce"
+    realtime: RealTime = "enforce"
     guard: Force = 15.0
     limits: MotionLimits = REACHABLE
     silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes

@@ -4,11 +4,11 @@ import time
 
 from drivers.twin.server.limits import TICK
 
-LATE = 20 * TICK  # s, after which missed periods are not made up for
+LATE = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
 
 
 class Pace:
-    """Deadlines at 1 kHz; the only user of time in the server."""
+    """Periods of 1 ms, never shorter than 0.8 ms; the only user of time in the server."""
 
     def __init__(self) -> None:
         self._deadline = time.monotonic()
@@ -18,7 +18,11 @@ class Pace:
         return self._deadline - time.monotonic()
 
     def passed(self) -> None:
-        """Go to the next period; after a long delay it counts from now."""
+        """Go to the next period, which begins now.
+
+        Where this machine was late, the robot's time falls behind the wall clock's: a robot never
+        is, and gives its client a whole period to answer each state.
+        """
         now = time.monotonic()
         self._deadline = max(self._deadline, now - LATE) + TICK
 

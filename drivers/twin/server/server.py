@@ -26,6 +26,7 @@ from drivers.types import Array
 
 HAND_PERIOD = 5  # ms, of the hand's states
 OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
+MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
 OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
 
 
@@ -64,7 +65,7 @@ class RobotServer:
         self._bell.setblocking(False)
         self._poll.register(self._waker, select.EPOLLIN)
         self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
-        self._newest: RobotCommand | None = None
+        self._heard = False  # by the wall clock, whether this tick's command has come
         self._punctuality = Punctuality()
         self._strict, self._begun = False, 0  # in lock-step, robot time at the first command
         self._thread: Thread | None = None
@@ -152,31 +153,39 @@ class RobotServer:
             self._pace.restart()
 
     def _wait_for_period(self) -> None:
-        remaining = self._pace.remaining()
-        if remaining > 0:
-            self._attend(remaining)
-        command = self._arm.command()
-        if command is not None and self._lock_step and self.robot.moving:
+        self._attend(max(self._pace.remaining(), 0.0))
+        command = self._next_command()
+        if command is not None and self._lock_step:
             # The client has begun: from here on its commands are the clock.
             self._strict, self._begun = True, self.robot.time
             if command.message_id == self.robot.time:
                 self._follow(command)
             return
-        if command is not None and command.message_id == self.robot.time:
-            self._newest = command
-        if self._pace.remaining() <= 0:
-            self._pace.passed()
-            self._pass_period()
-
-    def _pass_period(self) -> None:
-        robot, command = self.robot, self._newest
-        self._newest = None
-        if self._lock_step or not robot.moving:
-            robot.rest()
-        elif command is not None:
+        if command is not None and not self._heard:
+            self._heard = True
             self._punctuality.count(True)
             self._heed(command)
-        else:
+        if self._pace.remaining() <= 0:
+            self._pass_period()
+            self._pace.passed()
+
+    def _next_command(self) -> RobotCommand | None:
+        """The command for this tick of a motion, or in lock-step any; older ones are late."""
+        for _ in range(MOST_LATE):
+            command = self._arm.command()
+            if command is None:
+                break
+            current = command.message_id == self.robot.time or self._lock_step
+            if current and self.robot.moving:
+                return command
+        return None
+
+    def _pass_period(self) -> None:
+        robot, heard = self.robot, self._heard
+        self._heard = False
+        if not heard and (self._lock_step or not robot.moving):
+            robot.rest()
+        elif not heard:
             self._punctuality.count(False)
             robot.miss()
         self._advance()

@@ -65,11 +65,13 @@ def begun(pose: list[float], *, keep: bool = False) -> Setup:
     return setup
 
 
-def begun_with(robot) -> Setup:
+def begun_with(robot, *, lock_step: bool = True) -> Setup:
     context = get_context("spawn")
     orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
     reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
-    loop = Loop(robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0)
+    loop = Loop(
+        robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0, lock_step=lock_step
+    )
     loop.begin()
     return Setup(robot, loop, orders, reports)
 
@@ -120,6 +122,30 @@ def test_loop_follows_orders_and_reports_what_it_measured(setup) -> None:
     assert not report.moving
     assert (report.x, report.z, report.pitch) == pytest.approx((0.5, 0.2, 0.4))
     assert report.ticks == 2010
+
+
+@pytest.mark.parametrize(("lock_step", "reported"), [(True, 0), (False, 1)])
+def test_on_the_robot_s_clock_the_answer_goes_out_before_the_report(
+    lock_step: bool, reported: int
+) -> None:
+    setup = begun_with(
+        FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS), lock_step=lock_step
+    )
+    seen: list[tuple[int, int]] = []  # reports at each write and at each read
+    begun, write, read = setup.reports.count, setup.robot.write_pose, setup.robot.read
+
+    def written(*given, **named) -> None:
+        seen.append((setup.reports.count - begun, 0))
+        write(*given, **named)
+
+    def asked(motion):
+        seen.append((setup.reports.count - begun, 1))
+        return read(motion)
+
+    setup.robot.write_pose, setup.robot.read = written, asked
+    setup.loop.step()
+    assert seen == [(0, 0), (reported, 1)]
+    assert setup.reports.count - begun == 1
 
 
 def test_silent_cell_makes_the_arm_brake_for_good(setup) -> None:

@@ -1,84 +1,126 @@
-"""The 1 kHz loop on a network that loses packets: the robot goes on by itself meanwhile."""
-
-from types import SimpleNamespace
+"""The 1 kHz loops on a network that loses commands: the robot goes on by itself meanwhile."""
 
 import numpy as np
 import pytest
 
+from drivers.arm.departure import FADE, Departure
+from drivers.arm.errands import follow_joints
 from drivers.arm.messages import Kind
 from drivers.arm.plane import StripPlane
-from drivers.twin.server.robot import resting_robot
-from drivers.twin.server.wire import MoveRequest, RobotCommand
+from drivers.franka.kinematics import HOME
+from drivers.franka.tracking import rotation
+from drivers.motion import TICK
 from drivers.types import Pose
-from tests.drivers.arm.test_loop import JOINTS, PLANE, begun_with
+from tests.drivers.arm.fake_robot import FakeRobot
+from tests.drivers.arm.lossy_robot import LossyRobot
+from tests.drivers.arm.test_loop import JOINTS, PLANE, START, begun_with, columns
 
-CARTESIAN_POSE = 2
-
-
-class LossyRobot:
-    """The emulated robot behind a network that loses up to `worst` packets after each command."""
-
-    def __init__(self, seed: int, worst: int) -> None:
-        self.robot = resting_robot(np.array(JOINTS))
-        self.lost = 0
-        self._rng = np.random.default_rng(seed)
-        self._worst = worst
-
-    def start_poses(self) -> "LossyRobot":
-        self.robot.move(MoveRequest(1, CARTESIAN_POSE, (0.1,) * 6, False), 1)
-        return self
-
-    def write_pose(self, motion: object, pose: list[float], *, last: bool = False) -> None:
-        numbers = np.reshape(pose, (4, 4)).T
-        command = RobotCommand(
-            self.robot.time, np.zeros(7), np.zeros(7), numbers, np.zeros(6), None, last
-        )
-        self.robot.step(command)
-        self.robot.time += 1
-        if self._rng.random() < 0.1:
-            for _ in range(self._rng.integers(1, self._worst + 1)):
-                self.robot.miss()
-                self.robot.time += 1
-                self.lost += 1
-
-    def read(self, motion: object) -> SimpleNamespace:
-        posture, now = self.robot.posture, self.robot.time
-        return SimpleNamespace(
-            time=SimpleNamespace(to_sec=lambda: 1e-3 * now),
-            q=posture.q.tolist(),
-            O_T_EE=posture.reached.T.ravel().tolist(),
-            O_T_EE_c=np.float32(posture.pose.T.ravel()).tolist(),
-            O_dP_EE_c=np.float32(posture.tool.velocity).tolist(),
-            O_ddP_EE_c=np.float32(posture.tool.acceleration).tolist(),
-            O_F_ext_hat_K=[0.0] * 6,
-            control_command_success_rate=1.0,
-        )
+LOSSES = [(1, 0.1), (8, 0.1), (15, 0.1), (1, 0.5)]  # worst in a row, share of commands
 
 
-@pytest.mark.parametrize("worst", [1, 8])
-def test_lost_packets_stop_no_motion_and_move_no_goal(worst: int) -> None:
-    robot = LossyRobot(seed=worst, worst=worst)
+@pytest.mark.parametrize(("worst", "share"), LOSSES)
+def test_lost_commands_stop_no_motion_and_move_no_goal(worst: int, share: float) -> None:
+    robot = LossyRobot(JOINTS, worst, worst, share)
     setup = begun_with(robot)
     goal = Pose(0.45, 0.25, 0.6)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    report = setup.steps(400)
+    setup.steps(300)
     setup.order(Kind.FOLLOW, 0.1, 0.0, -0.3)
     setup.steps(60)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    report = setup.steps(1600)
-    assert robot.lost > 80
+    report = setup.steps(1000)
+    assert robot.lost > 100
     assert not robot.robot.errors
     assert (report.x, report.z, report.pitch) == pytest.approx(
         (goal.x, goal.z, goal.pitch), abs=1e-4
     )
+    setup.loop.end()
+    assert robot.ended
+    assert not robot.robot.errors
+
+
+@pytest.mark.parametrize(("worst", "share"), LOSSES[1:])
+def test_velocity_targets_are_followed_and_braked_while_commands_are_lost(
+    worst: int, share: float
+) -> None:
+    robot = LossyRobot(JOINTS, 7, worst, share)
+    setup = begun_with(robot)
+    for vx, vz, turn in ((-0.1, 0.1, 1.2), (-0.15, 0.0, 0.3), (0.0, 0.1, -0.5)):
+        setup.order(Kind.FOLLOW, vx, vz, turn)
+        setup.steps(50)
+    setup.loop.end()
+    assert robot.ended
+    assert not robot.robot.errors
+
+
+@pytest.mark.parametrize(("worst", "share"), LOSSES[:3])
+def test_way_home_joint_by_joint_bears_lost_commands(worst: int, share: float) -> None:
+    goal = (HOME + 0.2).tolist()
+    robot = LossyRobot(HOME, 3, worst, share)
+    reached = follow_joints(robot, goal, 1.0, 20.0, lambda: False)
+    assert robot.lost > 50
+    assert not robot.robot.errors
+    assert reached == pytest.approx(goal, abs=1e-4)
+
+
+def test_one_who_leaves_on_the_way_home_finds_the_robot_at_rest() -> None:
+    robot = LossyRobot(HOME, 3, 8)
+    follow_joints(robot, (HOME + 0.2).tolist(), 1.0, 20.0, lambda: robot.robot.time > 200)
+    assert robot.ended
+    assert not robot.robot.errors
+    assert robot.robot.posture.q != pytest.approx(HOME + 0.2, abs=0.05)
+
+
+def test_velocity_is_measured_by_the_robot_s_time_not_by_counting_states() -> None:
+    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    robot, plane = setup.robot, StripPlane(PLANE)
+    for skipped in (0, 3, 0, 5, 0, 0, 2, 0, 9):
+        robot.clock += skipped
+        robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
+        setup.loop._publish(robot.read(None))
+        robot.pose = columns(plane.matrix(START[0] - 0.1 * TICK * robot.clock, *START[1:]))
+        setup.loop._publish(robot.read(None))
+    assert setup.reports.read().vx == pytest.approx(-0.1, rel=0.2)
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_rates_in_the_plane_are_those_of_its_poses(turned: bool) -> None:
+def test_course_of_a_hand_gives_back_its_command_and_the_rates_of_it(turned: bool) -> None:
     plane, step = StripPlane(PLANE, turned=turned), 1e-6
-    here, rates = np.array([0.5, 0.2, 0.7]), np.array([0.1, -0.2, 0.9])
-    before, after = (plane.matrix(*(here + k * step * rates)) for k in (-1, 1))
-    change = (after - before) / (2 * step)
-    spin = change[:3, :3] @ plane.matrix(*here)[:3, :3].T
+    beside = plane.matrix(0.5, 0.2, 0.7) @ offset([0.003, -0.002, 0.001], [0.01, 0.02, 0.0])
+    plane.take_over(columns(beside))
+    here, rates = np.array([0.45, 0.25, 0.9]), np.array([0.1, -0.2, 0.9])
+    aside, drift = np.array([1e-4, 2e-5, -3e-5]), np.array([1e-3, 2e-3, -1e-3])
+
+    def at(time: float) -> np.ndarray:
+        place, off = here + time * rates, aside + time * drift
+        return np.reshape(plane.command(*place, tuple(off)), (4, 4)).T
+
+    change = (at(step) - at(-step)) / (2 * step)
+    spin = change[:3, :3] @ at(0.0)[:3, :3].T
     twist = [*change[:3, 3], spin[2, 1], spin[0, 2], spin[1, 0]]
-    assert plane.rates(twist) == pytest.approx(rates, abs=1e-6)
+    course = plane.course(columns(at(0.0)), twist, [0.0] * 6)
+    assert course.pose == pytest.approx(here, abs=1e-7)
+    assert course.velocity == pytest.approx(rates, abs=1e-6)
+    assert course.aside == pytest.approx(aside, abs=1e-7)
+    assert course.aside_velocity == pytest.approx(drift, abs=1e-4)
+
+
+def test_departure_continues_what_it_found_and_comes_to_rest_in_the_plane() -> None:
+    departure = Departure()
+    assert departure.tick() == (0.0, 0.0, 0.0)
+    departure.begin([1e-5, 0.0, 0.0], [2e-4, 0.0, 0.0], [0.03, 0.0, 0.0])
+    way = [1e-5, *(departure.tick()[0] for _ in range(FADE + 3))]
+    velocity = np.diff(way) / TICK
+    acceleration = np.diff(velocity) / TICK
+    assert velocity[0] == pytest.approx(2e-4, rel=0.1)
+    assert acceleration[0] == pytest.approx(0.03, rel=0.2)
+    assert np.abs(np.diff(acceleration)).max() / TICK < 5.0
+    assert way[-3:] == [0.0, 0.0, 0.0]
+    assert abs(velocity[-4]) < 1e-6
+
+
+def offset(place: list[float], turn: list[float]) -> np.ndarray:
+    """A small transform."""
+    moved = np.eye(4)
+    moved[:3, :3], moved[:3, 3] = rotation(np.array(turn)), place
+    return moved

@@ -1,0 +1,46 @@
+"""What lost commands leave beside the strip's plane, brought back smoothly."""
+
+from drivers.motion import TICK
+
+FADE = 100  # ticks until the hand is back in the plane
+NONE = (0.0, 0.0, 0.0)
+
+Numbers = list[float]
+
+
+class Departure:
+    """The hand's offset across the strip's plane [m] and its two angles out of it [rad].
+
+    A robot that hears no command continues what it heard last, and with it the rounding of its
+    state: it drifts out of the plane. From where it is found, with the velocity and acceleration
+    that it has there, a polynomial of fifth degree takes each of the three to rest at zero.
+    """
+
+    def __init__(self) -> None:
+        self._place: Numbers = list(NONE)
+        self._rate: Numbers = list(NONE)
+        self._change: Numbers = list(NONE)
+        self._age = FADE
+
+    def begin(self, place: Numbers, rate: Numbers, change: Numbers) -> None:
+        """Fade from `place` (3,) [m, rad, rad] and its first two derivatives."""
+        self._place, self._rate, self._change = place, rate, change
+        self._age = 0
+
+    def tick(self) -> tuple[float, float, float]:
+        """Advance by one period; the three values at its end."""
+        if self._age >= FADE:
+            return NONE
+        self._age += 1
+        share, duration = self._age / FADE, FADE * TICK
+        left = (1.0 - share) ** 3
+        weights = (
+            left * (1.0 + 3.0 * share + 6.0 * share**2),
+            left * share * (1.0 + 3.0 * share) * duration,
+            left * share**2 * duration**2 / 2.0,
+        )
+        across, along, up = (
+            sum(w * part for w, part in zip(weights, parts, strict=True))
+            for parts in zip(self._place, self._rate, self._change, strict=True)
+        )
+        return across, along, up

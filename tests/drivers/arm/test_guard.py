@@ -1,0 +1,59 @@
+"""The guard of the joints: whatever the cell asks for, the robot never has to stop the arm."""
+
+import numpy as np
+import pytest
+
+from drivers.arm.guard import ReachGuard, Soon
+from drivers.arm.messages import Kind
+from drivers.arm.plane import StripPlane
+from drivers.franka import limits
+from drivers.types import Pose, Velocity
+from tests.drivers.arm.lossy_robot import LossyRobot
+from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with
+
+FOLLOWED = np.array([-1.0, -1.0, 0.0, 0.5, 1.0])  # of the highest velocity of an axis
+HIGHEST = np.array([axis.velocity for axis in INSTALLATION.limits.axes])
+STILL = Velocity(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_full_speed_reversals_at_any_place_stay_within_the_joints_limits(seed: int) -> None:
+    robot, rng = LossyRobot(JOINTS, seed, 1, share=0.0), np.random.default_rng(5000 + seed)
+    setup = begun_with(robot)
+    fastest = 0.0
+    for _ in range(16):
+        if rng.random() < 0.3:
+            place = rng.uniform((-0.1, 0.0, -0.1), (0.8, 0.45, 3.2))
+            setup.order(Kind.MOVE, *place)
+        else:
+            setup.order(Kind.FOLLOW, *(rng.choice(FOLLOWED, 3) * HIGHEST))
+        for _ in range(int(rng.integers(10, 95))):
+            setup.steps(1)
+            joints = robot.robot.posture.joints
+            share = np.abs(joints.acceleration) / limits.ACCELERATION
+            fastest = max(fastest, float(share.max()))
+        if setup.loop.halted is not None:
+            break
+    assert not robot.robot.errors
+    assert 0.3 < fastest < 1.0
+
+
+def test_guard_objects_to_what_braking_could_not_stop() -> None:
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    calm = Soon(Pose(*START), STILL, STILL)
+    assert guard.objection(calm) == ""
+    fast = calm._replace(velocity=Velocity(0.0, 0.0, 20.0))
+    assert "could not follow" in guard.objection(fast) or "end" in guard.objection(fast)
+    hasty = calm._replace(acceleration=Velocity(0.0, 0.0, 40.0))
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    assert "could not follow" in guard.objection(hasty)
+
+
+def test_guard_objects_beyond_the_arm_s_reach() -> None:
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    x, z, pitch = START
+    objections = [
+        guard.objection(Soon(Pose(x + 0.01 * step, z, pitch), STILL, STILL)) for step in range(60)
+    ]
+    assert objections[0] == ""
+    assert any(objections)
