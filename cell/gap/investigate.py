@@ -91,7 +91,7 @@ def investigate(
     found = Findings(subject, tuple(held_out), fitted, screened, choice, judged, shown, advised)
     if kind(found) != "unexplained":
         return found
-    law = offered_law(subject, simulate, fitted.base, choice.by, shown.before, rng)
+    law = offered_law(subject, simulate, fitted.base, shown.before, rng)
     return replace(found, offered=law)
 
 
@@ -219,7 +219,7 @@ def _refit_further(
 
     def more(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return tried(fits, search.extended(simulate, fits, size, known))
+        return tried(fits, search.extended(simulate, fits, size, known, screened.probed))
 
     if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits

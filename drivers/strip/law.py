@@ -12,23 +12,28 @@ from types import MappingProxyType
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.model import BendingLaw, Mechanics, StripModel
+from drivers.strip.model import BendingLaw, Mechanics, Observation, StripModel
 from drivers.types import Array, frozen
-
-FARTHEST = 30.0  # times its size, the most that a law may be
 
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One generic law: `size` [unit] is its smallest amount visible in ten runs; `added` puts it
-    into a model.
+    """One generic law: `size` [unit] is its smallest amount visible in ten runs, `most` the largest
+    of any strip, `least` the lowest (`-most` unless stated); `added` puts it into a model.
     """
 
     name: str
     sentence: str
     unit: str
     size: float
+    most: float
     added: Callable[[StripModel, float], StripModel]
+    least: float | None = None
+
+    @property
+    def low(self) -> float:
+        """The lowest amount [unit]."""
+        return -self.most if self.least is None else self.least
 
 
 def _law(model: StripModel, change: Callable[[BendingLaw], BendingLaw]) -> StripModel:
@@ -73,14 +78,53 @@ def _set(model: StripModel, amount: float) -> StripModel:
     return replace(model, mechanics=replace(strip, rest_curvature=rest))
 
 
+def _middle(model: StripModel, amount: float) -> StripModel:
+    arched = 1.0 - 4.0 * _along(model) ** 2
+    return replace(model, mechanics=model.mechanics.stiffened(1.0 + amount * arched))
+
+
+def _even(model: StripModel, amount: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    return replace(model, mechanics=replace(strip, rest_curvature=strip.rest_curvature + amount))
+
+
+def _weight(model: StripModel, amount: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    density = frozen(strip.linear_density * (1.0 + amount * _along(model)))
+    return replace(model, mechanics=replace(strip, linear_density=density))
+
+
+def _fading(model: StripModel, amount: float) -> StripModel:
+    return _law(model, lambda law: replace(law, relaxing=law.relaxing + amount))
+
+
 def _clock(model: StripModel, amount: float) -> StripModel:
-    seen = model.observation
-    return replace(model, observation=replace(seen, camera_latency=seen.camera_latency + amount))
+    latency = model.observation.camera_latency + amount
+    return _seen(model, lambda seen: replace(seen, camera_latency=latency))
+
+
+def _side(model: StripModel, amount: float) -> StripModel:
+    return _seen(model, lambda seen: replace(seen, shift_x=seen.shift_x + amount))
 
 
 def _view(model: StripModel, amount: float) -> StripModel:
-    seen = model.observation
-    return replace(model, observation=replace(seen, shift_z=seen.shift_z + amount))
+    return _seen(model, lambda seen: replace(seen, shift_z=seen.shift_z + amount))
+
+
+def _zoom(model: StripModel, amount: float) -> StripModel:
+    return _seen(model, lambda seen: replace(seen, scale=seen.scale + amount))
+
+
+def _seen(model: StripModel, change: Callable[[Observation], Observation]) -> StripModel:
+    return replace(model, observation=change(model.observation))
+
+
+def _reach(model: StripModel, amount: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, grip_x=model.rig.grip_x + amount))
+
+
+def _lift(model: StripModel, amount: float) -> StripModel:
+    return replace(model, rig=replace(model.rig, grip_z=model.rig.grip_z + amount))
 
 
 def _along(model: StripModel) -> Array:
@@ -89,17 +133,29 @@ def _along(model: StripModel) -> Array:
 
 
 _TERMS = (
-    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, _curvature),
-    Term("term_rate", "moment over stiffness as rate of curvature squared", "m s^2", 1e-4, _rate),
-    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, _sign),
-    Term("term_speed", "force as normal speed squared", "1", 0.5, _speed),
-    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, _force),
-    Term("term_place", "stiffness growing towards the grip", "1", 0.2, _place),
-    Term("term_run", "stiffness growing with the run", "1", 0.005, _run),
-    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, _set),
-    Term("term_clock", "images older than their stamps", "s", 0.003, _clock),
-    Term("term_view", "images shifted upwards", "m", 3e-4, _view),
-)
+    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, 1e-3, _curvature,
+         least=-5e-6),
+    Term("term_rate", "moment over stiffness as rate of curvature squared", "m s^2", 1e-4, 0.01,
+         _rate, least=0.0),
+    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, 100.0, _sign,
+         least=0.0),
+    Term("term_fading", "share of the moment that fades within a second", "1", 0.03, 0.8, _fading,
+         least=0.0),
+    Term("term_speed", "force as normal speed squared", "1", 0.5, 10.0, _speed, least=0.0),
+    Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _force),
+    Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _weight),
+    Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8, _place),
+    Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0, _middle, least=-0.9),
+    Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _run),
+    Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, _even),
+    Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _set),
+    Term("term_clock", "images older than their stamps", "s", 0.003, 0.1, _clock),
+    Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, _side),
+    Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, _view),
+    Term("term_zoom", "images magnified", "1", 5e-4, 0.05, _zoom),
+    Term("term_reach", "grip farther along the desk than the arm reports", "m", 3e-4, 0.03, _reach),
+    Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, _lift),
+)  # fmt: skip
 TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
 """The laws by name, in the order in which they apply."""
 
@@ -119,9 +175,9 @@ def check_law(amounts: Mapping[str, float], origin: str) -> None:
             raise ConfigurationError(
                 f"{origin}: law.{name}: is unknown; allowed: {', '.join(TERMS)}"
             )
-        most = FARTHEST * TERMS[name].size
-        if not -most <= amount <= most:
+        term = TERMS[name]
+        if not term.low <= amount <= term.most:
             raise ConfigurationError(
                 f"{origin}: law.{name}: {amount:g} is out of range; "
-                f"allowed: {-most:g} to {most:g} {TERMS[name].unit}"
+                f"allowed: {term.low:g} to {term.most:g} {term.unit}"
             )

@@ -1,18 +1,19 @@
 """Withholds from the library what an exam's cases hide, and tells whether a law is offered.
 
-python -m tests.benchmarks.measure_withheld EXAM [--cases 4] [--nothing 1] [--jobs 1]
+python -m tests.benchmarks.measure_withheld EXAM [--cases 4] [--skip 0] [--nothing 1] [--jobs 1]
 
 EXAM is the folder of an exam from the state. Of the cases that hide a single effect of medium
-strength or more, so many are fitted without it; so many that hide nothing are fitted as they are.
+strength or more, so many are fitted without it and without what looks like it; so many that hide
+nothing are fitted as they are.
 """
 
 import argparse
 import json
 import sys
 from collections.abc import Sequence
-from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,18 @@ from cell.exam.case import Case
 from cell.exam.cases.answer_key import KEYS, opened
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import RECORD
+from cell.gap.verdict.offered_law import NOTHING
+from drivers.strip.effects import registry
+
+
+class Outcome(NamedTuple):
+    """What was said of a case: the `shrink` by an offered law, None without one; whether other
+    effects were `named`; the excess `gap` on held-out runs.
+    """
+
+    shrink: float | None
+    named: bool
+    gap: float
 
 
 def main() -> int:
@@ -30,41 +43,55 @@ def main() -> int:
     made = [case for case in whole if (asked.exam / "runs" / case.name).is_dir()]
     hidden = [c for c in made if c.kind == "single" and c.alike and c.strength != "weak"]
     empty = [c for c in made if c.kind == "nothing"]
-    offered = [_told(case, asked) for case in islice(hidden, asked.cases)]
-    false = [_told(case, asked) for case in islice(empty, asked.nothing)]
-    shrinks = [s for s in offered if s is not None]
+    some = hidden[asked.skip : asked.skip + asked.cases]
+    _summed([_told(case, asked) for case in some])
+    false = [_told(case, asked).shrink is not None for case in empty[: asked.nothing]]
+    sys.stdout.write(f"offered where nothing is hidden in {sum(false)} of {len(false)}\n")
+    return int(any(false))
+
+
+def _summed(found: Sequence[Outcome]) -> None:
+    shrinks = [f.shrink for f in found if f.shrink is not None]
     median = f"{100 * np.median(shrinks):.0f} %" if shrinks else "-"
+    without = [f for f in found if f.shrink is None]
+    named = sum(f.named for f in without)
+    blind = sum(f.gap < NOTHING and not f.named for f in without)
     sys.stdout.write(
-        f"offered in {len(shrinks)} of {len(offered)}, gap shrunk by {median} in the median; "
-        f"offered where nothing is hidden in {sum(s is not None for s in false)} of {len(false)}\n"
+        f"offered in {len(shrinks)} of {len(found)}, gap shrunk by {median} in the median; without "
+        f"a law: other effects named in {named}, no gap on held-out runs in {blind}\n"
     )
-    return int(any(s is not None for s in false))
 
 
-def _told(case: Case, asked: argparse.Namespace) -> float | None:
-    """The share of the held-out gap that an offered law closes, None without one; said as well."""
+def _told(case: Case, asked: argparse.Namespace) -> Outcome:
+    """What is said of a case; printed as well."""
     strip = find_configs(None).folder / "strips" / f"{case.strip}.yaml"
     with TemporaryDirectory() as name:
         out = Path(name)
-        without = sorted(case.effects)
+        without = sorted(_withheld(case))
         runs = [asked.exam / "runs" / case.name]
         verdict = fit(runs, strip, out, jobs=asked.jobs, without=without)
         law = json.loads((out / RECORD).read_text(encoding="utf-8"))["law"]
     named: Sequence[str] = [e.name for e in verdict.effects]
     said = "no law" if law is None else f"{100 * law['shrink']:.0f} % by {law['words']}"
+    gap = verdict.gap.before["excess"]
     sys.stdout.write(
         f"{case.name}: without {', '.join(without) or 'nothing'} ({case.strength or '-'}, scatter "
-        f"{case.scatter}), gap {verdict.gap.before['excess']:.2f}: {verdict.verdict} "
-        f"{', '.join(named)}: {said}\n"
+        f"{case.scatter}), gap {gap:.2f}: {verdict.verdict} {', '.join(named)}: {said}\n"
     )
     sys.stdout.flush()
-    return None if law is None else float(law["shrink"])
+    return Outcome(None if law is None else float(law["shrink"]), bool(named), gap)
+
+
+def _withheld(case: Case) -> frozenset[str]:
+    """What a case hides, and what no run tells from it: a twin in the library would answer."""
+    return frozenset(case.effects).union(*(registry()[name].looks_like for name in case.effects))
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("exam", type=Path)
     parser.add_argument("--cases", type=int, default=4)
+    parser.add_argument("--skip", type=int, default=0)
     parser.add_argument("--nothing", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
     return parser.parse_args()

@@ -68,7 +68,7 @@ def describe(
 
 
 def _terms(probed: Sequence[Probed]) -> list[_Term]:
-    """Each parameter of each term at its smallest probe."""
+    """Each parameter of each term, by its secant at nothing."""
     found = []
     for p in probed:
         for vector, response in zip(p.groups[0], p.responses[0].T, strict=True):

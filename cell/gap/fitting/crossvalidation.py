@@ -72,13 +72,20 @@ def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ..
     unknowns only these runs determine, and how unlikely their random unknowns are [nats].
     """
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
-    only = _only_here(estimate, keep)
-    shared = _newton(estimate, keep, only).shared
+    shared, only = on_runs(estimate, keep)
     unseen = _some(estimate.evidence, fold)
     own = Point(np.zeros(0), tuple(_adapted(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
     unlikely = [_unlikely(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
     return residuals(raw, unseen), int(only.sum()), np.array(unlikely)
+
+
+def on_runs(estimate: Estimate, keep: Sequence[int]) -> tuple[Array, normal_equations.Mask]:
+    """Shared values (P,) of the fit to the runs `keep` alone, one Newton step from the whole one,
+    and which of them (P,) keep their value because those runs say next to nothing of them.
+    """
+    only = _only_here(estimate, keep)
+    return _newton(estimate, keep, only).shared, only
 
 
 def _unlikely(run: Run, local: Array) -> float:

@@ -24,6 +24,7 @@ TIE = 2.0  # nats by which a quantity must beat those that scatter more commonly
 SMALLEST, LARGEST = 0.03, 5.0  # of the usual spread, between which one is sought
 LEAST = 0.1  # of the stated variance, of what any fit leaves
 GRID = np.linspace(0.05, 2.5, 15)  # shares of the usual spread over which it is averaged
+AROUND = np.exp(np.linspace(-2.0, 2.0, 17))  # times a likely spread, over which it is averaged
 REFUTED = 1 / 3  # Bayes factor below which a common quantity does not scatter here
 COMMON = 10.0  # times its usual spread, that the common part of a quantity may have
 
@@ -104,6 +105,7 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
         others = [k for j, k in enumerate(active) if j != i]
         value, _ = _fitted(model, others, np.delete(shares, i))
         gains.append(value - least)
+    shares = _averaged(model, active, shares)
     active, shares, gains = _kept(model, list(known.values()), active, shares, gains)
     errors = _errors(model, active, shares)
     names = list(known.values())
@@ -112,6 +114,27 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
                s * p.spread * float(np.exp(1.96 * e)), g)
         for p, s, e, g in zip([names[k] for k in active], shares, errors, gains, strict=True)
     )  # fmt: skip
+
+
+def _averaged(model: _Marginal, active: Sequence[int], shares: Array) -> Array:
+    """Mean of each share given the runs, the others at their most likely values.
+
+    Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
+    too small in most laboratories.
+    """
+    means = shares.copy()
+    for i, share in enumerate(shares):
+        tried = share * AROUND
+        losses = np.array([model.loss(_put(shares, i, s), active) for s in tried])
+        likely = tried * np.exp(losses.min() - losses)  # even steps of the logarithm
+        means[i] = float(likely @ tried / likely.sum())
+    return means
+
+
+def _put(values: Array, i: int, value: float) -> Array:
+    changed = values.copy()
+    changed[i] = value
+    return changed
 
 
 def _kept(

@@ -82,7 +82,10 @@ class Score:
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     """Responses of a candidate's probes at the refitted base; yields simulations."""
     model = Model(base.model.base, (*base.model.effects, candidate))
-    groups = (_secants(candidate), *(tuple(map(np.array, g)) for g in candidate.probes))
+    groups = (
+        _secants(candidate),
+        *(tuple(candidate.completed(np.array(v)) for v in g) for g in candidate.probes),
+    )
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
     asked = [

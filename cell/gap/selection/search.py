@@ -16,12 +16,13 @@ from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_sid
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits, by_loss
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
-from cell.gap.selection.screening import Score, probe, ranked, table
+from cell.gap.selection.screening import Probed, Score, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
 SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
 BEAM = 3  # models beside which others are looked for
+LOOKED = 12  # further effects that are screened anew beside each of them
 SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
@@ -135,20 +136,26 @@ def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[C
 
 
 def extended(
-    simulate: Simulate, fits: Fits, size: int, candidates: Sequence[Candidate]
+    simulate: Simulate,
+    fits: Fits,
+    size: int,
+    candidates: Sequence[Candidate],
+    probed: Sequence[Probed],
 ) -> list[Score]:
     """The best models of `size` effects, each with the most promising further effects.
 
-    Screened from where those models were fitted: responses to a further effect at the base mean
-    little where another one is strong. Only the best model is extended where a larger one leaves
-    nothing: its alternatives are beside that.
+    Screened from where those models were fitted: responses to a further effect at the base,
+    `probed`, mean little where another one is strong, and only say which are looked at. Only the
+    best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
     beam = 1 if exhausted(fits) else BEAM
     found: dict[tuple[str, ...], Score] = {}
     for fit in [m.estimate for m in fits.worth(size)[:beam]]:
-        others = [c for c in candidates if c.name not in fit.model.names]
-        probed = run_all(simulate, [probe(fit, c) for c in others])
-        for s in ranked(table(projection(fit), probed))[:FURTHER]:
+        about = projection(fit)
+        others = [p for p in probed if p.candidate.name not in fit.model.names]
+        looked = {s.names[0] for s in ranked(table(about, others))[:LOOKED]}
+        again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
+        for s in ranked(table(about, again))[:FURTHER]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
     scores, base = list(found.values()), fits.base.estimate

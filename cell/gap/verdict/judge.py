@@ -63,7 +63,8 @@ def judge(
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, astray = _leftover(best, noise, kind)
     close = rivals(choice.accepted, choice.fits, choice.by) if best.model.effects else []
-    terms = run_all(simulate, [probe(best, t) for t in subject.scope.terms])
+    secants = [replace(t, probes=()) for t in subject.scope.terms]
+    terms = run_all(simulate, [probe(best, t) for t in secants])
     law = describe(best, about, terms, choice.by.inefficiency, rng)
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimated(simulate, best, whole)

@@ -1,22 +1,27 @@
 """A law that describes the gap where no effect accounts for it, refitted and proven."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.diagnosis.sparse_law import describe
-from cell.gap.fitting.crossvalidation import Validated, validate
-from cell.gap.fitting.gauss_newton import Estimate, refit
-from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.fitting.crossvalidation import Validated, on_runs
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.selection.likelihood import LikelihoodScale, margin
-from cell.gap.selection.screening import probe
+from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.selection import search
+from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.screening import probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 
 LEAST = 0.3  # share of the excess gap on held-out runs that a law must close, to be offered
 NOTHING = 0.3  # excess gap that is none to close
+SINGLES, PAIRS = 5, 3  # laws of one and of two terms that are refitted
+OFTEN = 0.7  # of the halves of the runs, in which each term of a law keeps its sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,32 +42,53 @@ def offered_law(
     subject: Subject,
     simulate: Simulate,
     base: Validated,
-    by: LikelihoodScale,
     before: Estimate,
     rng: np.random.Generator,
 ) -> OfferedLaw | None:
-    """A stable law of what the base leaves, where it also shrinks the gap `before` on unseen runs.
+    """The largest stable law of what the base leaves that shrinks the gap `before` on unseen runs.
 
-    None where no law is stable, none gains on runs left out, or no run that was held out shows a
-    gap that it closes.
+    None where no term gains on runs left out, no law is stable, or no run that was held out shows
+    a gap that it closes.
     """
     if float(held_out_gap.excess(held_out_gap.run_squares(before))) < NOTHING:
         return None
+    for law in _earned(_fitted(subject, simulate, base)):
+        if _stable(law.estimate):
+            shrink = _closed(simulate, law.estimate, before, rng)
+            if shrink.value >= LEAST:
+                return _offer(law.estimate, shrink.value)
+    return None
+
+
+def _fitted(subject: Subject, simulate: Simulate, base: Validated) -> Fits:
+    """The base, the most promising laws of one and two terms, and those of three beside them."""
     fit = base.estimate
-    probed = run_all(simulate, [probe(fit, t) for t in subject.scope.terms])
-    law = describe(fit, projection(fit), probed, by.inefficiency, rng)
-    if law is None or not law.stable:
-        return None
-    terms = tuple(t for t in subject.scope.terms if t.name in law.names)
-    if any(len(t.parameters) > 1 for t in terms):
-        return None
-    model = Model(fit.model.base, terms)
-    start = Point(model.joined(fit.shared, {}), fit.point.local)
-    done = run_one(simulate, validate(run_one(simulate, refit(model, fit.evidence, start))))
-    if margin(done, base, by).gain < by.least:
-        return None
-    shrink = _closed(simulate, done.estimate, before, rng)
-    return _offer(done.estimate, shrink.value) if shrink.value >= LEAST else None
+    terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
+    probed = run_all(simulate, [probe(fit, t) for t in terms])
+    known = table(projection(fit), probed)
+    scores = [*ranked(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
+    fits = Fits((base,)).merged(search.fit_scores(simulate, fit, scores, terms))
+    for size in (1, 2):
+        if fits.of_size(size) and not exhausted(fits):
+            more = search.extended(simulate, fits, size, terms, probed)
+            fits = fits.merged(search.fit_scores(simulate, fit, more, terms))
+    return fits
+
+
+def _earned(fits: Fits) -> Iterator[Validated]:
+    """The laws each term of which is earned, the largest first."""
+    return (step.model for step in reversed(choose(fits).steps) if step.accepted)
+
+
+def _stable(estimate: Estimate) -> bool:
+    """Whether each term keeps its sign on most halves of the runs (stability selection:
+    Meinshausen and Buehlmann 2010).
+    """
+    first, runs = len(estimate.model.base), len(estimate.residuals)
+    signs = np.sign(estimate.shared[first:])
+    halves = list(combinations(range(runs), max(1, runs // 2)))
+    again = [np.sign(on_runs(estimate, half)[0][first:]) for half in halves]
+    return bool((np.mean(np.array(again) == signs, axis=0) >= OFTEN).all())
 
 
 def _closed(

@@ -113,7 +113,7 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
     stretch = axial / load(block.nature, r, at.SPAN)
     taut = stretch / inverse - axial
     if block.terms is not None:
-        taut, stretch = sliding(block, r, taut, stretch)
+        taut, stretch = sliding(block, r, taut, stretch, 1.0 / inverse)
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
     string = choose(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse

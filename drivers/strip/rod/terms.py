@@ -63,21 +63,32 @@ def slides(block: Any, r: int, taut: Any) -> Any:
 
 
 @kernel
-def sliding(block: Any, r: int, taut: Any, stretch: Any) -> Any:
+def sliding(block: Any, r: int, taut: Any, stretch: Any, span: Any) -> Any:
     """Tension of segment r, part of which has slid, and its stiffness; constant where it slides.
 
+    Whether it slides follows from the tension that the last linear solution gives it if it sticks:
+    that of its positions is mostly the stretch that a turn of an almost inextensible piece feigns.
     What slid one way in the last iteration sticks in this one before it may slide the other way;
     otherwise Newton's method would alternate between the two levels. In the first iteration of a
     step all sticks: tensions of extrapolated positions are meaningless.
     """
     taut = taut - stretch * load(block.state, r, at.SLID)
-    way, before = slides(block, r, taut), load(block.state, r, at.WAY)
+    way, before = slides(block, r, load(block.work, r, at.STUCK)), load(block.state, r, at.WAY)
     way = choose(below(way * before, -0.5), 0.0, way)
     way = choose(below(UNTRIED - 0.5, before), 0.0, way)
     store(block.state, r, at.WAY, way)
+    store(block.work, r, at.STUCK, taut)
+    store(block.work, r, at.STUCK_GROWTH, stretch * span)
     level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
     moves = way * way
     return choose(moves, level, taut), choose(moves, 0.0, stretch)
+
+
+@kernel
+def expect(block: Any, r: int, along: Any) -> None:
+    """Update the tension that segment r has if it sticks, by a correction of `along` [1]."""
+    taut, growth = load(block.work, r, at.STUCK), load(block.work, r, at.STUCK_GROWTH)
+    store(block.work, r, at.STUCK, fma(-growth, along, taut))
 
 
 @kernel

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.strip.patch import patched
+from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, dumped, sha256, undo
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
+from drivers.strip.effects import registry
 from drivers.strip.law import TERMS, with_law
 from tests.cell.gap.test_gap_engine import Curves, bump, candidate, hidden, judged, nothing
 from tests.support.gap_strip_cases import STRIP, denim
@@ -55,6 +57,32 @@ def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
         with_law(describe(denim(), index=3), {name: amount})
     )
     assert repr(describe(strip, index=3)) != repr(describe(denim(), index=3))
+
+
+@pytest.mark.parametrize(
+    ("name", "effect"),
+    [
+        ("term_curvature", "nonlinear_bending"),
+        ("term_rate", "quadratic_damping"),
+        ("term_sign", "bending_hysteresis"),
+        ("term_fading", "relaxation"),
+        ("term_speed", "air_drag"),
+        ("term_place", "stiffness_gradient"),
+        ("term_run", "ageing"),
+        ("term_even", "pre_curl"),
+        ("term_clock", "camera_latency"),
+        ("term_side", "homography_shift"),
+        ("term_zoom", "homography_scale"),
+        ("term_reach", "tcp_offset"),
+    ],
+)
+def test_a_law_reaches_as_far_as_what_laboratories_report(name: str, effect: str) -> None:
+    (law,) = (c for c in candidates() if c.name == name)
+    (amount,) = law.parameters
+    sizes = registry()[effect].sizes(denim())
+    assert amount.low <= min(sizes)
+    assert max(sizes) <= amount.high
+    assert max(group[0][0] for group in law.probes) >= max(sizes)
 
 
 def test_a_strip_without_a_law_is_written_as_ever() -> None:

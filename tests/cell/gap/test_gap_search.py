@@ -9,10 +9,11 @@ import pytest
 from cell.gap.diagnosis.invariance import invariance
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.model import Model
+from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.screening import Score
+from cell.gap.selection.screening import Score, probe, ranked, table
 from cell.gap.selection.search import (
     shape_parameters,
     shortlist,
@@ -121,3 +122,12 @@ def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> No
         assert found.holds is holds
         assert set(found.amplitudes) == {"lift", "fall"}
         assert run_one(subject.simulate, invariance(fit, "bump", by)).holds
+
+
+def test_a_bent_law_is_screened_beside_another_effect() -> None:
+    subject = Bending(hidden(wave, 0.2))
+    bent = subject.scope.candidates[0].bent()
+    found = run_one(subject.simulate, probe(at(subject, ("wave",)), bent))
+    assert all(v.shape == (2,) for group in found.groups for v in group)
+    (score,) = ranked(table(projection(at(subject, ("wave",))), [found]))
+    assert score.names == ("bump",)

@@ -13,9 +13,11 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.layout import Block
+from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.rod.static import overhang
 from drivers.strip.rod.terms import air, lagging, resist
 from drivers.types import Array
+from policies.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import paper_model
 
@@ -143,6 +145,16 @@ def test_grip_lets_go_of_what_is_pulled_harder() -> None:
     pulls = [-motion.holding_force.min() for motion in motions]
     assert pulls[1] > 1.0
     assert 0.2 < pulls[0] < 0.3 + WEIGHT
+
+
+def test_grip_that_never_lets_go_moves_a_shaken_strip_as_a_firm_one_does() -> None:
+    shake = STANDARD["early-shake"].of(LENGTH)
+    t = np.arange(0.0, shake.duration, 0.01)
+    path = GripperPath(t, np.column_stack([shake.at(t), np.zeros_like(t)]))
+    loose, firm = simulate_all(Rod(100), [affected("grip_slip", force=2.0), bare()], [path] * 2)
+    assert -firm.holding_force.min() < 1.0
+    np.testing.assert_allclose(loose.contact_x, firm.contact_x, atol=1e-5)
+    np.testing.assert_allclose(loose.tip, firm.tip, atol=1e-5)
 
 
 def test_yielding_grip_turns_by_its_compliance_times_the_moment() -> None:

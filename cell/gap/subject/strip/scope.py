@@ -70,7 +70,7 @@ def _base(strip: StripFile) -> list[Parameter]:
     c, b = strip.bending_length, max(strip.retardation_time, 0.005)
     return [
         Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c),
-        Parameter("retardation_time", "s", b, 0.02 * b, min(10.0, 30 * b), 0.02 * b, 2 * b),
+        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), 0.02 * b, 2 * b),
     ]
 
 

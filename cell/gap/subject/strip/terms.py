@@ -1,11 +1,12 @@
 """Laws of a strip as the engine tries them: they describe, and never name, what is left."""
 
+import numpy as np
+
 from cell.gap.subject.subject import Candidate, Parameter
 from drivers.strip.law import TERMS, Term
 
-LARGER = 10.0  # times its size: the farthest that a law is taken
-ONE_SIGNED = frozenset({"term_rate", "term_sign", "term_speed"})
-"""Laws that only ever take energy out: their amounts are not negative."""
+SECANT = 0.1  # of its size: the step of secants
+TRIED = (0.0, 0.5, 0.9)  # of the way from its size to the most, on a logarithmic scale
 
 
 def candidates() -> tuple[Candidate, ...]:
@@ -14,7 +15,8 @@ def candidates() -> tuple[Candidate, ...]:
 
 
 def _candidate(term: Term) -> Candidate:
-    reach = LARGER * term.size
-    low = 0.0 if term.name in ONE_SIGNED else -reach
-    amount = Parameter("amount", term.unit, 0.0, low, reach, 0.1 * term.size, reach)
-    return Candidate(term.name, term.sentence, "strip", (amount,), (((term.size,),),))
+    step = SECANT * term.size
+    amount = Parameter("amount", term.unit, 0.0, term.low, term.most, step, term.most)
+    sizes = term.size * (term.most / term.size) ** np.array(TRIED)
+    probes = tuple(((float(size),),) for size in sizes)
+    return Candidate(term.name, term.sentence, "strip", (amount,), probes)
