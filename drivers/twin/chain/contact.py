@@ -10,6 +10,16 @@ SOLREF = (TIME_CONSTANT, 1.0)
 SOLIMP = np.array([SHARE, SHARE, 0.001, 0.5, 2.0])
 
 
+def sag(acceleration: float) -> float:
+    """Depth [m] to which what falls at `acceleration` [m/s^2] sinks into a contact at rest.
+
+    Over it a strip starts at rest. Over a desk without it the strip would fall freely for a step,
+    to a kink of 0.1 mm at its fixed edge, and under the push of a lift the strip would buckle there
+    instead of at the grip.
+    """
+    return (1.0 - SHARE) * acceleration * TIME_CONSTANT**2
+
+
 def solid(body: mujoco.MjsBody, contype: int, conaffinity: int) -> mujoco.MjsGeom:
     """A massless, frictionless sphere on `body` whose stiffness determines its contacts."""
     return body.add_geom(

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.errors import Unsupported
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
-from drivers.twin.chain.contact import SOLIMP, SOLREF, STEP, solid
+from drivers.twin.chain.contact import SOLIMP, SOLREF, STEP, sag, solid
 from drivers.twin.chain.joints import HINGE, SLIDE
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.lumps import Lumps
@@ -36,7 +36,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     gap = model.mechanics.touch_gap
     spec = mujoco.MjSpec()
     _set_options(spec, model.boundary.gravity)
-    _add_desk(spec, gap / 2)
+    _add_desk(spec, gap / 2 - sag(-model.boundary.gravity[1]))
     body = spec.worldbody
     for node in range(links + 1):
         place = [lumps.spans[node - 1] if node > 0 else 0.0, 0.0, 0.0]
