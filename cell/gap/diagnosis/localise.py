@@ -38,7 +38,7 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
     r = np.concatenate(estimate.residuals) / allowed
-    bins = _bins(estimate)
+    bins = binned(estimate)
     rows = list(bins.values())
     whole, drawn = _statistics(r, rows, noise)
     tame, _ = _statistics(robust.clipped(r), rows, noise)
@@ -51,9 +51,9 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
 
 def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
     """Of each bin the stronger statistic, and of each draw the strongest of all bins."""
-    signed = _standardised(np.array([r[i].sum() for i in rows]),
+    signed = standardised(np.array([r[i].sum() for i in rows]),
                            np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
-    energy = _standardised(
+    energy = standardised(
         np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
         np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
     )
@@ -61,12 +61,14 @@ def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Arra
     return np.where(np.abs(signed[0]) >= energy[0], signed[0], energy[0]), largest
 
 
-def _standardised(found: Array, drawn: Array) -> tuple[Array, Array]:
+def standardised(found: Array, drawn: Array) -> tuple[Array, Array]:
+    """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
     mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
     return (found - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
 
 
-def _bins(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
+def binned(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
+    """Samples of each bin that has enough of them, by channel, phase, zone and condition."""
     bins: dict[tuple[str, str, str, str], list[int]] = defaultdict(list)
     at = 0
     for run in estimate.evidence.runs:

@@ -7,14 +7,15 @@ from cell.gap.report import figures
 from cell.gap.report.sentence import motion
 from cell.gap.report.units import interval, number, probability, shown, unit
 from cell.gap.selection.choice import MATERIAL
+from cell.gap.verdict.compose import SEEN
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
 
 
 def where(found: Findings) -> str:
     """A sentence and a map of the places where the refitted base exceeds noise, as HTML."""
-    places = found.fitted.places
-    strong = [place for place in places if place.p < 0.05]
+    places = found.places
+    strong = [place for place in places if place.p < SEEN]
     if not strong:
         return "<p>Nowhere beyond what noise does.</p>" + figures.heat_map(places)
     first = strong[0]
@@ -24,6 +25,13 @@ def where(found: Findings) -> str:
         "places disagree beyond noise (dots; family-wise 5 %). Shown is the model after its base "
         "parameters were refitted."
     )
+    alone = sum(place.p < SEEN for place in found.fitted.places)
+    if found.judged.places and alone < len(strong):
+        text += (
+            f" By itself {alone or 'none'} of them would be told from noise and from what differs "
+            f"from run to run; the others are where what is left goes the way of "
+            f"{found.accepted.model.name}."
+        )
     return f"<p>{escape(text)}</p>" + figures.heat_map(places)
 
 

@@ -91,7 +91,7 @@ def _base(found: Findings) -> dict[str, Interval]:
 
 
 def _where(found: Findings) -> list[WhereBin]:
-    seen = [place for place in found.fitted.places if place.p < SEEN][:PLACES]
+    seen = [place for place in found.places if place.p < SEEN][:PLACES]
     return [
         WhereBin(channel=w.channel, phase=w.phase, zone=w.zone, condition=w.condition, z=w.z, p=w.p)
         for w in seen

@@ -8,6 +8,7 @@ from cell.gap.diagnosis.invariance import Invariance
 from cell.gap.diagnosis.lack_of_fit import Misfit
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.diagnosis.next_experiment import Advice
+from cell.gap.diagnosis.shown_places import joined
 from cell.gap.diagnosis.sparse_law import Law
 from cell.gap.diagnosis.steadier import Steadier
 from cell.gap.fitting.crossvalidation import Validated
@@ -79,7 +80,8 @@ class Judged:
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it. `phases` tests each of several
-    effects by the parts of a motion: by rate, height, direction and time.
+    effects by the parts of a motion: by rate, height, direction and time. `places` are where the
+    accepted effects show in what the base leaves, none without any.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -93,6 +95,7 @@ class Judged:
     law: Law | None
     scatter: tuple[Spread, ...] = ()
     phases: tuple[Invariance, ...] = ()
+    places: tuple[Bin, ...] = ()
 
     @property
     def remains(self) -> bool:
@@ -152,6 +155,13 @@ class Findings:
     def accepted(self) -> Validated:
         """The accepted model; the base where no effect was earned."""
         return self.choice.accepted
+
+    @property
+    def places(self) -> tuple[Bin, ...]:
+        """Where the base disagrees with the runs, strongest first: by itself, or by what the
+        accepted effects would do there.
+        """
+        return tuple(joined(self.fitted.places, self.judged.places))
 
     @property
     def by(self) -> LikelihoodScale:

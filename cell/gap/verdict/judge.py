@@ -7,6 +7,8 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap, lack_of_fit
 from cell.gap.diagnosis.drift import drift
 from cell.gap.diagnosis.invariance import Invariance, invariance
+from cell.gap.diagnosis.localise import Bin
+from cell.gap.diagnosis.shown_places import shown_places
 from cell.gap.diagnosis.sparse_law import describe
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
@@ -80,7 +82,21 @@ def judge(
         law,
         scatter,
         _by_phases(choice, simulate),
+        _places(choice, rng),
     )
+
+
+def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
+    """Where what the base leaves is what the accepted effects would do; none without any."""
+    fitted, base = choice.accepted, choice.fits.base.estimate
+    if not fitted.model.effects:
+        return ()
+    noise = lack_of_fit.noise_left(projection(base, robustly=False), rng)
+    change = drift(base)
+    inflation = change.inflation if change is not None else lack_of_fit.pure_error(base)
+    allowed = lack_of_fit.slack(base.evidence, inflation, {})
+    others = [m.estimate for m in choice.fits.models if m.model.effects and m is not fitted]
+    return tuple(shown_places(base, fitted.estimate, others, noise, allowed))
 
 
 def _by_phases(choice: Choice, simulate: Simulate) -> tuple[Invariance, ...]:

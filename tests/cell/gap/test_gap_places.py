@@ -1,0 +1,63 @@
+"""Where an effect shows: in its places though none stands out by itself, and not in noise."""
+
+import numpy as np
+
+from cell.gap.diagnosis.localise import Bin, localise
+from cell.gap.diagnosis.shown_places import joined, shown_places
+from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.model import Evidence, Model, Point
+from cell.gap.subject.subject import Run, Samples
+from drivers.types import Array
+
+PLACES, EACH, DRAWS = 20, 30, 400
+SIZE = PLACES * EACH
+FLAT = np.ones(SIZE)
+
+
+def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
+    rng = np.random.default_rng(2)
+    effect = np.zeros(SIZE)
+    effect[: 2 * EACH] = 0.9 * np.tile([1.0, -1.0], EACH)
+    base = _estimate(effect + rng.standard_normal(SIZE))
+    fitted = _estimate(np.concatenate(base.residuals) - effect)
+    noise = rng.standard_normal((SIZE, DRAWS))
+    alone = localise(base, noise, FLAT)
+    assert all(place.p > 0.05 for place in alone)
+    told = shown_places(base, fitted, [], noise, FLAT)
+    seen = {place.zone for place in joined(alone, told) if place.p < 0.05}
+    assert seen == {"zone 0", "zone 1"}
+
+
+def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
+    rng = np.random.default_rng(3)
+    noise = rng.standard_normal((SIZE, DRAWS))
+    false = 0
+    for _ in range(60):
+        r = rng.standard_normal(SIZE)
+        tried = [_fitted(r, rng.standard_normal(SIZE)) for _ in range(12)]
+        best, *others = sorted(tried, key=lambda e: float(np.sum(e.residuals[0] ** 2)))
+        told = shown_places(_estimate(r), best, others, noise, FLAT)
+        false += any(place.p < 0.05 for place in told)
+    assert false <= 7
+
+
+def test_two_tests_of_a_place_count_as_two() -> None:
+    weak = Bin("profile", "carry", "middle", "slow", 1.0, 0.4)
+    sure = Bin("profile", "carry", "middle", "slow", -5.0, 0.01)
+    assert joined([weak], [sure]) == [Bin("profile", "carry", "middle", "slow", -5.0, 0.02)]
+    assert joined([weak], []) == [weak]
+
+
+def _fitted(r: Array, direction: Array) -> Estimate:
+    return _estimate(r - direction * float(direction @ r) / float(direction @ direction))
+
+
+def _estimate(r: Array) -> Estimate:
+    words = np.full(SIZE, "profile")
+    zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
+    series = np.zeros(SIZE, dtype=np.int64)
+    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, 0.0 * FLAT,
+                      series)  # fmt: skip
+    known = Evidence((Run("one", "slow", samples),), (FLAT,))
+    nowhere = Point(np.zeros(0), (np.zeros(0),))
+    return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0, 0.0)
