@@ -11,13 +11,13 @@ from drivers.types import Array
 
 PLACES, EACH, DRAWS = 20, 30, 400
 SIZE = PLACES * EACH
-FLAT = np.ones(SIZE)
+FLAT: Array = np.ones(SIZE, dtype=np.float64)
 
 
 def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
     rng = np.random.default_rng(2)
     effect = np.zeros(SIZE)
-    effect[: 2 * EACH] = 0.9 * np.tile([1.0, -1.0], EACH)
+    effect[: 2 * EACH] = 0.7 * np.tile([1.0, -1.0], EACH)
     base = _estimate(effect + rng.standard_normal(SIZE))
     fitted = _estimate(np.concatenate(base.residuals) - effect)
     noise = rng.standard_normal((SIZE, DRAWS))
@@ -56,7 +56,7 @@ def _estimate(r: Array) -> Estimate:
     words = np.full(SIZE, "profile")
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
     series = np.zeros(SIZE, dtype=np.int64)
-    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, 0.0 * FLAT,
+    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, np.zeros(SIZE),
                       series)  # fmt: skip
     known = Evidence((Run("one", "slow", samples),), (FLAT,))
     nowhere = Point(np.zeros(0), (np.zeros(0),))
