@@ -215,7 +215,7 @@ def _refit_further(
 
     def tried(fits: Fits, scores: Sequence[Score]) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return fits.merged(search.fit_scores(simulate, base, scores, known))
+        return fits.merged(search.fit_scores(simulate, base, scores, known, fits))
 
     def more(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)

@@ -1,7 +1,7 @@
 """Screening: how much each candidate could explain, judged by probes from the refitted base."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -34,6 +34,12 @@ class Probed:
     responses: tuple[Array, ...]
 
     @property
+    def secants(self) -> Array:
+        """Whitened secants (N, parameters) at the null."""
+        moved = np.array([v - self.candidate.null for v in self.groups[0]])
+        return np.asarray(self.responses[0] / np.diag(moved))
+
+    @property
     def dead(self) -> bool:
         """Whether it changes nothing in these runs."""
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
@@ -46,7 +52,7 @@ class Score:
     `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
     the values of the probes that gain most as they are: an effect with a threshold does nothing
     below it, so that a share of a probe is no start. `after` is a fit whose values and effects
-    are kept to begin with.
+    are kept to begin with. `secants` (N, parameters) by name are whitened, at null.
     """
 
     names: tuple[str, ...]
@@ -55,6 +61,7 @@ class Score:
     linear: bool = True
     tried: dict[str, Array] | None = None
     after: Estimate | None = None
+    secants: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def starts(self) -> list[dict[str, Array]]:
@@ -203,6 +210,7 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     physics fixes the sign.
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
+    secants = {p.candidate.name: p.secants for p in members}
     most, tried = 0.0, None
     for choice in product(*(range(len(p.groups)) for p in members)):
         found, whole, values = _mixed(known, members, choice)
@@ -210,7 +218,8 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
             best = found
         if whole > most and all(choice):
             most, tried = whole, values
-    return replace(best, tried=tried if most > WORTH * best.gain else None)
+    tried = tried if most > WORTH * best.gain else None
+    return replace(best, tried=tried, secants=secants)
 
 
 def _mixed(

@@ -16,6 +16,7 @@ from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_sid
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits, by_loss
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
+from cell.gap.selection.origins import Start, starts
 from cell.gap.selection.screening import Probed, Score, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -26,17 +27,26 @@ LOOKED = 12  # further effects that are screened anew beside each of them
 SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
+HOPE = 0.5  # of what the best start gained in SIFTING steps: the others are given up
 
 
 def fit_scores(
-    simulate: Simulate, base: Estimate, scores: Sequence[Score], candidates: Sequence[Candidate]
+    simulate: Simulate,
+    base: Estimate,
+    scores: Sequence[Score],
+    candidates: Sequence[Candidate],
+    fits: Fits | None = None,
 ) -> list[Validated]:
-    """Screened models refitted with the base, from null and from what the screen found."""
+    """Screened models refitted with the base, from null and from what the screen found; of those
+    that are among `fits` only the ones that come farther.
+    """
     tasks = []
     for s in scores:
-        model, points = _starts(base, s, candidates)
-        tasks.append(_fitted(model, base.evidence, points))
-    return run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+        known = fits.of(frozenset(s.names)) if fits else None
+        least = known.estimate if known else base
+        tasks.append(_fitted(base, *starts(base, s, candidates), least))
+    found = [e for e in run_all(simulate, tasks) if e is not None]
+    return run_all(simulate, [validate(e) for e in found])
 
 
 def shortlist(
@@ -52,7 +62,7 @@ def shortlist(
     """
     tasks = []
     for s in scores:
-        model, points = _starts(base, s, candidates)
+        model, points = starts(base, s, candidates)
         tasks.append(_begun(model, base.evidence, points[1:] or points))
     done = run_all(simulate, tasks)
     scale = min((e.scale for e in done), default=1.0)
@@ -60,33 +70,39 @@ def shortlist(
     return [Score(scores[i].names, scores[i].gain, {}, after=done[i]) for i in order[:most]]
 
 
-def _begun(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
+def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Estimate]:
     """The best of the first few steps from each start."""
-    fits = [refit(model, evidence, p, enough=ROUGHLY, steps=SIFTING) for p in starts]
+    fits = [refit(model, evidence, p, known, ROUGHLY, SIFTING) for p, known in points]
     return best((yield from side_by_side(fits)))
 
 
-def _starts(
-    base: Estimate, score: Score, candidates: Sequence[Candidate]
-) -> tuple[Model, list[Point]]:
-    """The model of a score, and the points where its fits begin."""
-    model = with_effects(base.model, score.names, candidates)
-    origin = score.after or base
-    shared, _ = origin.model.split(origin.shared)
-    return model, [Point(model.joined(shared, v), origin.point.local) for v in score.starts]
-
-
-def _fitted(model: Model, evidence: Evidence, starts: Sequence[Point]) -> Task[Estimate]:
-    """A few steps from each start, and from where they came farthest to the end."""
-    begun = [refit(model, evidence, p, enough=ROUGHLY, steps=BEGUN) for p in starts]
-    first = best((yield from side_by_side(begun)))
-    done = yield from refit(model, evidence, first.point, first.jacobians, ROUGHLY)
+def _fitted(
+    base: Estimate, model: Model, points: Sequence[Start], least: Estimate
+) -> Task[Estimate | None]:
+    """A few steps from each start, a few more from those that came far, and from where they came
+    farthest to the end; None where that is not as far as the fit `least` of the same model.
+    """
+    known = base.evidence
+    begun = [refit(model, known, p, first, ROUGHLY, SIFTING) for p, first in points]
+    tried = yield from side_by_side(begun)
+    far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
+    if len(far) > 1 or (far and least is not base):
+        more = [refit(model, known, e.point, e.jacobians, ROUGHLY, BEGUN - SIFTING) for e in far]
+        far = [*far, *(yield from side_by_side(more))]
+    if not far or (least is not base and best([least, *far]) is least):
+        return None
+    first = best(far)
+    done = yield from refit(model, known, first.point, first.jacobians, ROUGHLY)
     return best([first, done])
 
 
-def with_effects(model: Model, names: Sequence[str], candidates: Sequence[Candidate]) -> Model:
-    """The base model with the named effects, in the order of the library."""
-    return Model(model.base, tuple(c for c in candidates if c.name in names))
+def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> list[Estimate]:
+    """Those that gained over the base at least HOPE of what the best of them, or `least`, did."""
+    every = [*begun, least]
+    scale = min(e.scale for e in every)
+    gains = [judged(base, scale) - judged(e, scale) for e in every]
+    most = max(gains)
+    return [e for e, g in zip(begun, gains, strict=False) if g >= min(HOPE * most, most)]
 
 
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
@@ -97,9 +113,11 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
     for m in worth:
         fit, model = m.estimate, _bent(m.model)
         shared, effects = fit.model.split(fit.shared)
-        points = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
-        tasks.append(_fitted(model, fit.evidence, points))
-    done = run_all(simulate, [validate(e) for e in run_all(simulate, tasks)])
+        begin = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
+        tasks.append(_fitted(fit, model, [(p, None) for p in begin], fit))
+    found = [e if e is not None else m.estimate
+             for e, m in zip(run_all(simulate, tasks), worth, strict=True)]  # fmt: skip
+    done = run_all(simulate, [validate(e) for e in found])
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
 
 

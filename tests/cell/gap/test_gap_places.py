@@ -56,7 +56,7 @@ def _estimate(r: Array) -> Estimate:
     words = np.full(SIZE, "profile")
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
     series = np.zeros(SIZE, dtype=np.int64)
-    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, np.zeros(SIZE),
+    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, np.zeros(SIZE, dtype=np.float64),
                       series)  # fmt: skip
     known = Evidence((Run("one", "slow", samples),), (FLAT,))
     nowhere = Point(np.zeros(0), (np.zeros(0),))
