@@ -39,9 +39,9 @@ from cell.gap.selection.screening import (
 )
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
-from cell.gap.verdict.decide import kind
+from cell.gap.verdict.decide import is_told, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, judge, show
+from cell.gap.verdict.judge import chosen, described, judge, show
 from cell.gap.verdict.offered_law import offered_law
 
 SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
@@ -89,10 +89,14 @@ def investigate(
     there = bool(choice.accepted.model.effects) or fitted.gap
     advised = advice(subject, screened, choice, judged, simulate) if there else Advised()
     found = Findings(subject, tuple(held_out), fitted, screened, choice, judged, shown, advised)
-    if kind(found) != "unexplained":
+    which = kind(found)
+    if is_told(found, which):
+        law = described(subject, choice, simulate, rng)
+        found = replace(found, judged=replace(judged, law=law))
+    if which != "unexplained":
         return found
-    law = offered_law(subject, simulate, fitted.base, shown.before, rng)
-    return replace(found, offered=law)
+    offered = offered_law(subject, simulate, fitted.base, shown.before, rng)
+    return replace(found, offered=offered)
 
 
 def _fit_base(

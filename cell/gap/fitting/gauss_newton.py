@@ -18,6 +18,8 @@ from drivers.types import Array
 STEPS = 20
 ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
+MENDABLE = (0.3, 2.5)  # the same: the step itself tells enough to go on by, once
+TINY = 1e-300
 PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
 DAMPING = 1e-3
 
@@ -69,7 +71,7 @@ def refit(
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
     z = np.clip(place.packed(start), limits.low, limits.high)
-    fresh = jacobians is None
+    fresh, mended = jacobians is None, False
     if jacobians is None:
         raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
     else:
@@ -89,9 +91,14 @@ def refit(
         won = now - trial.objective
         if won <= 0.0 and fresh:
             break
+        kept = won / promised
+        trusted = TRUSTED[0] < kept < TRUSTED[1]
+        mended = not trusted and not mended and MENDABLE[0] < kept < MENDABLE[1]
+        fresh = not trusted and not mended
+        if mended:
+            jacobians = _mended(search, trial.z - z, raw, trial.raw)
         if won > 0.0:
             z, raw = trial.z, trial.raw
-        fresh = not TRUSTED[0] < won / promised < TRUSTED[1]
         if fresh:
             raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
     return _estimate(model, evidence, z, raw, jacobians)
@@ -165,6 +172,25 @@ def _bend(
     limits = normal_equations.bounds(search.model, search.evidence)
     inside = np.clip(z + step, limits.low, limits.high)
     return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
+
+
+def _mended(
+    search: _Search, moved: Array, before: Sequence[Residuals], after: Sequence[Residuals]
+) -> tuple[Array, ...]:
+    """Jacobians that say what the step `moved` (size,) did, and as before what no step told.
+
+    Least change in units of what each unknown does (Broyden 1965); samples that either side lost
+    tell nothing.
+    """
+    place = normal_equations.layout(search.model, search.evidence)
+    found, units = [], np.diag(search.curvature)
+    rows = zip(before, after, search.evidence.scales, search.jacobians, strict=True)
+    for i, (a, b, scale, jacobian) in enumerate(rows):
+        at = place.columns(i)
+        step, along = moved[at], units[at] * moved[at]
+        beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
+        found.append(jacobian + np.outer(beyond, along) / max(float(along @ step), TINY))
+    return tuple(found)
 
 
 def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:

@@ -216,6 +216,10 @@ def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
     if not accepted.model.effects:
         return None
     values, _ = accepted.model.split(accepted.shared)
-    again = run_one(simulate, refit(base.model, base.evidence, Point(values, accepted.point.local)))
+    start = Point(values, accepted.point.local)
+    begun = run_one(simulate, refit(base.model, base.evidence, start, None, ROUGHLY, BEGUN))
+    if best([base, begun]) is base:
+        return None
+    again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))
     scale = min(base.scale, again.scale)
     return again if judged(again, scale) < judged(base, scale) - MARGIN else None

@@ -122,10 +122,17 @@ def confidence(found: Findings) -> float:
     return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
 
 
+def is_told(found: Findings, which: Kind) -> bool:
+    """Whether anything is told of what remains: always for `unexplained`, and where a cause was
+    found and more than noise is left.
+    """
+    return which == "unexplained" or (which != "no_gap" and found.judged.remains)
+
+
 def unexplained(found: Findings, which: Kind) -> Unexplained | None:
-    """What remains: always for `unexplained`, and for `named` where more than noise is left."""
+    """What remains, if anything is told of it."""
     judged = found.judged
-    if which == "no_gap" or (which != "unexplained" and not judged.remains):
+    if not is_told(found, which):
         return None
     law = judged.law
     return Unexplained(

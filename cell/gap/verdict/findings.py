@@ -81,7 +81,8 @@ class Judged:
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it. `phases` tests each of several
     effects by the parts of a motion: by rate, height, direction and time. `places` are where the
-    accepted effects show in what the base leaves, none without any.
+    accepted effects show in what the base leaves, none without any. `law` describes what is left,
+    where anything is told of that.
     """
 
     invariances: dict[str, dict[str, Invariance]]
@@ -92,10 +93,10 @@ class Judged:
     inflation: dict[str, float]
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
-    law: Law | None
     scatter: tuple[Spread, ...] = ()
     phases: tuple[Invariance, ...] = ()
     places: tuple[Bin, ...] = ()
+    law: Law | None = None
 
     @property
     def remains(self) -> bool:

@@ -9,7 +9,7 @@ from cell.gap.diagnosis.drift import drift
 from cell.gap.diagnosis.invariance import Invariance, invariance
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.diagnosis.shown_places import shown_places
-from cell.gap.diagnosis.sparse_law import describe
+from cell.gap.diagnosis.sparse_law import Law, describe
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
@@ -53,7 +53,6 @@ def judge(
     `whole` are the runs with every random unknown that they may have.
     """
     best = choice.accepted.estimate
-    about = projection(best)
     invariances = _invariances(choice, simulate)
     tolerance = {k: q.tolerance for k, q in subject.scope.quantities.items()}
     noise = lack_of_fit.noise_left(projection(best, robustly=False), rng)
@@ -65,9 +64,6 @@ def judge(
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, astray = _leftover(best, noise, kind)
     close = rivals(choice.accepted, choice.fits, choice.by) if best.model.effects else []
-    secants = [replace(t, probes=()) for t in subject.scope.terms]
-    terms = run_all(simulate, [probe(best, t) for t in secants])
-    law = describe(best, about, terms, choice.by.inefficiency, rng)
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimated(simulate, best, whole)
     return Judged(
@@ -79,11 +75,20 @@ def judge(
         inflation,
         tuple(close),
         groups,
-        law,
         scatter,
         _by_phases(choice, simulate),
         _places(choice, rng),
     )
+
+
+def described(
+    subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.Generator
+) -> Law | None:
+    """Sparse law of what the accepted model of `choice` leaves."""
+    best = choice.accepted.estimate
+    secants = [replace(t, probes=()) for t in subject.scope.terms]
+    terms = run_all(simulate, [probe(best, t) for t in secants])
+    return describe(best, projection(best), terms, choice.by.inefficiency, rng)
 
 
 def _places(choice: Choice, rng: np.random.Generator) -> tuple[Bin, ...]:
