@@ -18,6 +18,8 @@ from drivers.strip.file import GRAVITY
 from drivers.types import Array, frozen
 
 CELLS = 600
+EARLY = 0.8  # of the stiffness of friction that sets in gradually, what slides early
+SPREAD = 0.6  # of its moment, that is left to what slides late
 CONTACT_HEIGHT = 0.001  # m above rest at which the lifted strip leaves the desk
 
 
@@ -28,7 +30,8 @@ class BendingLaw:
     `cubic` [m^2] and `fifth`: M = EI kappa (1 + u + fifth u^2) with u = cubic kappa^2, level past
     the crest where a softening law (`cubic` below 0) would fall. `yield_curvature` [1/m]:
     friction moment over rigidity of an elasto-plastic element beside the elastic one, whose
-    stiffness before it slides is `stiffness_ratio` times EI. `quadratic_damping` [m s^2] times
+    stiffness before it slides is `stiffness_ratio` times EI; `gradual`, 0 to 1, is how much earlier
+    most of it slides than the rest (see `friction`). `quadratic_damping` [m s^2] times
     EI |dkappa/dt| dkappa/dt adds to the moment. Of the rigidity the share `relaxing` carries
     its moment only for about `relaxation_time` [s] (a Maxwell element, at rest when the motion
     begins).
@@ -38,9 +41,22 @@ class BendingLaw:
     fifth: float = 0.0
     yield_curvature: float = 0.0
     stiffness_ratio: float = 8.0
+    gradual: float = 0.0
     quadratic_damping: float = 0.0
     relaxing: float = 0.0
     relaxation_time: float = 1.0
+
+    @property
+    def friction(self) -> tuple[tuple[float, float], ...]:
+        """Elements of friction, the early one first: shares of stiffness and of friction moment.
+
+        One, or two that together begin as one does and end as it does: the sum bends over in
+        between, the later the more `gradual`.
+        """
+        if not self.gradual:
+            return ((1.0, 1.0),)
+        early = EARLY - SPREAD * self.gradual
+        return ((EARLY, early), (1.0 - EARLY, 1.0 - early))
 
     @property
     def crest(self) -> float:

@@ -1,4 +1,4 @@
-"""Bending hysteresis: dry friction between yarns as an elasto-plastic element in parallel."""
+"""Bending hysteresis: dry friction between yarns as elasto-plastic elements in parallel."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,6 +13,7 @@ def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
         model.mechanics.law,
         yield_curvature=values["yield_curvature"],
         stiffness_ratio=values["stiffness_ratio"],
+        gradual=values["gradual"],
     )
     lawful = replace(model, mechanics=replace(model.mechanics, law=law))
     return set_down(lawful, values["set"])
@@ -29,6 +30,9 @@ EFFECT = Effect(
             "stiffness_ratio", "1", low=1.0, high=100.0, null=None, default=8.0, role="ratio"
         ),
         Parameter("set", "rad", low=0.0, high=3.0, null=None, default=0.0, guess=0.3, role="shape"),
+        Parameter(
+            "gradual", "1", low=0.0, high=1.0, null=None, default=0.0, guess=0.3, role="shape"
+        ),
     ),
     apply=_apply,
     typical=lambda _: (1.0, 5.0, 20.0),

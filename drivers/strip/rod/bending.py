@@ -4,8 +4,9 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
-from drivers.strip.rod.terms import lagging, sliding
+from drivers.strip.rod.terms import lagging, sliding, sliding_late
 
 
 @kernel
@@ -33,13 +34,10 @@ def strain(a: Any, b: Any) -> Any:
 
 @kernel
 def friction(block: Any, r: int, eps: Any) -> Any:
-    """Moment of the elasto-plastic element at row r and its tangent (return mapping)."""
+    """Moment of the elasto-plastic element at row r and its tangent."""
     stick, slip = load(block.nature, r, at.STICK), load(block.nature, r, at.SLIP)
     change = eps - load(block.state, r, at.EPS)
-    moment = fma(stick, change, load(block.state, r, at.FRICTION))
-    over, under = below(slip, moment), below(moment, -slip)
-    moment = choose(over, slip, choose(under, -slip, moment))
-    return moment, choose(over + under, 0.0, stick)
+    return element(stick, slip, change, load(block.state, r, at.FRICTION))
 
 
 @kernel
@@ -69,7 +67,8 @@ def moment(block: Any, r: int, eps: Any, rate: Any) -> Any:
     value, slope = spring + damping * change + dry, slope + damping + dry_slope
     if block.terms is not None:
         more, steeper = lagging(block, r, change, rate)
-        value, slope = value + more, slope + steeper
+        late, late_slope = sliding_late(block, r, eps)
+        value, slope = value + more + late, slope + steeper + late_slope
     return value, slope
 
 

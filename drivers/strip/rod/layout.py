@@ -25,12 +25,13 @@ AXIAL, SPAN, SHARE, FLOOR = range(12, 16)
 NATURE = 16
 
 # More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid
-# the pull at which its end slides, and which way it does; coefficients.
-MAXWELL, MAXWELL1, SLID, HELD, WAY = range(STATE, STATE + 5)
-RICH_STATE = STATE + 5
+# the pull at which its end slides, and which way it does, moment of friction that slides late;
+# coefficients.
+MAXWELL, MAXWELL1, SLID, HELD, WAY, LATE = range(STATE, STATE + 6)
+RICH_STATE = STATE + 6
 QUADRATIC, BRANCH, FADE, GRIPPED, CLING = range(NATURE, NATURE + 5)
-DRAG, SLOW, OBLIQUE, ALONG = range(NATURE + 5, NATURE + 9)
-RICH_NATURE = NATURE + 9
+DRAG, SLOW, OBLIQUE, ALONG, LATE_SLIP, LATE_STICK = range(NATURE + 5, NATURE + 11)
+RICH_NATURE = NATURE + 11
 
 # Work of one Newton iteration.
 HAT_X, HAT_Z, BASE_X, BASE_Z, BASE_EPS, TANGENT = range(6)

@@ -17,7 +17,7 @@ INEXTENSIBLE = 1e6  # axial stiffness over weight: 1 ppm of strain under its own
 KNOWN = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",  # adhesion acts from the touch on: a rod's end
-    BendingLaw: "cubic fifth yield_curvature stiffness_ratio quadratic_damping relaxing"
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
     " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
@@ -32,7 +32,7 @@ def lattice(length: float, segments: int) -> Array:
 def needs_terms(model: StripModel) -> bool:
     """Whether a description has effects that only `terms` simulate."""
     mechanics, law, boundary = model.mechanics, model.mechanics.law, model.boundary
-    lagging = law.quadratic_damping != 0 or law.relaxing != 0
+    lagging = law.quadratic_damping != 0 or law.relaxing != 0 or len(law.friction) > 1
     slides = min(boundary.edge_friction, boundary.grip_force) < np.inf
     return lagging or slides or mechanics.drag.coefficient != 0
 
@@ -115,6 +115,17 @@ def _lump_terms(rows: Array, model: StripModel, reach: Array) -> None:
     rows[:, at.GRIPPED] = np.inf
     rows[-3, at.GRIPPED] = boundary.grip_force
     inner[:, at.CLING] = boundary.edge_friction
+    _lump_friction(inner, law)
+
+
+def _lump_friction(inner: Array, law: BendingLaw) -> None:
+    """The moment and stiffness of friction, lumped as one element, shared between two."""
+    if len(law.friction) > 1:
+        (stick, slip), (late_stick, late_slip) = law.friction
+        inner[:, at.LATE_STICK] = late_stick * inner[:, at.STICK]
+        inner[:, at.LATE_SLIP] = late_slip * inner[:, at.SLIP]
+        inner[:, at.STICK] *= stick
+        inner[:, at.SLIP] *= slip
 
 
 def check(models: Sequence[StripModel]) -> None:

@@ -79,7 +79,8 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
     end = segments + 1
     batch.nature[:, :, at.DESK] = 0.0
     bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]
-    for field in bending if batch.terms is None else [*bending, at.QUADRATIC, at.BRANCH]:
+    rich = [at.QUADRATIC, at.BRANCH, at.LATE_SLIP, at.LATE_STICK]
+    for field in bending if batch.terms is None else [*bending, *rich]:
         batch.nature[:, end, field] = 0.0
     free = batch._replace(last=end)
     settle(free, free.held[None].copy())

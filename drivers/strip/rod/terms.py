@@ -7,6 +7,7 @@ from typing import Any
 
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.compiled import kernel
+from drivers.strip.rod.friction import element
 from drivers.strip.rod.lanes import below, choose, fma, load, sqrt, store
 
 HUGE = 1e300  # coefficients beyond are null at infinity
@@ -42,6 +43,14 @@ def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
     return fma(resistance, speed, branch * q), fma(2.0 * resistance, rate, branch * share)
+
+
+@kernel
+def sliding_late(block: Any, r: int, eps: Any) -> Any:
+    """Moment at row r of the friction that slides late, and its tangent."""
+    stick, slip = load(block.nature, r, at.LATE_STICK), load(block.nature, r, at.LATE_SLIP)
+    change = eps - load(block.state, r, at.EPS)
+    return element(stick, slip, change, load(block.state, r, at.LATE))
 
 
 @kernel
@@ -144,11 +153,13 @@ def resist(block: Any, r: int, rate: Any) -> None:
 
 @kernel
 def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
-    """Store the strain of the Maxwell element at row r after a step to strain `eps`."""
+    """Store the Maxwell strain and the late friction at row r after a step to strain `eps`."""
     q, _ = faded(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, choose(alive, before, older))
     store(block.state, r, at.MAXWELL, choose(alive, q, before))
+    late, _ = sliding_late(block, r, eps)
+    store(block.state, r, at.LATE, choose(alive, late, load(block.state, r, at.LATE)))
 
 
 @kernel

@@ -27,7 +27,8 @@ class Lumps:
     speed; `air` says what other speeds count. Of the hinges, all (n + 1,): `stiffness` [N
     m/rad], `damping` [N m s/rad], `quadratic` [N m s^2/rad^2], `rest` [rad], `cubic` [N
     m/rad^3], `fifth` [N m/rad^5]; of the element of friction beside them `presliding` [N m/rad]
-    and `slip` [rad], its deflection when it begins to slide; `fading` [N m/rad], what of the
+    and `slip` [rad], its deflection when it begins to slide, `friction` the shares of stiffness and
+    moment of the elements that it is made of; `fading` [N m/rad], what of the
     stiffness relaxes within `fading_time` [s]. A hinge stands for `reach` (n + 1,) [m] of the
     strip, between the middles of its two links; the first and the last one for half a link, so
     that both clamps are of second order in the lengths `spans` (n,) [m] of the links.
@@ -49,6 +50,7 @@ class Lumps:
     fifth: Array
     presliding: Array
     slip: Array
+    friction: tuple[tuple[float, float], ...]
     fading: Array
     fading_time: float
     cling: Array
@@ -84,6 +86,7 @@ class Lumps:
             fifth=spring * law.fifth * growth**2,
             presliding=stiffness * law.stiffness_ratio,
             slip=reach * (law.yield_curvature / law.stiffness_ratio) / share,
+            friction=law.friction,
             fading=stiffness * law.relaxing,
             fading_time=law.relaxation_time,
             cling=strip.adhesion * spans * scale,

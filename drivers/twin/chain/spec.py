@@ -18,7 +18,7 @@ DESK = 1  # collision class
 KNOWN: dict[type, str] = {
     Mechanics: "length width thickness rigidity viscosity rest_curvature linear_density law"
     " stretch_stiffness drag adhesion",
-    BendingLaw: "cubic fifth yield_curvature stiffness_ratio quadratic_damping relaxing"
+    BendingLaw: "cubic fifth yield_curvature stiffness_ratio gradual quadratic_damping relaxing"
     " relaxation_time",
     Boundary: "gravity edge_friction grip_force grip_compliance",
 }
@@ -120,14 +120,15 @@ def _add_hinge(spec: mujoco.MjSpec, body: mujoco.MjsBody, lumps: Lumps, node: in
         springref=lumps.rest[node],
     )
     if lumps.slip[node] > 0:
-        # A joint has one spring; the tendon is the second one, with friction.
-        yarns = spec.add_tendon(
-            name=f"yarns{node}",
-            stiffness=[lumps.presliding[node], 0.0, 0.0],
-            springyield=lumps.slip[node],
-            springlength=[0.0, 0.0],
-        )
-        yarns.wrap_joint(name, 1.0)
+        # A joint has one spring; tendons are the others, with friction.
+        for i, (stick, slip) in enumerate(lumps.friction):
+            yarns = spec.add_tendon(
+                name=f"yarns{node}" if i == 0 else f"yarns{node}.{i}",
+                stiffness=[stick * lumps.presliding[node], 0.0, 0.0],
+                springyield=slip / stick * lumps.slip[node],
+                springlength=[0.0, 0.0],
+            )
+            yarns.wrap_joint(name, 1.0)
 
 
 def _add_mass(body: mujoco.MjsBody, lumps: Lumps, node: int) -> None:

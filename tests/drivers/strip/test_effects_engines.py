@@ -24,7 +24,11 @@ OUTSIDE = {"desk_height", "tcp_offset", "gripper_tilt", "control_delay"}
 # Of every other effect the middle of its range (upwards of null; by magnitude where null is none;
 # as much as makes sense for a strip of 12 g), and where that hardly shows a value that tells.
 VALUES: dict[str, list[Values]] = {
-    "bending_hysteresis": [{"yield_curvature": 50.0}, {"yield_curvature": 12.0}],
+    "bending_hysteresis": [
+        {"yield_curvature": 50.0},
+        {"yield_curvature": 12.0},
+        {"yield_curvature": 30.0, "gradual": 0.6},
+    ],
     "nonlinear_bending": [
         {"cubic": 5e-4},
         {"cubic": -5e-6},

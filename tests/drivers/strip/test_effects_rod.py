@@ -11,11 +11,12 @@ from drivers.strip.describe import describe
 from drivers.strip.model import StripModel
 from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat
+from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.rod.static import overhang
-from drivers.strip.rod.terms import air, lagging, resist
+from drivers.strip.rod.terms import air, lagging, resist, sliding_late
 from drivers.types import Array
 from policies.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
@@ -38,6 +39,33 @@ def _displacement(name: str, path: str = "triangular", **values: float) -> float
     assert with_it.touch is not None
     assert without.touch is not None
     return with_it.touch.displacement - without.touch.displacement
+
+
+@numba.njit(error_model="numpy")
+def _rubbed(block: Block, path: Array, out: Array) -> None:
+    for i in range(len(path)):
+        early, _ = friction(block, at.FIRST, path[i])
+        late, _ = sliding_late(block, at.FIRST, path[i])
+        block.state[at.FIRST, at.EPS] = path[i]
+        block.state[at.FIRST, at.FRICTION], block.state[at.FIRST, at.LATE] = early, late
+        out[i] = early + late
+
+
+def test_friction_sets_in_gradually_up_to_the_same_moment_and_keeps_a_part_on_the_way_back() -> (
+    None
+):
+    model = affected("bending_hysteresis", yield_curvature=10.0, stiffness_ratio=8.0, gradual=0.5)
+    block = _block(model)
+    law = model.mechanics.law
+    stiffness = block.nature[at.FIRST, at.BEND]
+    reach = block.nature[at.FIRST, at.SLIP] / (law.friction[0][1] * stiffness * 10.0)
+    yields = 10.0 / 8.0 * reach  # strain at which a single element would slide
+    path = yields * np.array([0.25, 1.0, 2.0, 4.0, 3.75, 0.0, -4.0])
+    moment = np.zeros(len(path))
+    _rubbed(block, path, moment)
+    whole = 10.0 * stiffness * reach
+    expected = [0.25, 0.5 + 0.2, 0.5 + 0.4, 1.0, 0.75, -0.5 - 0.3, -1.0]
+    np.testing.assert_allclose(moment / whole, expected, rtol=1e-9)
 
 
 @numba.njit(error_model="numpy")
