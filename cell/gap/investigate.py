@@ -29,14 +29,8 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
-from cell.gap.selection.screening import (
-    Probed,
-    Score,
-    probe,
-    ranked,
-    ranked_pairs,
-    table,
-)
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import is_told, kind

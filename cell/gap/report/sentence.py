@@ -3,6 +3,7 @@
 from cell.gap.report.units import interval, number, quantity
 from cell.gap.selection.likelihood import margin
 from cell.gap.subject.subject import Quantity
+from cell.gap.verdict.decide import lone_run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Measured, Verdict
 
@@ -43,6 +44,11 @@ def _named(found: Findings, verdict: Verdict) -> str:
     text = f"{effects}; {sigmas(found):.1f} sigma."
     if found.judged.astray is not None:
         text += f" Run {found.judged.astray} goes another way and bears none of this out."
+    if (lone := lone_run(found)) is not None:
+        text += (
+            f" It rests on one run alone ({motion(lone.condition)}), which no other bears out: "
+            "make another of its kind before believing it."
+        )
     if ends := at_their_ends(found):
         text += f" At the end of the range that is tried, and perhaps beyond: {', '.join(ends)}."
     if verdict.ambiguous:

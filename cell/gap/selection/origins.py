@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Model, Point
-from cell.gap.selection.screening import Score
+from cell.gap.selection.score import Score
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 

@@ -1,7 +1,7 @@
 """Screening: how much each candidate could explain, judged by probes from the refitted base."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -12,6 +12,7 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Model, request, response
 from cell.gap.fitting.projection import Projection
 from cell.gap.fitting.tasks import Task
+from cell.gap.selection.score import Score
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -43,47 +44,6 @@ class Probed:
     def dead(self) -> bool:
         """Whether it changes nothing in these runs."""
         return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """Effects screened together: nats gained at `start`, their values by name.
-
-    `linear`: found by the secants at null, which a fit from null follows by itself. `tried` are
-    the values of the probes that gain most as they are: an effect with a threshold does nothing
-    below it, so that a share of a probe is no start. `after` is a fit whose values and effects
-    are kept to begin with. `secants` (N, parameters) by name are whitened, at null.
-    """
-
-    names: tuple[str, ...]
-    gain: float
-    start: dict[str, Array]
-    linear: bool = True
-    tried: dict[str, Array] | None = None
-    after: Estimate | None = None
-    secants: Mapping[str, Array] = field(default_factory=dict)
-
-    @property
-    def starts(self) -> list[dict[str, Array]]:
-        """Where fits begin, values (k,) by effect: what is not known yet at null always."""
-        found: list[dict[str, Array]] = [{}]
-        if not self.linear:
-            found.append(self.start)
-        if self.tried is not None:
-            found.append(self.tried)
-        return [{**self._known, **values} for values in found]
-
-    def beside(self, fit: Estimate) -> "Score":
-        """The same beside the effects of a fit."""
-        names = tuple(sorted({*fit.model.names, *self.names}))
-        return replace(self, names=names, after=fit)
-
-    @property
-    def _known(self) -> dict[str, Array]:
-        if self.after is None:
-            return {}
-        _, effects = self.after.model.split(self.after.shared)
-        return {name: values for name, values in effects.items() if name in self.names}
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
@@ -219,7 +179,20 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
         if whole > most and all(choice):
             most, tried = whole, values
     tried = tried if most > WORTH * best.gain else None
-    return replace(best, tried=tried, secants=secants)
+    mirrored = _other_sign(members[0].candidate, best) if len(members) == 1 else None
+    return replace(best, tried=tried, mirrored=mirrored, secants=secants)
+
+
+def _other_sign(candidate: Candidate, best: Score) -> dict[str, Array] | None:
+    """Values of the other sign for an effect with a place, off the bounds; None where it has no
+    place, or physics fixes the sign.
+    """
+    places, value = _shapes(candidate), best.start.get(candidate.name)
+    if value is None or best.linear or not places.any():
+        return None
+    low, high = (0.5 * (end + candidate.null) for end in _ends(candidate))
+    other = np.where(places, value, np.clip(2.0 * candidate.null - value, low, high))
+    return None if np.allclose(other[~places], candidate.null[~places]) else {candidate.name: other}
 
 
 def _mixed(

@@ -17,7 +17,8 @@ from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits, by_loss
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 from cell.gap.selection.origins import Start, starts
-from cell.gap.selection.screening import Probed, Score, probe, ranked, table
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import Probed, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 

@@ -9,6 +9,7 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import LEVEL, MARGIN, bounded, margin, removed
+from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
 
@@ -16,6 +17,7 @@ MOST = 0.6  # of the excess gap: a named model has removed more, where more than
 CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
 WITHIN = 0.3  # excess gap on held-out runs that is noise
 SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
+ALONE, ONE = 0.6, 0.9  # most confidence in what one run tells; its share of the gain, from which on
 LARGE = 700.0  # nats whose exponential is still a number
 
 
@@ -119,7 +121,26 @@ def confidence(found: Findings) -> float:
     base = found.choice.fits.base
     feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
     ahead = [margin(whole, m, by).gain - feigned for m in others]
-    return min(SURE, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
+    most = SURE if lone_run(found) is None else ALONE
+    return min(most, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
+
+
+def lone_run(found: Findings) -> Run | None:
+    """The one run that the accepted model rests on, where no other bears it out.
+
+    Neither do the other runs that were fitted gain what counts, nor does one that was held out show
+    a gap that the model closes.
+    """
+    by, base, whole = found.by, found.choice.fits.base, found.accepted
+    if not whole.model.effects:
+        return None
+    each = margin(whole, base, by).each
+    best = int(np.argmax(each))
+    rest = float(each.sum() - each[best])
+    borne_out = unseen_gap(found) > WITHIN and not unseen_remains(found)
+    if borne_out or rest > by.least or each[best] < ONE * each.sum():
+        return None
+    return base.estimate.evidence.runs[best]
 
 
 def is_told(found: Findings, which: Kind) -> bool:

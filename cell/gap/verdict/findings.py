@@ -18,7 +18,8 @@ from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
 from cell.gap.selection.rivals import Alternative
-from cell.gap.selection.screening import Probed, Score
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 

@@ -13,7 +13,8 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import exhausted
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.screening import Score, probe, ranked, table
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import (
     shape_parameters,
     shortlist,
