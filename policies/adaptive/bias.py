@@ -16,8 +16,8 @@ THICKNESS = 1e-3  # m, likewise
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias [m]: `always`, `of_length`, `of_friction` and `of_both`, their product, by the logarithms
-    that a belief holds, and `of_thickness` per m beyond 1 mm.
+    """Bias [m]: `always`, `of_length`, `of_friction` and `of_both`, the product of these, by the
+    logarithms that a belief holds, and `of_thickness` per m beyond 1 mm.
 
     Afterwards the critic's sigmas are right but for the factor `sigma`, which grows by `rough` with
     friction; a thickness that nobody measured adds `unmeasured` [m].
