@@ -31,7 +31,7 @@ VALUES: dict[str, list[Values]] = {
     ],
     "nonlinear_bending": [
         {"cubic": 5e-4},
-        {"cubic": -5e-6},
+        {"cubic": -1e-6},
         {"cubic": 1e-4, "fifth": 1.0},
     ],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],
