@@ -56,8 +56,9 @@ def _estimate(r: Array) -> Estimate:
     words = np.full(SIZE, "profile")
     zones = np.repeat([f"zone {k}" for k in range(PLACES)], EACH)
     series = np.zeros(SIZE, dtype=np.int64)
-    samples = Samples(words, words, zones, words, np.arange(SIZE) * 1.0, FLAT, FLAT, np.zeros(SIZE, dtype=np.float64),
-                      series)  # fmt: skip
+    none: Array = np.zeros(SIZE, dtype=np.float64)
+    t: Array = np.arange(SIZE, dtype=np.float64)
+    samples = Samples(words, words, zones, words, t, FLAT, FLAT, none, series)
     known = Evidence((Run("one", "slow", samples),), (FLAT,))
     nowhere = Point(np.zeros(0), (np.zeros(0),))
     return Estimate(Model(()), known, nowhere, (r,), (), (np.zeros((SIZE, 0)),), 1.0, 0.0)
