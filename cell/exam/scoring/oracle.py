@@ -14,8 +14,8 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import scattered
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import Simulate, run_all
+from cell.gap.selection.origins import with_effects
 from cell.gap.selection.screening import probe, ranked, table
-from cell.gap.selection.search import with_effects
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
