@@ -38,7 +38,7 @@ SLACK = 0.0003  # m, about as much as a gripper leaves
 Effects = Mapping[str, Array]
 NAMES = ("there-and-back", "fast", "early-shake", "taut-lift")
 HIDDEN: dict[str, tuple[float, ...]] = {
-    "bending_hysteresis": (8.0, 8.0, 0.5),
+    "bending_hysteresis": (8.0, 8.0, 0.5, 0.4),
     "nonlinear_bending": (1e-4, 1.0),
     "camera_latency": (0.02,),
     "desk_tilt": (0.01,),
