@@ -81,6 +81,7 @@ def fold(
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slowed(settings)
+    settings = starting(settings, request.choice)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
@@ -95,9 +96,10 @@ def fold(
     save_calibration(calibration, writer.folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
-    recorder = Recorder(writer)
+    hanging = settings.fold.start == "hanging"
+    recorder = Recorder(writer, hanging=hanging)
     context = FoldContext(settings.controller, strip, policy, calibration)
-    with watching(request.viz) as watch:
+    with watching(request.viz, hanging=hanging) as watch:
         trace = FoldTrace(strip)
         watchers = (trace, *observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
@@ -116,6 +118,19 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
         return settings
     content = settings.fold.model_dump() | {"speed": speed}
     return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
+
+
+def starting(settings: CellFile, choice: DeviceSelection) -> CellFile:
+    """The cell's settings with the start of measured time that its arm has, unless they state one.
+
+    The in-process arm follows the lift as planned, so that a model can repeat it from the flat
+    strip. A robot's own limits and reach bend its lift: there a run begins once the strip hangs.
+    """
+    if settings.fold.start is not None:
+        return settings
+    arm = choice.arm or settings.drivers.arm
+    start = "hanging" if arm == "fci" else "flat"
+    return settings.model_copy(update={"fold": settings.fold.model_copy(update={"start": start})})
 
 
 def conduct(
@@ -190,7 +205,7 @@ def run_header(
     return {
         "strip": strip.name,
         "sigma": settings.sigma.model_dump(),
-        "start": "flat",
+        "start": settings.fold.start,
         "index": choice.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,

@@ -13,6 +13,7 @@ from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
+from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.lay import HANGING, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Snapshot
@@ -75,8 +76,11 @@ def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     return Event.GRASPED
 
 
-def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Follow the first section of the policy's path while the pitch grows to hanging."""
+def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
+    """Follow the first section of the policy's path while the pitch grows to hanging.
+
+    In a run that starts hanging the strip then comes to rest, and measured time begins.
+    """
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
@@ -88,6 +92,9 @@ def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
         snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch))
+    if cell.settings.fold.start == "hanging":
+        snapshot = yield from hang_still(cell.settings.fold.longest_rest, record)
+        record.begin(snapshot.time)
     return Event.LIFTED
 
 
@@ -96,7 +103,8 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     command = Drive(begin.velocity)
     while True:
         snapshot = yield command
-        if not snapshot.view.fresh or snapshot.view.measurement is None:
+        seen = snapshot.view.measurement
+        if not snapshot.view.fresh or seen is None or seen.stamp < record.origin:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
