@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
-from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.unknown import NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
@@ -20,6 +19,7 @@ from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
+from cell.operations.arm_settings import at_speed, suited
 from cell.operations.feasible import check_feasible
 from cell.operations.fold_trace import FoldTrace
 from cell.operations.learned import offer
@@ -38,7 +38,6 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
 from drivers.errors import CellError, Fault
-from drivers.settings import parse
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
@@ -81,7 +80,7 @@ def fold(
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slowed(settings)
-    settings = starting(settings, request.choice)
+    settings = suited(settings, request.choice)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
@@ -110,27 +109,6 @@ def fold(
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
         offer(writer.folder, strip, outcome.foretold)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
-
-
-def at_speed(settings: CellFile, speed: float | None) -> CellFile:
-    """The cell's settings with another path speed [m/s], within its limits."""
-    if speed is None:
-        return settings
-    content = settings.fold.model_dump() | {"speed": speed}
-    return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
-
-
-def starting(settings: CellFile, choice: DeviceSelection) -> CellFile:
-    """The cell's settings with the start of measured time that its arm has, unless they state one.
-
-    The in-process arm follows the lift as planned, so that a model can repeat it from the flat
-    strip. A robot's own limits and reach bend its lift: there a run begins once the strip hangs.
-    """
-    if settings.fold.start is not None:
-        return settings
-    arm = choice.arm or settings.drivers.arm
-    start = "hanging" if arm == "fci" else "flat"
-    return settings.model_copy(update={"fold": settings.fold.model_copy(update={"start": start})})
 
 
 def conduct(

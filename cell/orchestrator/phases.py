@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
 from functools import partial
+from math import sqrt
 
 import numpy as np
 
@@ -39,6 +40,7 @@ from policies.policy import Observation
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
+BRAKING = 0.7  # of the arm's acceleration, with which the pitch comes to rest at the lift's end
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -84,6 +86,7 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
+    turning = cell.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
     while snapshot.arm.pose.z < cell.settings.fold.takeover_height:
         pose = snapshot.arm.pose
@@ -91,7 +94,7 @@ def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
         if decision.done[0]:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
-        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch))
+        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch, turning))
     if cell.settings.fold.start == "hanging":
         snapshot = yield from hang_still(cell.settings.fold.longest_rest, record)
         record.begin(snapshot.time)
@@ -236,10 +239,14 @@ def observe(snapshot: Snapshot) -> Observation:
     )
 
 
-def _lift_pitch_rate(travel: float, speed: float, pitch: float) -> float:
+def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> float:
+    """Rate [rad/s] that follows the pitch of the lift and comes to rest upright, braking in time
+    with what an arm gives that accelerates at `most` [rad/s^2].
+    """
     wanted = float(lift_pitch(travel))
     ahead = float(lift_pitch(travel + 0.01)) - wanted
-    return ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
+    rate = ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
+    return min(rate, sqrt(2.0 * BRAKING * most * max(HANGING - pitch, 0.0)))
 
 
 def _camera_checks(
