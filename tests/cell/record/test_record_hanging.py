@@ -39,7 +39,9 @@ def sight(clock: float, sequence: int) -> StripMeasurement:
 
 
 def picture(clock: float, sequence: int) -> Frame:
-    return Frame(clock, clock + 0.02, "made", sequence, np.full((4, 6, 3), sequence % 256, np.uint8))
+    return Frame(
+        clock, clock + 0.02, "made", sequence, np.full((4, 6, 3), sequence % 256, np.uint8)
+    )
 
 
 def recorded(root: Path, until: float = END, *, start: str = "hanging") -> Path:
