@@ -17,9 +17,9 @@ from cell.config.unknown import NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
+from cell.operations.arm_settings import at_speed, suited
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
-from cell.operations.arm_settings import at_speed, suited
 from cell.operations.feasible import check_feasible
 from cell.operations.fold_trace import FoldTrace
 from cell.operations.learned import offer
