@@ -19,6 +19,7 @@ from drivers.strip.file import StripFile
 from drivers.twin.clock import TwinClock
 from drivers.twin.follow import Follower
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
+from drivers.twin.paced_camera import PacedCamera
 from drivers.twin.real_time_clock import RealTimeClock
 from drivers.twin.server.server import RobotServer
 from drivers.types import Array, frozen
@@ -76,7 +77,7 @@ def fci_devices(
         clock=clock,
         arm=arm,
         hand=hand,
-        camera=desk.camera,
+        camera=desk.camera if settings.fci.in_lock_step else PacedCamera(desk.camera),
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, plant),

@@ -25,6 +25,7 @@ from cell.operations.fold_trace import FoldTrace
 from cell.operations.learned import offer
 from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
+from cell.operations.steady import without_long_collections
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
@@ -123,7 +124,8 @@ def conduct(
     """
     try:
         devices.connect()
-        outcome = run.execute()
+        with without_long_collections():
+            outcome = run.execute()
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
