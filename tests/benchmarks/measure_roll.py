@@ -24,7 +24,7 @@ from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.bias import Bias
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import friction, plain
-from policies.adaptive.roll import LENGTH, TIME
+from policies.adaptive.roll import terms
 from policies.path import Path
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGES
@@ -34,7 +34,7 @@ DT = 0.005  # s
 SEEN_AFTER = 0.1  # s after the touch, when it is told
 SPEED = 0.1  # m/s
 SHORT = 0.006  # m before the taut edge
-ON_CHAIN = Bias(0.77e-3, -0.97e-3)  # of the critic, told of states
+ON_CHAIN = Bias(0.77e-3)  # of the critic, told of states
 
 
 class Traced:
@@ -149,13 +149,12 @@ def main() -> None:
         strips.append((strip.bending_length, strip.retardation_time, np.log1p(rubbing / 10.0)))
     d, short, offset, straight = np.array(rows).T
     c, tau, rubbed = np.array(strips).T
-    ones, length, time = np.ones(len(c)), np.log(c) - LENGTH, np.log(tau) - TIME
     for name, value in (("|d|", np.abs(d)), ("|offset|", np.abs(offset))):
         most, worst = 1e3 * np.quantile(value, 0.95), 1e3 * value.max()
         print(f"{name:9s} mean {1e3 * value.mean():.2f}, 95 % {most:.2f}, worst {worst:.2f} mm")
-    terms = np.stack([ones, length, length**2, time, rubbed, length * time], axis=1)
-    fit("roll (1, length, length^2, time, friction, length time)", terms, short - d)
-    fit("loop (1, length [m], friction)", np.stack([ones, c, rubbed], axis=1), offset - straight)
+    fit("roll (`terms`)", terms(np.log(c), np.log(tau), rubbed), short - d)
+    loop = np.stack([np.ones(len(c)), c, rubbed], axis=1)
+    fit("loop (1, length [m], friction)", loop, offset - straight)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ VALUES: dict[str, list[Values]] = {
     "bending_hysteresis": [{"yield_curvature": 50.0}, {"yield_curvature": 12.0}],
     "nonlinear_bending": [
         {"cubic": 5e-4},
-        {"cubic": -5e-6},
+        {"cubic": -1e-6},
         {"cubic": 1e-4, "fifth": 1.0},
     ],
     "quadratic_damping": [{"coefficient": 0.01}, {"coefficient": 3e-4}],

@@ -21,11 +21,12 @@ def test_nothing_is_wrong_in_the_rod() -> None:
     assert IN_ROD.sigma_of(np.array([5e-4]), belief(1.0), None) == pytest.approx([5e-4])
 
 
-def test_stiff_and_rough_strips_fall_less_far_than_foreseen_smooth_ones_further() -> None:
-    smooth, rough = (THROUGH_IMAGES.of(belief(f, 0.4), 0.001)[0] for f in (0.0, 1.5))
-    assert smooth == pytest.approx(THROUGH_IMAGES.always)
-    assert rough < 0 < smooth
-    assert THROUGH_IMAGES.of(belief(-0.2), 0.001)[0] == smooth
+def test_soft_and_smooth_strips_fall_further_than_foreseen_stiff_and_rough_ones_less() -> None:
+    cases = (0.0, 0.0), (0.0, 0.4), (1.5, 0.4)
+    usual, stiff, rough = (float(THROUGH_IMAGES.of(belief(*each), 0.001)[0]) for each in cases)
+    assert usual == pytest.approx(THROUGH_IMAGES.always)
+    assert rough < stiff < usual
+    assert THROUGH_IMAGES.of(belief(-0.2), 0.001)[0] == usual
 
 
 def test_thickness_that_nobody_measured_widens_sigma() -> None:
