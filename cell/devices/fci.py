@@ -25,6 +25,7 @@ from drivers.twin.server.server import RobotServer
 from drivers.types import Array, frozen
 
 NONE = frozen([0.0, 0.0, 0.0])
+CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behind a robot's time
 
 
 @dataclass(slots=True)
@@ -58,7 +59,7 @@ def fci_devices(
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
     world = TwinClock()
-    clock = world if settings.fci.in_lock_step else RealTimeClock(world)
+    clock = world if settings.fci.in_lock_step else RealTimeClock(world, CATCHING_UP)
     twin = bare(settings) if calibrating else settings.twin
     desk = open_desk(world, twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)

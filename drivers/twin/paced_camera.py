@@ -1,7 +1,11 @@
 """A simulated camera on the wall clock, whose images are drawn between two ticks of the cell."""
 
+from math import inf
+
 from drivers.protocols import Camera
 from drivers.types import Frame
+
+SELDOM = 0.1  # s between two images, from which on none is held back: no tick is full of them
 
 
 class PacedCamera:
@@ -16,6 +20,7 @@ class PacedCamera:
         """Deliver the frames of `camera`."""
         self._camera = camera
         self._drawn: Frame | None = None
+        self._last = -inf
 
     @property
     def rate(self) -> float:
@@ -29,15 +34,23 @@ class PacedCamera:
     def read(self, after: float, timeout: float) -> Frame | None:
         """The frame that the last call has drawn if its stamp is later than `after`, else None.
 
-        Without such a frame, one that has arrived since is drawn for the next call.
+        Without such a frame, one that has arrived since is drawn for the next call; a caller that
+        comes late or seldom gets it at once.
         """
         drawn, self._drawn = self._drawn, None
         if drawn is not None and drawn.stamp > after:
-            return drawn
-        self._drawn = self._camera.read(after, timeout)
+            return self._told(drawn)
+        newest = self._camera.read(after, timeout)
+        if newest is not None and newest.stamp - self._last > SELDOM:
+            return self._told(newest)
+        self._drawn = newest
         return None
 
     def close(self) -> None:
         """Stop delivering frames."""
         self._drawn = None
         self._camera.close()
+
+    def _told(self, frame: Frame) -> Frame:
+        self._last = frame.stamp
+        return frame

@@ -34,10 +34,18 @@ class Drawing:
         self.open = False
 
 
+def begun(inner: Drawing) -> PacedCamera:
+    """A camera that has delivered its first image, at once."""
+    camera = PacedCamera(inner)
+    camera.connect()
+    while camera.read(0.0, timeout=0.0) is None:
+        continue
+    return camera
+
+
 def test_no_call_both_draws_and_delivers_an_image() -> None:
     inner = Drawing()
-    camera, after, delivered = PacedCamera(inner), 0.0, 0
-    camera.connect()
+    camera, after, delivered = begun(inner), 0.02, 1
     for _ in range(40):
         before = inner.drawn
         frame = camera.read(after, timeout=0.0)
@@ -50,18 +58,25 @@ def test_no_call_both_draws_and_delivers_an_image() -> None:
 
 
 def test_what_was_drawn_before_is_not_delivered_once_it_is_too_old() -> None:
-    camera = PacedCamera(Drawing())
-    camera.connect()
+    camera = begun(Drawing())
     while camera._drawn is None:
-        assert camera.read(0.0, timeout=0.0) is None
+        assert camera.read(0.02, timeout=0.0) is None
     assert camera.read(1.0, timeout=0.0) is None
 
 
 def test_a_closed_camera_delivers_nothing_of_before() -> None:
-    camera = PacedCamera(Drawing())
-    camera.connect()
+    camera = begun(Drawing())
     while camera._drawn is None:
-        camera.read(0.0, timeout=0.0)
+        camera.read(0.02, timeout=0.0)
     camera.close()
     with pytest.raises(Fault, match="closed"):
         camera.read(0.0, timeout=0.0)
+
+
+def test_one_who_comes_late_is_not_kept_waiting() -> None:
+    inner = Drawing()
+    camera = begun(inner)
+    inner.calls = 19
+    frame = camera.read(0.05, timeout=0.0)
+    assert frame is not None
+    assert frame.stamp == 0.2
