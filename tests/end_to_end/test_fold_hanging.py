@@ -36,7 +36,7 @@ def test_measured_time_begins_with_a_strip_that_hangs_still(folds: list[Folded])
         assert 0.0 <= ticks.t[0] < 0.011
         assert ticks.z[0] == pytest.approx(0.10, abs=0.01)
         assert ticks.pitch[0] == pytest.approx(np.pi / 2, abs=0.01)
-        assert np.ptp(ticks.z[:3]) < 1e-4
+        assert np.ptp(ticks.z[:2]) < 5e-5
         facts = next(event for event in fold.run.events() if event.kind == "hanging").facts
         assert facts["still"] is True
         early, late = fold.true_shape(-0.3), fold.true_shape(0.0)
@@ -57,7 +57,7 @@ def test_the_gap_workflow_reads_the_runs_and_finds_nothing_wrong_with_them(
     strip = open_strip(STRIP, find_runs([Path(fold.result.run) for fold in folds]))
     assert len(strip.runs) == 2
     found = residuals(strip)
-    assert in_noise(strip, found, "profile") < 3.0
+    assert in_noise(strip, found, "profile") < 4.0  # flat ones of the twin: 2.6
     assert in_noise(strip, found, "contact_x") < 2.0
 
 
