@@ -48,7 +48,7 @@ def follow(
 
 
 def warm(old: Posture, tool: Array) -> None:
-    """Compile what a motion needs: a client waits no second for it."""
+    """Compile what a motion needs, of a posture with its tool (4, 4): no client waits for it."""
     follow(Generator.CARTESIAN_VELOCITY, old, extrapolated(old, 0), tool, first=True)
 
 
