@@ -29,8 +29,8 @@ UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] of its profiles, the `yield_curvature` [1/m] that it
-    needs, and the largest residual [m] that is `usual` for such a strip.
+    """Fit of a rod to a fold: rms `residual` [m] of its profiles, the `yield_curvature` [1/m] that
+    it needs, and the largest residual [m] that is `usual` for such a strip.
     """
 
     residual: float
