@@ -19,11 +19,13 @@ from drivers.strip.file import StripFile
 from drivers.twin.clock import TwinClock
 from drivers.twin.follow import Follower
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
+from drivers.twin.paced_camera import PacedCamera
 from drivers.twin.real_time_clock import RealTimeClock
 from drivers.twin.server.server import RobotServer
 from drivers.types import Array, frozen
 
 NONE = frozen([0.0, 0.0, 0.0])
+CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behind a robot's time
 
 
 @dataclass(slots=True)
@@ -57,7 +59,7 @@ def fci_devices(
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
     world = TwinClock()
-    clock = world if settings.fci.in_lock_step else RealTimeClock(world)
+    clock = world if settings.fci.in_lock_step else RealTimeClock(world, CATCHING_UP)
     twin = bare(settings) if calibrating else settings.twin
     desk = open_desk(world, twin, lying, rig, choice.seed, choice.index, staging)
     _check_rig(desk)
@@ -76,7 +78,7 @@ def fci_devices(
         clock=clock,
         arm=arm,
         hand=hand,
-        camera=desk.camera,
+        camera=desk.camera if settings.fci.in_lock_step else PacedCamera(desk.camera),
         camera_identity=settings.twin.camera.identity,
         aids=TwinCalibrationAids(desk, settings, choice.seed) if calibrating else None,
         plant=TwinPlant(desk, plant),

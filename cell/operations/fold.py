@@ -12,12 +12,12 @@ from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
 from cell.config.cell import CellFile
-from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.unknown import NAME as UNKNOWN
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import DeviceFactory, open_cell
 from cell.devices.rig_correction import corrected_calibration
+from cell.operations.arm_settings import at_speed, suited
 from cell.operations.calibrate import calibration_of
 from cell.operations.calibration_in_use import check_usable, recorded
 from cell.operations.feasible import check_feasible
@@ -25,6 +25,7 @@ from cell.operations.fold_trace import FoldTrace
 from cell.operations.learned import offer
 from cell.operations.real_robot import is_real, slowed
 from cell.operations.result import FoldResult
+from cell.operations.steady import without_long_collections
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
@@ -38,7 +39,6 @@ from cell.record.writer import RunWriter
 from cell.report.page import write_report
 from cell.viz.watch import Mode, watching
 from drivers.errors import CellError, Fault
-from drivers.settings import parse
 from drivers.strip.describe import load_plant
 from drivers.strip.file import StripFile
 from policies.registry import make_policy
@@ -81,6 +81,7 @@ def fold(
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slowed(settings)
+    settings = suited(settings, request.choice)
     policy = make_policy(request.policy, request.checkpoint)
     policy.reset(strip, settings.fold.speed, 1)
     devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
@@ -95,9 +96,10 @@ def fold(
     save_calibration(calibration, writer.folder / CALIBRATION)
     if request.checkpoint is not None:
         replace_file(writer.folder / CHECKPOINT, request.checkpoint.read_bytes())
-    recorder = Recorder(writer)
+    hanging = settings.fold.start == "hanging"
+    recorder = Recorder(writer, hanging=hanging)
     context = FoldContext(settings.controller, strip, policy, calibration)
-    with watching(request.viz) as watch:
+    with watching(request.viz, hanging=hanging) as watch:
         trace = FoldTrace(strip)
         watchers = (trace, *observers(writer.folder, strip), *watch(writer.folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
@@ -108,14 +110,6 @@ def fold(
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
         offer(writer.folder, strip, outcome.foretold)
     return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
-
-
-def at_speed(settings: CellFile, speed: float | None) -> CellFile:
-    """The cell's settings with another path speed [m/s], within its limits."""
-    if speed is None:
-        return settings
-    content = settings.fold.model_dump() | {"speed": speed}
-    return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
 def conduct(
@@ -130,7 +124,8 @@ def conduct(
     """
     try:
         devices.connect()
-        outcome = run.execute()
+        with without_long_collections():
+            outcome = run.execute()
     except KeyboardInterrupt:
         outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
     except CellError as error:
@@ -190,7 +185,7 @@ def run_header(
     return {
         "strip": strip.name,
         "sigma": settings.sigma.model_dump(),
-        "start": "flat",
+        "start": settings.fold.start,
         "index": choice.index,
         "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
         "speed": settings.fold.speed,

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import asdict
 from functools import partial
+from math import sqrt
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
+from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.lay import HANGING, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Snapshot
@@ -38,6 +40,7 @@ from policies.policy import Observation
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
+BRAKING = 0.7  # of the arm's acceleration, with which the pitch comes to rest at the lift's end
 
 
 def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
@@ -75,11 +78,15 @@ def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
     return Event.GRASPED
 
 
-def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Follow the first section of the policy's path while the pitch grows to hanging."""
+def lift(cell: FoldContext, record: Record, _begin: Snapshot) -> Phase:
+    """Follow the first section of the policy's path while the pitch grows to hanging.
+
+    In a run that starts hanging the strip then comes to rest, and measured time begins.
+    """
     speed = cell.settings.fold.speed
     cell.policy.reset(cell.strip, speed, 1)
     follower = Follower(cell.policy.lift(), 1)
+    turning = cell.settings.installation.limits.pitch.acceleration
     snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
     while snapshot.arm.pose.z < cell.settings.fold.takeover_height:
         pose = snapshot.arm.pose
@@ -87,7 +94,10 @@ def lift(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
         if decision.done[0]:
             return Event.PATH_DONE
         travel = float(follower.progress[0])
-        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch))
+        snapshot = yield drive(decision, _lift_pitch_rate(travel, speed, pose.pitch, turning))
+    if cell.settings.fold.start == "hanging":
+        snapshot = yield from hang_still(cell.settings.fold.longest_rest, record)
+        record.begin(snapshot.time)
     return Event.LIFTED
 
 
@@ -96,7 +106,8 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     command = Drive(begin.velocity)
     while True:
         snapshot = yield command
-        if not snapshot.view.fresh or snapshot.view.measurement is None:
+        seen = snapshot.view.measurement
+        if not snapshot.view.fresh or seen is None or seen.stamp < record.origin:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
@@ -228,10 +239,14 @@ def observe(snapshot: Snapshot) -> Observation:
     )
 
 
-def _lift_pitch_rate(travel: float, speed: float, pitch: float) -> float:
+def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> float:
+    """Rate [rad/s] that follows the pitch of the lift and comes to rest upright, braking in time
+    with what an arm gives that accelerates at `most` [rad/s^2].
+    """
     wanted = float(lift_pitch(travel))
     ahead = float(lift_pitch(travel + 0.01)) - wanted
-    return ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
+    rate = ahead / 0.01 * speed + PITCH_GAIN * (wanted - pitch)
+    return min(rate, sqrt(2.0 * BRAKING * most * max(HANGING - pitch, 0.0)))
 
 
 def _camera_checks(

@@ -1,10 +1,11 @@
-"""Interface of the record for the orchestrator; measured time begins with the lift."""
+"""Interface of the record for the orchestrator; measured time begins with the lift, or after it."""
 
 from dataclasses import replace
 from typing import Any, Protocol
 
 from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.snapshot import Snapshot
+from cell.record.origin import LIFT, ORIGIN
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from drivers.types import Frame
@@ -24,7 +25,7 @@ class Record(Protocol):
         ...
 
     def begin(self, clock: float) -> None:
-        """Start measured time."""
+        """The lift begins, and measured time with it; called again, measured time begins here."""
         ...
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
@@ -49,20 +50,25 @@ class Record(Protocol):
 
 
 class Recorder:
-    """Converts the cell's clock to run time: t = 0 where the strip lies flat, still and held.
+    """Converts the cell's clock to run time: t = 0 where the strip is still and held.
 
-    Ticks and measurements are recorded from `begin` on. Earlier images are kept until then and get
-    negative times; events carry the cell's clock, and the event `origin` states where t = 0 is.
+    Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
+    negative times; events carry the cell's clock, and the event `origin` states where t = 0 is. A
+    run that starts `hanging` counts the time of its streams from the event `lift`, and its tables
+    hold what came after `origin`.
     """
 
-    def __init__(self, writer: RunWriter) -> None:
+    def __init__(self, writer: RunWriter, *, hanging: bool = False) -> None:
+        """Record with `writer`; `hanging` where the lift is not part of the measured run."""
         self._writer = writer
+        self._hanging = hanging
+        self._lift: float | None = None
         self._origin: float | None = None
         self._early: list[Frame] = []
 
     @property
     def origin(self) -> float:
-        """Clock time of t = 0 [s]; 0 before the lift."""
+        """Clock time of t = 0 [s]; 0 before it is known."""
         return self._origin or 0.0
 
     def describe(self, **facts: Any) -> None:
@@ -70,29 +76,34 @@ class Recorder:
         self._writer.describe(**facts)
 
     def begin(self, clock: float) -> None:
-        """Start measured time at `clock` [s]."""
+        """The lift begins at `clock` [s]; called again, a run that starts `hanging` does."""
+        if self._lift is None:
+            self._lift = clock
+            self._flush_early()
+            if self._hanging:
+                self._writer.event(clock, LIFT)
+                return
         self._origin = clock
-        self._writer.event(clock, "origin")
-        self._flush_early()
+        self._writer.event(clock, ORIGIN)
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """Add one cycle of the control loop; nothing before the lift."""
-        if self._origin is None:
+        if self._lift is None:
             return
         row = Tick.of(snapshot.arm, snapshot.state, cost)
-        self._writer.tick(replace(row, t=row.t - self._origin))
+        self._writer.tick(replace(row, t=row.t - self._lift))
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Add the measurement from one image."""
-        if self._origin is not None and measurement.stamp >= self._origin:
-            self._writer.sight(replace(measurement, stamp=measurement.stamp - self._origin))
+        if self._lift is not None and measurement.stamp >= self._lift:
+            self._writer.sight(replace(measurement, stamp=measurement.stamp - self._lift))
 
     def frame(self, frame: Frame) -> None:
         """Add an image that perception processed."""
-        if self._origin is None:
+        if self._lift is None:
             self._early.append(frame)
         else:
-            self._writer.frame(_shifted(frame, -self._origin))
+            self._writer.frame(_shifted(frame, -self._lift))
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add the policy's decision on the newest measurement, for `cell replay`."""
@@ -118,7 +129,7 @@ class Recorder:
     def _flush_early(self) -> None:
         early, self._early = self._early, []
         for frame in early:
-            self._writer.frame(_shifted(frame, -self.origin))
+            self._writer.frame(_shifted(frame, -(self._lift or 0.0)))
 
 
 def _shifted(frame: Frame, offset: float) -> Frame:

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from cell.record.json_lines import read_json_lines
+from cell.record.origin import lift_time
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Frame, Image
@@ -120,7 +121,8 @@ class KeyFrames:
 def read_index(folder: Path) -> tuple[FrameNote, ...]:
     """Every image of the run in `folder`, in order; ConfigurationError for a broken line."""
     try:
-        return tuple(_note(folder, line) for line in read_json_lines(folder / INDEX))
+        lift = lift_time(folder)
+        return tuple(_note(folder, line, lift) for line in read_json_lines(folder / INDEX))
     except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigurationError(
             f"{folder / INDEX}: a line lacks its sequence, stamp or arrival; "
@@ -152,8 +154,10 @@ def read_frame(note: FrameNote) -> Frame | None:
     return Frame(note.stamp, note.arrival, note.source, note.sequence, image)
 
 
-def _note(folder: Path, line: dict[str, Any]) -> FrameNote:
+def _note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
     sequence, stamp, arrival = int(line["sequence"]), float(line["stamp"]), float(line["arrival"])
+    if isfinite(lift):
+        stamp, arrival = stamp - lift, arrival - lift
     if sequence < 0 or not (isfinite(stamp) and isfinite(arrival)):
         raise ValueError("an image without place or time")
     path = frame_file(folder, sequence)

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,13 @@ from cell.record.files import (
 from cell.record.frames import FrameNote, read_frames, read_index
 from cell.record.header import Header, Result
 from cell.record.json_lines import read_json_lines
+from cell.record.origin import moment, origin_of
 from cell.record.parquet_file import read_parquet
 from cell.record.stream import TICK_ROWS, read_stream
 from cell.record.tables import Tables, assemble, write_tables
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
-
-ORIGIN = "origin"
-LATEST = 1e9  # s, of an event
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +68,15 @@ class Run:
         event `origin` states it, and times here are relative to it.
         """
         lines = read_json_lines(self.folder / EVENTS)
-        origin = _origin(lines)
+        origin = origin_of(lines)
         return tuple(
-            Event(_moment(line.pop("t", None)) - origin, str(line.pop("kind", "")), line)
+            Event(moment(line.pop("t", None)) - origin, str(line.pop("kind", "")), line)
             for line in lines
         )
 
     def origin(self) -> float:
         """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
-        return _origin(read_json_lines(self.folder / EVENTS))
+        return origin_of(read_json_lines(self.folder / EVENTS))
 
     def sights(self) -> Sights:
         """Measurements of all images; empty in a laboratory's run."""
@@ -149,18 +146,6 @@ def recover(folder: Path) -> bool:
         return False
     write_tables(folder, assemble(folder))
     return True
-
-
-def _origin(lines: list[dict[str, Any]]) -> float:
-    begins = [_moment(line.get("t")) for line in lines if line.get("kind") == ORIGIN]
-    return begins[0] if begins else 0.0
-
-
-def _moment(value: object) -> float:
-    """A time [s] in an event; 0 where it is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return 0.0
-    return float(value) if isfinite(value) and abs(value) < LATEST else 0.0
 
 
 def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:

@@ -10,10 +10,13 @@ import pyarrow.parquet as pq
 
 from cell.record.documents import sync_folder
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
+from cell.record.origin import lift_time
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA
 from drivers.types import Array
+
+ROUNDING = 1e-9  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +33,9 @@ def assemble(folder: Path) -> Tables:
 
     Raises ConfigurationError when a stream cannot be read or was changed after the run.
     """
-    ticks = read_stream(folder / TICK_STREAM, TICK_ROWS)
-    sights = read_stream(folder / SIGHT_STREAM, SIGHT_ROWS)
+    begin = lift_time(folder)
+    ticks = _since(begin, read_stream(folder / TICK_STREAM, TICK_ROWS), "t")
+    sights = _since(begin, read_stream(folder / SIGHT_STREAM, SIGHT_ROWS), "stamp")
     try:
         with np.errstate(all="ignore"):  # readers of the tables refuse what is not finite
             return _tables(ticks, sights)
@@ -41,6 +45,17 @@ def assemble(folder: Path) -> Tables:
             f"{folder / SIGHT_STREAM}: rows do not fit each other: {reason}; "
             "it was changed after the run"
         ) from None
+
+
+def _since(begin: float, rows: pa.Table, time: str) -> pa.Table:
+    """The rows from `begin` [s] on, their column `time` counted from there; all of them for 0."""
+    if begin == 0.0:
+        return rows
+    t = _numbers(rows, time) - begin
+    kept = t >= -ROUNDING
+    rows = rows.filter(pa.array(kept))
+    place = rows.column_names.index(time)
+    return rows.set_column(place, rows.schema.field(place), pa.array(t[kept], pa.float64()))
 
 
 def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:

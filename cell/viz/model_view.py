@@ -10,18 +10,19 @@ from drivers.types import Array
 
 STEP = 0.005  # s
 SEGMENTS = 60
+LIFTED = 0.02  # m, above which a strip's first pose is one that hangs
 LOST = np.empty((0, 2))
 
 
 class Shadow:
-    """The rod driven beside the real strip, from t = 0, where both lie flat and still."""
+    """The rod driven beside the real strip, from t = 0, where both lie flat or hang still."""
 
     def __init__(self, strip: StripFile) -> None:
-        self._rod = Rod(SEGMENTS)
+        self._rod, self._model = Rod(SEGMENTS), describe(strip)
         self._steps = 0
         self._last: tuple[float, Array] | None = None
         try:
-            self._rod.reset([describe(strip)])
+            self._rod.reset([self._model])
             self._lost = False
         except Unsupported:
             self._lost = True
@@ -33,9 +34,11 @@ class Shadow:
         """
         if self._lost:
             return LOST
-        before, was = self._last or (t, pose)
-        self._last = (t, pose)
         try:
+            if self._last is None and pose[1] > LIFTED:
+                self._rod.reset([self._model], pose[None])
+            before, was = self._last or (t, pose)
+            self._last = (t, pose)
             while (self._steps + 1) * STEP <= t + 1e-9:
                 self._steps += 1
                 share = (self._steps * STEP - before) / max(t - before, STEP)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from calibration.calibration import load_calibration
 from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
 from cell.record.files import CALIBRATION
 from cell.record.outlook import row_of
 from cell.viz.playback import LogLine, TickView, told
@@ -42,16 +43,20 @@ class Viz:
         folder: Path,
         strip: StripFile,
         viewer: Callable[[str], None] | None = None,
+        *,
+        hanging: bool = False,
     ) -> None:
         """The run's calibration is read from its folder; without one, images are shown without
         overlays.
 
+        Measured time begins with the lift, or with the fold in a run that starts `hanging`.
         `viewer` opens a viewer on an address; by default Rerun's own.
         """
         self.dropped = 0
         self.failure = ""
         self._waiting: deque[TickView | LogLine] = deque()
         self._news, self._over = threading.Event(), threading.Event()
+        self._begins = State.FOLD if hanging else State.LIFT
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
         self._foretold: Foretold | None = None
@@ -83,8 +88,8 @@ class Viz:
         )
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
-        """Queue one event; the lift begins measured time."""
-        if kind == "state" and str(facts.get("state")) == "LIFT":
+        """Queue one event."""
+        if kind == "state" and facts.get("state") == self._begins:
             self._origin = time
         self._put(LogLine(time, told(kind, facts), kind == "fault", time - self._origin))
 
@@ -148,14 +153,19 @@ class Viz:
 
 
 @contextmanager
-def watching(mode: Mode | Literal["off"]) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
-    """Makes the Rerun observers of folds, none when `off`, and waits for them at the end."""
+def watching(
+    mode: Mode | Literal["off"], *, hanging: bool = False
+) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
+    """Makes the Rerun observers of folds, none when `off`, and waits for them at the end.
+
+    `hanging` tells where the measured time of the folds begins; see `Viz`.
+    """
     watchers: list[Viz] = []
 
     def watch(folder: Path, strip: StripFile) -> tuple[Viz, ...]:
         if mode == "off":
             return ()
-        watchers.append(Viz(mode, folder, strip))
+        watchers.append(Viz(mode, folder, strip, hanging=hanging))
         return (watchers[-1],)
 
     try:

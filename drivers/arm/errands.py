@@ -6,19 +6,11 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-import numpy as np
-import ruckig
-
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
 from drivers.arm.process import Task
 from drivers.arm.scheduling import schedule
-from drivers.motion import TICK, settling
+from drivers.arm.way import REST, Way
 
-JOINTS = 7
-SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
-UNHEARD = 3e-7  # rad: more than the rounding of the state
-REST = 1e-3  # rad/s at which the robot may be told to stand
-NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
 LONGEST = 180.0  # s of an errand
 
 
@@ -97,71 +89,21 @@ def follow_joints(
     """
     motion = robot.start_joints()
     state = robot.read(motion)
-    plan = _plan(list(state.q_d), joints, share)
-    output, moving = ruckig.OutputParameter(JOINTS), True
-    while moving or not _stands(state):
+    way = Way(state, joints, share)
+    while not (way.arrived and _stands(state)):
         if left():
-            _brake(plan)
-        moving = _step_planner(plan, output)
-        robot.write_joints(motion, output.new_position)
+            way.brake()
+        robot.write_joints(motion, way.tick())
         state = robot.read(motion)
-        output.pass_to_input(plan)
-        if not np.allclose(state.q_d, plan.current_position, rtol=0.0, atol=UNHEARD):
-            _resume(plan, state, share * ACCELERATION)
-            moving = True
-            if _stands(state) and np.allclose(state.q_d, joints, rtol=0.0, atol=NEAR):
-                _brake(plan)
+        way.keep_up(state)
         _feel(state, guard)
     robot.write_joints(motion, list(state.q_d), last=True)
     return list(state.q)
 
 
-_PLANNER = ruckig.Ruckig(JOINTS, TICK)
-
-
-def _step_planner(plan: Any, output: Any) -> bool:
-    """One tick on; whether the motion goes on."""
-    result = _PLANNER.update(plan, output)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise Failed(Failure(Cause.COMMAND, "no motion leads to these joints"))
-    return bool(result == ruckig.Result.Working)
-
-
-def _plan(start: list[float], goal: list[float], share: float) -> Any:
-    plan = ruckig.InputParameter(JOINTS)
-    plan.current_position, plan.target_position = start, goal
-    plan.current_velocity = plan.current_acceleration = [0.0] * JOINTS
-    plan.max_velocity = [share * SPEED] * JOINTS
-    plan.max_acceleration = [share * ACCELERATION] * JOINTS
-    plan.max_jerk = [JERK] * JOINTS
-    return plan
-
-
-def _resume(plan: Any, state: Any, most: float) -> None:
-    """Go on from where the robot came by itself while packets were lost, gently near the goal.
-
-    Its velocity is that of its last tick, so half a tick old.
-    """
-    plan.current_position, plan.current_acceleration = list(state.q_d), list(state.ddq_d)
-    plan.current_velocity = [
-        rate + 0.5 * TICK * change for rate, change in zip(state.dq_d, state.ddq_d, strict=True)
-    ]
-    if plan.control_interface == ruckig.ControlInterface.Position:
-        plan.max_acceleration = [
-            settling(abs(goal - place), abs(rate), most)
-            for goal, place, rate in zip(plan.target_position, state.q_d, state.dq_d, strict=True)
-        ]
-
-
 def _stands(state: Any) -> bool:
     """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
     return bool(max(abs(rate) for rate in state.dq_d) < REST)
-
-
-def _brake(plan: Any) -> None:
-    plan.max_acceleration = [ACCELERATION] * JOINTS
-    plan.control_interface = ruckig.ControlInterface.Velocity
-    plan.target_velocity = plan.target_acceleration = [0.0] * JOINTS
 
 
 def _feel(state: Any, guard: float) -> None:

@@ -12,6 +12,7 @@ from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
 from drivers.arm.settings import FciSettings
+from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
@@ -20,7 +21,6 @@ from drivers.types import Pose, Velocity
 FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
 SPAN = 8  # states over which the velocity is measured
-UNHEARD = 1e-7  # m, and of a rotation's entries: more than the rounding of the state
 REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
@@ -88,6 +88,7 @@ class Loop:
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
         self._state = state
+        self._whereabouts = Whereabouts(state)
         self._time = state.time.to_sec()
         self._publish(state)
 
@@ -182,8 +183,7 @@ class Loop:
         """
         before, self._time = self._time, state.time.to_sec()
         ticks = round((self._time - before) / TICK)
-        apart = max(abs(c - s) for c, s in zip(state.O_T_EE_c, sent, strict=True))
-        if ticks > 1 or apart > UNHEARD:
+        if self._whereabouts.keep_up(state, sent, ticks):
             self._resume(state, ticks - 1)
 
     def _resume(self, state: Any, lost: int) -> None:
@@ -193,7 +193,7 @@ class Loop:
         """
         half = [0.5 * TICK * part for part in state.O_ddP_EE_c]
         twist = [part + gain for part, gain in zip(state.O_dP_EE_c, half, strict=True)]
-        course = self._plane.course(state.O_T_EE_c, twist, state.O_ddP_EE_c)
+        course = self._plane.course(self._whereabouts.pose, twist, state.O_ddP_EE_c)
         pose, velocity = Pose(*course.pose), Velocity(*course.velocity)
         self._profile.resume(pose, velocity, Velocity(*course.acceleration), lost)
         self._departure.begin(course.aside, course.aside_velocity, course.aside_acceleration)

@@ -19,6 +19,7 @@ PARAMETERS = frozen(
 )
 FLANGE = 0.107  # m, from the last joint along its axis
 REACH = 0.855  # m, about the shoulder, to the middle of the wrist
+ELBOW_FLIP = -0.467002423653011  # rad of joint 4, beyond which the elbow is flexed the other way
 HOME = frozen([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])  # rad
 
 _HALF = np.sqrt(0.5)
@@ -64,7 +65,7 @@ def forward(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 
     `tool` (4, 4) is the tool in the flange's frame; by default the tip of the Franka Hand.
     """
-    return frames(q)[..., 6, :, :] @ _from_last_joint(tool)
+    return frames(q)[..., 6, :, :] @ from_last_joint(tool)
 
 
 def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
@@ -75,7 +76,7 @@ def jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> Array:
 def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Array]:
     """`forward` and `jacobian` of joints (..., 7) [rad] at the price of one."""
     joints = frames(q)
-    pose = joints[..., 6, :, :] @ _from_last_joint(tool)
+    pose = joints[..., 6, :, :] @ from_last_joint(tool)
     axis = joints[..., :3, 2]
     arm = pose[..., None, :3, 3] - joints[..., :3, 3]
     columns = np.empty((*axis.shape[:-1], 6))
@@ -91,14 +92,12 @@ def elbow(q: Array) -> tuple[float, float]:
 
     The sign is -1 unless joint 4 is stretched beyond the elbow's offset (libfranka, RobotState).
     """
-    beyond = q[3] > _ELBOW_FLIP
+    beyond = q[3] > ELBOW_FLIP
     return float(q[2]), 1.0 if beyond else -1.0
 
 
-_ELBOW_FLIP = -0.467002423653011  # rad
-
-
-def _from_last_joint(tool: Array) -> Array:
+def from_last_joint(tool: Array) -> Array:
+    """The tool (4, 4) in the frame of the last joint, given in that of the flange."""
     moved = np.array(tool, dtype=np.float64)
     moved[2, 3] += FLANGE
     return moved

@@ -41,6 +41,11 @@ class ArmPort:
         """The connected client, if any."""
         return self._reception.client
 
+    @property
+    def datagram_fileno(self) -> int:
+        """Descriptor of the client's datagrams, -1 without a client."""
+        return -1 if self.client is None else self.client.datagram_fileno
+
     def serve(self, descriptor: int) -> None:
         """Handle a readable TCP descriptor, if it belongs to this port."""
         if self._reception.serve(descriptor) and not self._listen():

@@ -1,29 +1,29 @@
 """Motion generators of the emulated robot: the next posture from a command, or a violation."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
-from drivers.franka.kinematics import pose_and_jacobian
-from drivers.franka.tracking import joint_step, rotation
+from drivers.franka.kinematics import from_last_joint
+from drivers.franka.tracking import rotation
 from drivers.twin.server.configuration import rigid
+from drivers.twin.server.kernel import SIZE, Broken, advance
 from drivers.twin.server.limits import (
+    CARTESIAN,
     CARTESIAN_JOINT,
     JOINT,
+    TABLE,
     TICK,
-    check_elbow_course,
     check_end,
     check_joint_course,
     check_joints,
-    check_tool_course,
-    twist_of,
 )
 from drivers.twin.server.posture import Posture
 from drivers.twin.server.reflex import Reflex, Violation
 from drivers.twin.server.wire import Generator, RobotCommand, usable
 from drivers.types import Array
 
+TOLD = 23  # numbers of a Cartesian command: pose, twist, elbow
 Follow = Callable[[Posture, RobotCommand, Array], Posture]
 
 
@@ -45,6 +45,11 @@ def follow(
         cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
         check_end(new.joints, CARTESIAN_JOINT if cartesian else JOINT)
     return new
+
+
+def warm(old: Posture, tool: Array) -> None:
+    """Compile what a motion needs, of a posture with its tool (4, 4): no client waits for it."""
+    follow(Generator.CARTESIAN_VELOCITY, old, extrapolated(old, 0), tool, first=True)
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
@@ -88,39 +93,29 @@ def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
         Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
         Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     )
-    return replace(old.moved(q, tool), joints=course)
+    return old.moved(q, tool, course)
 
 
 def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
     if not rigid(command.pose):
         raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
-    return _cartesian(old, command, command.pose, twist_of(old.pose, command.pose), tool)
+    return _cartesian(old, command, tool, by_twist=False)
 
 
 def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
-    return _cartesian(old, command, _integrated(old.pose, command.twist), command.twist, tool)
+    return _cartesian(old, command, tool, by_twist=True)
 
 
-def _cartesian(
-    old: Posture, command: RobotCommand, pose: Array, twist: Array, tool: Array
-) -> Posture:
-    course = old.tool.step(twist)
-    check_tool_course(old.tool, course)
-    elbow = _elbow(old, command)
-    swing = old.swing.step(np.array([elbow - old.elbow]) / TICK)
-    check_elbow_course(old.swing, swing)
-    velocity = joint_step(old.q, old.reached, old.jacobian, pose, elbow) / TICK
-    q = old.q + TICK * velocity
-    joints = old.joints.step(velocity)
-    check_joint_course(old.joints, joints, CARTESIAN_JOINT)
-    check_joints(
-        q,
-        velocity,
-        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION,
-        Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
-    )
-    reached, jacobian = pose_and_jacobian(q, tool)
-    return Posture(q, reached, jacobian, pose, elbow, joints, course, swing)
+def _cartesian(old: Posture, command: RobotCommand, tool: Array, *, by_twist: bool) -> Posture:
+    told, vector = np.empty(TOLD), np.empty(SIZE)
+    told[:16] = command.pose.ravel()
+    told[16:22] = command.twist
+    told[22] = _elbow(old, command)
+    last = from_last_joint(tool).ravel()
+    broken = advance(old.vector, told, by_twist, last, TABLE, vector)
+    if broken:
+        raise Violation(_BROKEN[Broken(broken)])
+    return Posture(vector)
 
 
 def _elbow(old: Posture, command: RobotCommand) -> float:
@@ -151,6 +146,17 @@ _READ: dict[Generator, Callable[[RobotCommand], Array]] = {
     Generator.JOINT_VELOCITY: lambda command: command.dq,
     Generator.CARTESIAN_POSE: lambda command: command.pose,
     Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
+}
+_BROKEN = {
+    Broken.TOOL_VELOCITY: CARTESIAN.velocity,
+    Broken.TOOL_ACCELERATION: CARTESIAN.acceleration,
+    Broken.TOOL_JERK: CARTESIAN.jerk,
+    Broken.ELBOW: Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
+    Broken.JOINT_VELOCITY: CARTESIAN_JOINT.velocity,
+    Broken.JOINT_ACCELERATION: CARTESIAN_JOINT.acceleration,
+    Broken.JOINT_JERK: CARTESIAN_JOINT.jerk,
+    Broken.JOINT_POSITION: (Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION),
+    Broken.JOINT_BRAKING: Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
 }
 _START = {
     Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,

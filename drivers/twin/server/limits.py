@@ -1,12 +1,12 @@
 """Limits that the robot itself enforces on commands, whatever its client checked."""
 
 from dataclasses import dataclass, field
-from math import hypot
 
 import numpy as np
 
 from drivers.franka import limits
-from drivers.franka.tracking import rotation_vector
+from drivers.franka.kinematics import ELBOW_FLIP, PARAMETERS
+from drivers.franka.tracking import DAMPING, rotation_vector
 from drivers.twin.server.reflex import Reflex, Violation
 from drivers.types import Array, frozen
 
@@ -86,31 +86,6 @@ def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
         raise Violation(rates.jerk)
 
 
-def check_tool_course(old: Course, new: Course) -> None:
-    """Raises Violation where the tool exceeds its velocity, acceleration or jerk limits."""
-    change = (new.acceleration - old.acceleration) / TICK
-    for values, index, reflex in (
-        (new.velocity, 0, CARTESIAN.velocity),
-        (new.acceleration, 1, CARTESIAN.acceleration),
-        (change, 2, CARTESIAN.jerk),
-    ):
-        x, y, z, *turn = values.tolist()
-        if (
-            hypot(x, y, z) > SLACK * limits.TRANSLATION[index]
-            or hypot(*turn) > SLACK * limits.ROTATION[index]
-        ):
-            raise Violation(reflex)
-
-
-def check_elbow_course(old: Course, new: Course) -> None:
-    """Raises Violation where the elbow (1,) exceeds its velocity, acceleration or jerk limits."""
-    velocity, acceleration = float(new.velocity[0]), float(new.acceleration[0])
-    jerk = (acceleration - float(old.acceleration[0])) / TICK
-    rates = zip((velocity, acceleration, jerk), limits.ELBOW, strict=True)
-    if any(abs(rate) > SLACK * most for rate, most in rates):
-        raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION)
-
-
 def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
     """Raises Violation for joints (7,) beyond their limits, or too fast to brake before them."""
     if limits.margins(q).min() < 0:
@@ -142,6 +117,22 @@ def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
     return tuple((SLACK * time * limit).tolist())
 
 
+TABLE = frozen(
+    [
+        *PARAMETERS.T[:2],
+        np.cos(PARAMETERS[:, 2]),
+        np.sin(PARAMETERS[:, 2]),
+        limits.POSITION_LOW,
+        limits.POSITION_HIGH,
+        limits.VELOCITY,
+        limits.ACCELERATION,
+        limits.JERK,
+        limits.VELOCITY_OFFSET,
+        limits.DECELERATION,
+        [*limits.TRANSLATION, *limits.ROTATION, 0.0],
+        [*limits.ELBOW, DAMPING, SLACK, ELBOW_FLIP, 0.0],
+    ]
+)  # (13, 7), the numbers of the arm for compiled code
 _JOINT_VELOCITY = _slack(limits.VELOCITY)
 _JOINT_ACCELERATION = _slack(limits.ACCELERATION)
 _JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick

@@ -1,17 +1,58 @@
 """The robot's state as a UDP datagram."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from drivers.twin.server.configuration import Configuration
 from drivers.twin.server.contact import NOTHING, Contact
+from drivers.twin.server.kernel import FIELDS
 from drivers.twin.server.robot import Robot
-from drivers.twin.server.state_packet import StatePacket
+from drivers.twin.server.state_packet import PLACES, Indices, StatePacket
 from drivers.twin.server.wire import Controller, Generator
 
 HAND_MASS = 0.73  # kg, Franka Hand
 HAND_CENTRE = (-0.01, 0.0, 0.03)  # m in the flange
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
+
+BY_COLUMNS = tuple(4 * row + column for column in range(4) for row in range(4))
+ANGLE, RATE, ACCELERATION = range(3)  # of the elbow's part of a posture
+Parts = tuple[tuple[str, Sequence[int]], ...]
+JOINTS, AXES = range(7), range(6)
+SHOWN: dict[str, Parts] = {
+    "O_T_EE": (("reached", BY_COLUMNS),),
+    "O_T_EE_d": (("pose", BY_COLUMNS),),
+    "O_T_EE_c": (("pose", BY_COLUMNS),),
+    "q": (("q", JOINTS),),
+    "q_d": (("q", JOINTS),),
+    "theta": (("q", JOINTS),),
+    "dq": (("velocity", JOINTS),),
+    "dq_d": (("velocity", JOINTS),),
+    "dtheta": (("velocity", JOINTS),),
+    "ddq_d": (("acceleration", JOINTS),),
+    "O_dP_EE_d": (("twist", AXES),),
+    "O_dP_EE_c": (("twist", AXES),),
+    "O_ddP_EE_c": (("change", AXES),),
+    "elbow": (("q", (2,)), ("sign", (0,))),
+    "elbow_d": (("elbow", (ANGLE,)), ("sign", (0,))),
+    "elbow_c": (("elbow", (ANGLE,)), ("sign", (0,))),
+    "delbow_c": (("elbow", (RATE,)),),
+    "ddelbow_c": (("elbow", (ACCELERATION,)),),
+}  # fields of the state -> the parts of the posture that they are, and which of their numbers
+
+
+def _sources() -> tuple[Indices, Indices]:
+    """Where in the datagram's numbers the posture's go, and which of them, (n,) each."""
+    where, source = list[int](), list[int]()
+    for name, parts in SHOWN.items():
+        numbers = [FIELDS[part].start + number for part, some in parts for number in some]
+        where += PLACES[name][: len(numbers)]
+        source += numbers
+    return np.array(where), np.array(source)
+
+
+_WHERE, _SOURCE = _sources()
 
 
 class Publisher:
@@ -66,24 +107,7 @@ class Publisher:
             self._errors = (robot.errors, robot.reasons)
 
     def _put_posture(self, robot: Robot) -> None:
-        packet, fields, posture = self._packet, self._packet.fields, robot.posture
-        packet.put_matrix("O_T_EE", posture.reached)
-        packet.put_matrix("O_T_EE_d", posture.pose)
-        fields["O_T_EE_c"][:] = fields["O_T_EE_d"]
-        for name in ("q", "q_d", "theta"):
-            fields[name][:] = posture.q
-        for name in ("dq", "dq_d", "dtheta"):
-            fields[name][:] = posture.joints.velocity
-        fields["ddq_d"][:] = posture.joints.acceleration
-        for name in ("O_dP_EE_d", "O_dP_EE_c"):
-            fields[name][:] = posture.tool.velocity
-        fields["O_ddP_EE_c"][:] = posture.tool.acceleration
-        angle, sign = posture.elbow, posture.elbow_sign
-        fields["elbow"][:] = posture.q[2], sign
-        for name in ("elbow_d", "elbow_c"):
-            fields[name][:] = angle, sign
-        fields["delbow_c"][0] = posture.swing.velocity[0]
-        fields["ddelbow_c"][0] = posture.swing.acceleration[0]
+        self._packet.put(_WHERE, robot.posture.vector[_SOURCE])
 
     def _put_contact(self, robot: Robot) -> None:
         fields, contact = self._packet.fields, robot.contact

@@ -15,7 +15,7 @@ from drivers.franka.inverse import manipulability
 from drivers.franka.kinematics import HOME
 from drivers.twin.server.configuration import SETTERS, Configuration, configure
 from drivers.twin.server.contact import NOTHING, Contact
-from drivers.twin.server.generators import extrapolated, follow, readable
+from drivers.twin.server.generators import extrapolated, follow, readable, warm
 from drivers.twin.server.limits import Box
 from drivers.twin.server.posture import Posture
 from drivers.twin.server.reflex import Reflex, Violation
@@ -236,6 +236,7 @@ def resting_robot(
     """A robot at rest with joints `start` (7,) [rad], by default in its home posture."""
     configuration = Configuration()
     posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
+    warm(posture, configuration.tool)
     return Robot(posture, box or Box(), surroundings, configuration)
 
 

@@ -140,13 +140,14 @@ class RobotServer:
         return alone and self.robot.posture.at_rest and not self.hand.moving
 
     def _wait_for_command(self) -> None:
-        if not self._attend(OFFER_HAND):
+        events = self._attend(OFFER_HAND)
+        if not events:
             self._hand_port.repeat()
             if self._silence.rang():
                 self._arm.repeat()
         command = self._arm.command()
-        if command is not None:
-            self._attend(0)  # requests that were sent before this command
+        if command is not None and self._arm.datagram_fileno not in events:
+            self._attend(0)  # requests that were sent before this command, and after the wait
         if command is not None and command.message_id == self.robot.time and self.robot.moving:
             self._follow(command)
             self._silence.reset()
@@ -228,20 +229,22 @@ class RobotServer:
             frozen.poll(1000 * fault.duration)
             self._pace.restart()
 
-    def _attend(self, seconds: float | None) -> bool:
-        """Wait for `seconds` at most, then handle TCP; returns whether anything came.
+    def _attend(self, seconds: float | None) -> set[int]:
+        """Wait for `seconds` at most, then handle TCP; returns the descriptors that were readable.
 
         The hand is handled before the arm, so that a command for it counts from the same tick.
         """
         if seconds is not None and 0 < seconds < OFFER_HAND:
             select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
             seconds = 0
-        events = self._poll.poll(seconds)
-        for descriptor, _ in events:
+        events = {descriptor for descriptor, _ in self._poll.poll(seconds)}
+        requests = events - {self._arm.datagram_fileno}
+        for descriptor in requests:
             self._hand_port.serve(descriptor)
-        for descriptor, _ in events:
+        for descriptor in requests:
             self._arm.serve(descriptor)
             if descriptor == self._waker.fileno() and not self._stopping:
                 self._waker.recv(64)
-        self._hand_port.discard()
-        return bool(events)
+        if requests:
+            self._hand_port.discard()
+        return events

@@ -1,6 +1,7 @@
 """The arm's state datagram over UDP: 1377 bytes, most of them float32."""
 
-from struct import Struct, pack_into
+from itertools import accumulate
+from struct import Struct
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,8 @@ from numpy.typing import NDArray
 from drivers.twin.server.reflex import Reflex
 from drivers.twin.server.wire import Controller, Generator, Mode
 from drivers.types import Array
+
+Indices = NDArray[np.int64]
 
 SIZE = 1377
 FLAGS = 41
@@ -53,10 +56,15 @@ FIELDS = (
     ("dtheta", 7),
     ("accelerometers", 36),
 )
+_STARTS = accumulate((count for _, count in FIELDS), initial=0)
+PLACES = {
+    name: range(start, start + count) for (name, count), start in zip(FIELDS, _STARTS, strict=False)
+}  # of a field's numbers among all
 _FLOATS = sum(count for _, count in FIELDS)
 _TAIL = 8 + 4 * _FLOATS
 _ERRORS, _REASONS = _TAIL + 2, _TAIL + 2 + FLAGS
 _MODE = _REASONS + FLAGS
+_TIME, _RATE = Struct("<Q"), Struct("<f")
 _LAYOUT = Struct(f"<Q{_FLOATS}fBB{FLAGS}s{FLAGS}sBf")
 
 
@@ -67,12 +75,14 @@ class StatePacket:
         if _LAYOUT.size != SIZE:
             raise ValueError(f"the layout has {_LAYOUT.size} bytes, the wire {SIZE}")
         self._bytes = bytearray(SIZE)
-        floats = np.frombuffer(self._bytes, "<f4", _FLOATS, 8)
-        self.fields: dict[str, NDArray[np.float32]] = {}
-        start = 0
-        for name, count in FIELDS:
-            self.fields[name] = floats[start : start + count]
-            start += count
+        self._floats = np.frombuffer(self._bytes, "<f4", _FLOATS, 8)
+        self.fields = {
+            name: self._floats[place.start : place.stop] for name, place in PLACES.items()
+        }
+
+    def put(self, where: Indices, values: Array) -> None:
+        """Write `values` (n,) to the places `where` (n,) among all numbers."""
+        self._floats[where] = values
 
     def put_matrix(self, name: str, matrix: Array) -> None:
         """Write a matrix (n, n) column by column."""
@@ -93,6 +103,6 @@ class StatePacket:
 
     def sealed(self, message_id: int, success_rate: float) -> bytes:
         """The datagram with robot time [ms] and the fraction of commands that arrived in time."""
-        pack_into("<Q", self._bytes, 0, message_id)
-        pack_into("<f", self._bytes, _MODE + 1, success_rate)
+        _TIME.pack_into(self._bytes, 0, message_id)
+        _RATE.pack_into(self._bytes, _MODE + 1, success_rate)
         return bytes(self._bytes)

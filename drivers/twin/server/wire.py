@@ -15,7 +15,9 @@ HEADER = Struct("<III")  # command, command id, size with header
 CONNECT = Struct("<HH")  # version, UDP port of the client
 CONNECTED = Struct("<BH")  # status, version of the server
 MOVE = Struct("<II6dB7d")
-COMMAND = Struct("<Q38dBB7dB")
+MESSAGE, NUMBERS = Struct("<Q"), 38  # of a command: the state that it answers, numbers, flags
+COMMAND = Struct(f"<Q{NUMBERS}dBB7dB")
+FLAGS = MESSAGE.size + 8 * NUMBERS
 LARGEST = 1e6  # in any unit; nothing that an arm is told is near it
 
 
@@ -153,16 +155,17 @@ class RobotCommand:
         """One command from a datagram (371 bytes); raises Malformed for any other length."""
         if len(packet) != COMMAND.size:
             raise Malformed(f"a command has {COMMAND.size} bytes, found {len(packet)}")
-        message_id, *values = COMMAND.unpack(packet)
-        numbers = np.array(values[:38])
+        (message_id,) = MESSAGE.unpack_from(packet)
+        numbers = np.frombuffer(packet, "<f8", NUMBERS, MESSAGE.size)
+        with_elbow, finished = packet[FLAGS], packet[FLAGS + 1]
         return cls(
             message_id,
             numbers[:7],
             numbers[7:14],
             numbers[14:30].reshape(4, 4).T,
             numbers[30:36],
-            (values[36], values[37]) if values[38] else None,
-            bool(values[39]),
+            (float(numbers[36]), float(numbers[37])) if with_elbow else None,
+            bool(finished),
         )
 
 

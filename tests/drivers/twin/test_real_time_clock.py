@@ -81,3 +81,35 @@ def test_world_slower_than_the_wall_falls_behind(wall: Wall) -> None:
     clock = RealTimeClock(twin)
     clock.wait_until(1.0)
     assert clock.now() - twin.now() > 2.0
+
+
+def test_a_patient_caller_is_kept_no_longer_than_allowed(wall: Wall) -> None:
+    twin = TwinClock()
+    twin.every(0.005, lambda _: cost(wall, 0.001), Turn.WORLD)
+    clock = RealTimeClock(twin, patience=0.02)
+    for tick in range(101):
+        clock.wait_until(0.01 * tick)
+    wall.seconds += 0.5
+    begun = clock.now()
+    clock.wait_until(1.01)
+    assert clock.now() - begun <= 0.022
+    assert 1.05 < twin.now() < 1.2
+    for tick in range(150):
+        clock.wait_until(begun + 0.01 * tick)
+    assert clock.now() == pytest.approx(begun + 1.49, abs=0.01)
+    assert clock.now() - twin.now() < 0.01
+
+
+def test_a_patient_caller_who_is_early_finds_the_world_at_the_present(wall: Wall) -> None:
+    twin = TwinClock()
+    seen: list[float] = []
+    twin.every(0.005, seen.append, Turn.WORLD)
+    clock = RealTimeClock(twin, patience=0.02)
+    clock.wait_until(0.05)
+    assert twin.now() == pytest.approx(0.05)
+    assert clock.now() == pytest.approx(0.05)
+    assert len(seen) == 10
+
+
+def cost(wall: Wall, seconds: float) -> None:
+    wall.seconds += seconds

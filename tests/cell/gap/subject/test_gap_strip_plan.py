@@ -10,7 +10,8 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
-from cell.operations.fold import Request, at_speed, fold
+from cell.operations.arm_settings import at_speed
+from cell.operations.fold import Request, fold
 from cell.operations.standard_runs import check_empty, standard_requests, went_as_planned
 from drivers.errors import ConfigurationError
 from policies.standard import STANDARD

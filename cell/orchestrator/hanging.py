@@ -1,0 +1,69 @@
+"""The pause after a lift: until gripper and strip hang still, as far as the camera can see."""
+
+from collections import deque
+
+import numpy as np
+
+from cell.orchestrator.lay import HANGING
+from cell.orchestrator.recorder import Record
+from cell.orchestrator.snapshot import Hold, Snapshot
+from cell.orchestrator.steps import Motion, move, wait_for
+from drivers.types import Array, Pose
+from policies.profile import seen_profile
+
+SPAN = 0.5  # s of images that are compared
+FEWEST = 5  # of them
+SMOOTH = 3  # images in a running mean, in which their noise averages out
+STILL = 0.0005  # m, the way of the profile's mean under which a strip rests
+
+
+def hang_still(longest: float, record: Record) -> Motion:
+    """Bring the gripper to rest, upright, and wait for the strip, at most `longest` [s].
+
+    Returns the snapshot at the end of the pause. The event `hanging` tells whether the strip came
+    to rest, and how far it still moved [m].
+    """
+    snapshot = yield from wait_for(lambda now: not now.arm.moving)
+    place = snapshot.arm.commanded
+    snapshot = yield from move(Pose(place.x, place.z, HANGING))
+    begun, swing = snapshot.time, Swing()
+    while not swing.still and snapshot.time - begun < longest:
+        snapshot = yield Hold()
+        swing.see(snapshot, begun)
+    facts = {"waited": snapshot.time - begun, "still": swing.still, "moved": swing.moved}
+    record.event(snapshot.time, "hanging", **facts)
+    return snapshot
+
+
+class Swing:
+    """How far a strip moves: the way of its profile's mean in the images of the last `SPAN`."""
+
+    def __init__(self) -> None:
+        self.moved = float("nan")
+        self._seen: deque[tuple[float, Array]] = deque()
+
+    @property
+    def still(self) -> bool:
+        """Whether enough images were seen and the strip moved less than `STILL` in them."""
+        return self.moved < STILL
+
+    def see(self, snapshot: Snapshot, since: float) -> None:
+        """Take note of an image taken after `since` [s], in which the strip was read."""
+        seen = snapshot.view.measurement
+        if not snapshot.view.fresh or seen is None or seen.stamp < since:
+            return
+        mean = seen_profile(seen.profile, seen.contact_x, seen.gripper)[0].mean(axis=0)
+        if not np.isfinite(mean).all():
+            return
+        self._seen.append((seen.stamp, mean))
+        while self._seen[0][0] < seen.stamp - SPAN:
+            self._seen.popleft()
+        whole = seen.stamp - since >= SPAN and len(self._seen) >= FEWEST
+        self.moved = self._way() if whole else float("nan")
+
+    def _way(self) -> float:
+        """Largest distance [m] from the middle, of running means over a few images."""
+        means = np.array([mean for _, mean in self._seen])
+        sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)
+        smooth = (sums[SMOOTH:] - sums[:-SMOOTH]) / SMOOTH
+        return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())

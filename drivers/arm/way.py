@@ -1,0 +1,129 @@
+"""The way of all joints to a goal: as planned while the robot hears everything, else step by step.
+
+A plan in the shortest time turns its acceleration around at the last moment. A robot continues the
+acceleration that it has where it hears nothing, so it turns late, overshoots, and swings about the
+goal for ever. Step by step the speed falls in proportion to the distance that is left, ten times
+more slowly than any such delay, so that each step is right whatever became of the last.
+"""
+
+from typing import Any, NamedTuple
+
+import ruckig
+
+from drivers.arm.failure import Cause, Failed, Failure
+from drivers.motion import TICK
+
+JOINTS = 7
+SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
+UNHEARD = 3e-7  # rad: more than the rounding of the state
+SAME = 1e-6  # rad/s^2, likewise
+NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
+REST = 1e-3  # rad/s at which the robot may be told to stand
+NEARING = 3.0  # 1/s, speed over the distance that is left
+TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
+
+Numbers = list[float]
+
+
+class Course(NamedTuple):
+    """Joints (7,) [rad], their rates [rad/s] and accelerations [rad/s^2], by differences of ticks:
+    so a robot computes them from setpoints.
+    """
+
+    place: Numbers
+    rate: Numbers
+    change: Numbers
+
+
+class Way:
+    """Setpoints of the joints, one a tick."""
+
+    def __init__(self, state: Any, goal: Numbers, share: float) -> None:
+        """From a robot at rest in `state` to rest at `goal` (7,) [rad]; a `share` of the speed."""
+        start = list(state.q_d)
+        self._plan = _plan(start, goal, share)
+        self._planner, self._output = ruckig.Ruckig(JOINTS, TICK), ruckig.OutputParameter(JOINTS)
+        self._goal: Numbers | None = goal
+        self._speed, self._acceleration = share * SPEED, share * ACCELERATION
+        self._time = state.time.to_sec()
+        self._here, self._sent = Course(start, [0.0] * JOINTS, [0.0] * JOINTS), start
+        self._planned, self._missed = True, False
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the setpoints lead on no more."""
+        if not self._missed:
+            return not self._planned
+        still = max(map(abs, self._here.rate)) < REST
+        if self._goal is None:
+            return still
+        return still and _apart(self._here.place, self._goal) < NEAR
+
+    def tick(self) -> Numbers:
+        """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""
+        self._sent = self._step() if self._missed else self._as_planned()
+        return self._sent
+
+    def keep_up(self, state: Any) -> None:
+        """Go on from the robot's own setpoint where that is not the one that it was sent.
+
+        Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
+        that has heard nothing keeps its acceleration, so where it is follows from what it heard.
+        """
+        now, told = state.time.to_sec(), Course(state.q_d, state.dq_d, state.ddq_d)
+        ticks, self._time = round((now - self._time) / TICK), now
+        self._missed = self._missed or ticks != 1 or _apart(told.place, self._sent) > UNHEARD
+        heard = _apart(told.change, self._here.change) > SAME
+        place = self._sent if heard else self._here.place
+        for ago in range(max(ticks - 1, 0) if heard else ticks):
+            place = [
+                p + TICK * (rate - ago * TICK * change)
+                for p, rate, change in zip(place, told.rate, told.change, strict=True)
+            ]
+        self._here = told if _apart(told.place, place) > UNHEARD else told._replace(place=place)
+
+    def brake(self) -> None:
+        """Come to rest wherever that is."""
+        self._goal, self._acceleration = None, ACCELERATION
+        self._plan.max_acceleration = [ACCELERATION] * JOINTS
+        self._plan.control_interface = ruckig.ControlInterface.Velocity
+        self._plan.target_velocity = self._plan.target_acceleration = [0.0] * JOINTS
+
+    def _as_planned(self) -> Numbers:
+        result = self._planner.update(self._plan, self._output)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise Failed(Failure(Cause.COMMAND, "no motion leads to these joints"))
+        self._planned = bool(result == ruckig.Result.Working)
+        self._output.pass_to_input(self._plan)
+        setpoint: Numbers = self._output.new_position
+        return setpoint
+
+    def _step(self) -> Numbers:
+        wanted = [0.0] * JOINTS
+        if self._goal is not None:
+            away = (end - place for end, place in zip(self._goal, self._here.place, strict=True))
+            wanted = [_within(NEARING * distance, self._speed) for distance in away]
+        return [self._joint(*joint) for joint in zip(*self._here, wanted, strict=True)]
+
+    def _joint(self, place: float, rate: float, change: float, wanted: float) -> float:
+        asked = _within(TAKING_UP * (wanted - rate), self._acceleration)
+        change += _within(asked - change, JERK * TICK)
+        return place + TICK * (rate + TICK * change)
+
+
+def _apart(these: Numbers, those: Numbers) -> float:
+    return max(abs(a - b) for a, b in zip(these, those, strict=True))
+
+
+def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
+    plan = ruckig.InputParameter(JOINTS)
+    plan.current_position, plan.target_position = start, goal
+    plan.current_velocity = plan.current_acceleration = [0.0] * JOINTS
+    plan.max_velocity = [share * SPEED] * JOINTS
+    plan.max_acceleration = [share * ACCELERATION] * JOINTS
+    plan.max_jerk = [JERK] * JOINTS
+    return plan
+
+
+def _within(value: float, most: float) -> float:
+    return min(max(value, -most), most)

@@ -1,0 +1,60 @@
+"""Where the robot's own setpoint of the hand is, more exactly than its rounded state says."""
+
+from typing import Any
+
+import numpy as np
+
+from drivers.franka.tracking import rotation
+from drivers.motion import TICK
+from drivers.types import Array
+
+UNHEARD = 1e-7  # m, and of a rotation's entries: more than the rounding of the state
+SAME = 1e-6  # m/s^2 and rad/s^2: likewise, of an acceleration that goes on
+
+Numbers = list[float]
+
+
+class Whereabouts:
+    """Follows the setpoint of a robot that hears some of its commands, and goes on by itself else.
+
+    Its state is rounded, and a rounding of 1e-7 m in one tick is 0.1 m/s^2. But a robot that has
+    heard nothing keeps its acceleration, so where it is follows from what it heard.
+    """
+
+    def __init__(self, state: Any) -> None:
+        """Of a robot at rest that hears its commands."""
+        self.pose: Numbers = list(state.O_T_EE_c)
+        self._change: Numbers = list(state.O_ddP_EE_c)
+
+    def keep_up(self, state: Any, sent: Numbers, ticks: int) -> bool:
+        """Whether the robot is elsewhere than where it was `sent`, after so many `ticks`.
+
+        `pose` is then the setpoint that it has, 16 numbers by columns.
+        """
+        told, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
+        heard = _apart(change, self._change) > SAME
+        went_on = max(ticks - 1, 0) if heard else ticks
+        pose = self._gone_on(sent if heard else self.pose, state, went_on)
+        self.pose = pose if _apart(pose, told) < UNHEARD else told
+        self._change = change
+        if ticks <= 1 and _apart(told, sent) < UNHEARD:
+            self.pose = self.pose if not heard else sent
+            return False
+        return True
+
+    def _gone_on(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
+        """The `pose` after so many ticks by itself, the last of them with the twist of `state`."""
+        if ticks == 0:
+            return pose
+        twist, change = np.array(state.O_dP_EE_c), np.array(state.O_ddP_EE_c)
+        matrix: Array = np.reshape(pose, (4, 4)).T.copy()
+        for ago in range(ticks - 1, -1, -1):
+            step = TICK * (twist - ago * TICK * change)
+            matrix[:3, 3] += step[:3]
+            matrix[:3, :3] = rotation(step[3:]) @ matrix[:3, :3]
+        numbers: Numbers = matrix.T.ravel().tolist()
+        return numbers
+
+
+def _apart(these: Numbers, those: Numbers) -> float:
+    return max(abs(a - b) for a, b in zip(these, those, strict=True))

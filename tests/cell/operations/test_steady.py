@@ -1,0 +1,29 @@
+"""Collections of garbage in a run look at what the run itself has left, and at nothing else."""
+
+import gc
+
+import pytest
+
+from cell.operations.steady import without_long_collections
+
+
+def test_a_whole_collection_looks_at_no_object_from_before() -> None:
+    before = [[] for _ in range(50_000)]
+    with without_long_collections():
+        assert gc.get_freeze_count() > len(before)
+        assert len(gc.get_objects()) < 5_000
+    assert gc.get_freeze_count() == 0
+
+
+def test_what_a_run_leaves_is_still_collected() -> None:
+    with without_long_collections():
+        circle: list[object] = []
+        circle.append(circle)
+        del circle
+        assert gc.collect() >= 1
+
+
+def test_a_run_that_fails_leaves_the_collector_as_it_was() -> None:
+    with pytest.raises(RuntimeError, match="broken"), without_long_collections():
+        raise RuntimeError("broken")
+    assert gc.get_freeze_count() == 0

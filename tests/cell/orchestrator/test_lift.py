@@ -1,0 +1,114 @@
+"""The lift turns the hand upright and stops there, whatever the arm accelerates at."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cell.config.fold import FoldSettings
+from cell.config.places import find_configs
+from cell.config.settings import CellSettings
+from cell.devices.fci import start_joints
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.phases import lift
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.snapshot import Drive, Snapshot
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
+from drivers.arm.guard import REACTION, ReachGuard, Soon
+from drivers.arm.loop import plane_of
+from drivers.arm.settings import REACHABLE
+from drivers.franka.inverse import solve
+from drivers.franka.kinematics import forward
+from drivers.limits import MotionLimits
+from drivers.motion import TICK, MotionProfile
+from drivers.types import STILL, ArmState, HandState, Pose
+from policies.registry import make_policy
+
+HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
+UPRIGHT = np.pi / 2
+PERIOD, LATE = 10, 5  # ticks of the servo between commands, and until one takes effect
+
+
+def lifted(
+    limits: MotionLimits,
+    speed: float = 0.1,
+    policy: str = "triangular",
+    late: range = range(0),
+    watch: Callable[[MotionProfile], None] = lambda _: None,
+) -> np.ndarray:
+    """Pitches (n,) [rad] of an arm with these limits on its way up and in the half second after.
+
+    The commands of the `late` periods do not arrive; `watch` sees the servo twice a period.
+    """
+    settings, strip = cell(limits, speed), find_configs(None).strip("denim")
+    context = FoldContext(settings, strip, make_policy(policy), SimpleNamespace())
+    profile = MotionProfile(limits, settings.installation.workspace, Pose(strip.length, 0.0, 0.0))
+    motion, pitches, k = lift(context, NullRecorder(), snapshot(0, profile)), [], 0
+    command = next(motion)
+    with suppress(StopIteration):
+        while True:
+            k += 1
+            for tick in range(PERIOD):
+                if tick == LATE and k not in late:
+                    assert isinstance(command, Drive)
+                    profile.set_velocity(command.velocity)
+                profile.tick()
+                if tick in (0, LATE):
+                    watch(profile)
+            pitches.append(profile.pose.pitch)
+            command = motion.send(snapshot(k, profile))
+    assert profile.pose.z >= settings.fold.takeover_height
+    profile.stop()
+    return np.array([*pitches, *(profile.tick()[2] for _ in range(500))])
+
+
+def cell(limits: MotionLimits, speed: float) -> CellSettings:
+    settings = find_configs(None).cell().controller
+    installation = settings.installation.model_copy(update={"limits": limits})
+    fold = settings.fold.model_copy(update={"speed": speed, "start": "flat"})
+    return settings.model_copy(update={"installation": installation, "fold": fold})
+
+
+def snapshot(k: int, profile: MotionProfile) -> Snapshot:
+    now = k * PERIOD * TICK
+    arm = ArmState(now, now, "made", profile.pose, STILL, profile.pose, True, False)
+    return Snapshot(now, State.LIFT, 0.0, arm, HAND, View())
+
+
+@pytest.mark.parametrize("policy", ["triangular", "circular"])
+@pytest.mark.parametrize("speed", [0.05, 0.1, 0.14])
+@pytest.mark.parametrize("limits", [REACHABLE, MotionLimits()], ids=["robot", "twin"])
+def test_the_hand_does_not_turn_past_upright(
+    limits: MotionLimits, speed: float, policy: str
+) -> None:
+    pitches = lifted(limits, speed, policy)
+    assert pitches.max() < UPRIGHT + 0.01
+    assert pitches[-1] > UPRIGHT - (0.02 if policy == "triangular" else 0.25)
+
+
+@pytest.mark.parametrize("begin", [102, 114, 126])
+def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -> None:
+    guard, objections = guarded(), list[str]()
+
+    def judge(profile: MotionProfile) -> None:
+        if profile.moving:
+            objections.append(guard.objection(Soon(*profile.soon(REACTION))))
+
+    lifted(REACHABLE, late=range(begin, begin + 9), watch=judge)
+    assert len(objections) > 200
+    assert set(objections) == {""}
+
+
+def guarded() -> ReachGuard:
+    """The guard of a robot mounted as in cell.yaml whose hand holds the strip's edge."""
+    settings = cell(REACHABLE, 0.1)
+    installation, home = settings.installation, 0.25
+    above = np.array(start_joints(installation, FoldSettings(), 0.6, home))
+    plane = plane_of(installation, forward(above).T.ravel().tolist())
+    joints = above
+    for height in np.linspace(home, 0.0, 26):
+        joints = solve(plane.matrix(0.6, height, 0.0), joints, centre=0.0)
+    return ReachGuard(plane, REACHABLE, joints.tolist())
