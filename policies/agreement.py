@@ -62,17 +62,10 @@ def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agree
     """How a rod like `strip`, with the parameters `foretold`, agrees with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
-    error of their stamps; what remains is neither. Pushed along the desk at first, a strip that
-    yarn friction holds in shape may buckle or not: the better of both counts. None where too
-    little was measured, or where the rod cannot follow.
+    error of their stamps; what remains is neither. It is drawn in without the push of a lift, whose
+    hump it cannot tell again. None where too little was measured, or where the rod cannot follow.
     """
-    if not fold.usable:
-        return None
-    found = _fitted(strip, foretold, fold.lifted())
-    if found is None or found.like_model or found.yield_curvature < RUBBING:
-        return found
-    other = _fitted(strip, foretold, fold)
-    return found if other is None or other.residual > found.residual else other
+    return _fitted(strip, foretold, fold.lifted()) if fold.usable else None
 
 
 def usual_residual(bending_length: float, yield_curvature: float) -> float:
