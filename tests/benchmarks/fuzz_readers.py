@@ -77,7 +77,17 @@ def limited(longest: float) -> Iterator[None]:
 
 
 def tried(read: Callable[[], object], longest: float = LONGEST) -> str:
-    """How a reader took its input: `read` or `refused`; anything else is raised."""
+    """How a reader took its input: `read` or `refused`; anything else is raised.
+
+    What took too long is tried once more: a slow input is slow again, a slowed machine is not.
+    """
+    try:
+        return _tried(read, longest)
+    except TooLong:
+        return _tried(read, longest)
+
+
+def _tried(read: Callable[[], object], longest: float) -> str:
     with limited(longest), warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
