@@ -15,7 +15,7 @@ Numbers = list[float]
 
 
 class Whereabouts:
-    """Follows the setpoint of a robot that hears some of its commands, and goes on by itself else.
+    """Follows the setpoint of a robot that hears some commands, and goes on where it misses one.
 
     Its state is rounded, and a rounding of 1e-7 m in one tick is 0.1 m/s^2. But a robot that has
     heard nothing keeps its acceleration, so where it is follows from what it heard.
@@ -37,10 +37,11 @@ class Whereabouts:
         pose = self._gone_on(sent if heard else self.pose, state, went_on)
         self.pose = pose if _apart(pose, told) < UNHEARD else told
         self._change = change
-        if ticks <= 1 and _apart(told, sent) < UNHEARD:
-            self.pose = self.pose if not heard else sent
-            return False
-        return True
+        if ticks > 1 or _apart(told, sent) >= UNHEARD:
+            return True
+        if heard:
+            self.pose = sent
+        return False
 
     def _gone_on(self, pose: Numbers, state: Any, ticks: int) -> Numbers:
         """The `pose` after so many ticks by itself, the last of them with the twist of `state`."""
