@@ -86,7 +86,7 @@ class Adaptive:
         bias = self.bias.of(self.judgement.belief, self._thickness)
         return Foretold(
             displacement=float(displacement[0] - bias[0]),
-            sigma=float(self.bias.sigma_of(sigma, self.judgement.belief, self._thickness)[0]),
+            sigma=float(self.bias.sigma_of(sigma, self._thickness)[0]),
             **self.judgement.belief.first(),
             blind=bool(self.blind[0]),
         )
