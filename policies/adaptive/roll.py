@@ -11,7 +11,7 @@ from policies.adaptive.critic import Belief
 WEIGHTS = 1e-3 * np.array([4.26, -0.91, -20.99, -33.82, -0.80, 0.14, -1.19, -2.30, 0.76])
 LENGTH, TIME = np.log(0.02), np.log(0.05)  # ln of m, s, about which the fit is made
 MOST = 7e-3  # m
-SPARED, SHARE = 1e-3, 0.5  # m that edges may be off, and share of the rest that d takes
+SPARED, SHARE = 1e-3, 0.4  # m that edges may be off, and share of the rest that d takes
 
 
 def rolled(belief: Belief) -> Array:
