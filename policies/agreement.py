@@ -27,8 +27,8 @@ UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] of its profiles, and the `yield_curvature` [1/m]
-    that it needs.
+    """Fit of a rod to a fold: rms `residual` [m] of its profiles beyond the noise of the images, and
+    the `yield_curvature` [1/m] that it needs.
     """
 
     residual: float
@@ -79,7 +79,7 @@ def _fitted(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreeme
         if not known.any():
             return None
         change, left = _solved(design[known], off[known], at - middle, sigma)
-        residual = float(np.sqrt((left**2).sum(axis=-1).mean()))
+        residual = float(np.sqrt(max((left**2).sum(axis=-1).mean() - fold.noise**2, 0.0)))
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         at[2] = max(at[2], 0.0)
     return Agreement(residual, ROUGH * float(np.expm1(at[2])))

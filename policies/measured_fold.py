@@ -10,6 +10,7 @@ from policies.profile import POINTS
 
 BINS = 12  # of time, in which the noise of the images averages out
 FEWEST = 3  # images in a bin that counts
+MAD = 1.4826  # sigma over the median of deviations
 BEFORE = 0.03  # s before the touch in which images do not count: the layers hide each other
 
 
@@ -36,14 +37,28 @@ class MeasuredFold(NamedTuple):
         return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST
 
     def binned(self, curves: Array) -> Array:
-        """Medians (BINS, POINTS, 2) of `curves` (k, POINTS, 2) at the stamps; NaN where few."""
+        """`curves` (k, POINTS, 2) in the middle of each bin (BINS, POINTS, 2); NaN where few.
+
+        Medians of what the bin's images show besides an even motion: a median of what moves rests
+        on the few images in its middle.
+        """
         place = self._bins()
         found = np.full((BINS, POINTS, 2), np.nan)
         for i in range(BINS):
-            rows = curves[place == i]
+            rows, t = curves[place == i], self.stamp[place == i]
             if len(rows) >= FEWEST:
-                found[i] = np.median(rows, axis=0)
+                t = t - t.mean()
+                rate = np.tensordot(t, rows, axes=1) / (t @ t)
+                found[i] = np.median(rows - t[:, None, None] * rate, axis=0)
         return found
+
+    @property
+    def noise(self) -> float:
+        """Noise [m] that is left in a point of `binned`, along x and z together, rms."""
+        steps = np.abs(np.diff(self.profile, n=2, axis=0))  # what moves evenly leaves no trace
+        sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)
+        of_median = 0.5 * np.pi * BINS / len(self.stamp)
+        return float(np.sqrt(of_median * (sigma**2).sum(axis=-1).mean()))
 
     @property
     def spacing(self) -> float:

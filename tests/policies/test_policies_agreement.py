@@ -80,6 +80,16 @@ def test_belief_that_is_off_by_its_own_sigma_raises_no_alarm() -> None:
     assert found.like_model
 
 
+def test_noise_of_the_images_is_no_other_law() -> None:
+    fold = measured()
+    noise = 0.003 * np.random.default_rng(5).normal(size=fold.profile.shape)
+    loud = fold._replace(profile=fold.profile + noise)
+    assert loud.noise == pytest.approx(0.0013, rel=0.2)
+    found = agreement(STRIP, BELIEF, loud)
+    assert found is not None
+    assert found.residual < RESIDUAL
+
+
 def test_strip_of_another_law_is_flagged_and_the_sentence_names_what_to_do() -> None:
     another = measured(quadratic_damping=(("coefficient", 0.02),))
     found = agreement(STRIP, BELIEF, another)
