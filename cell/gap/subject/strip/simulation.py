@@ -21,9 +21,9 @@ from drivers.strip.shape import Touch
 from drivers.types import Array
 
 SHAPES = 0.01  # s between the shapes that are kept
-AT_ONCE = 32  # motions in one call: all their shapes are in memory
+AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANES = 8  # motions that cost no more than one
-REMEMBERED = 224 * 2**20  # bytes of motions that are kept
+REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
 SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
 
