@@ -20,7 +20,7 @@ ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
 MENDABLE = (0.3, 2.5)  # the same: the step itself tells enough to go on by, once
 TINY = 1e-300
-PARABOLA = (1.0, 0.5), (0.25, 0.1, 0.02)  # shares of a step that was too long, tried in turn
+PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
 DAMPING = 1e-3
 
 
@@ -147,10 +147,8 @@ def _tried(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_
     if full.objective < search.now:
         return full
     bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
-    early, late = ([z + f * step + f * f * bend for f in shares] for shares in PARABOLA)
-    trials = yield from _evaluated(search, early)
-    if min(trial.objective for trial in trials) >= search.now:
-        trials += yield from _evaluated(search, [*late, z + PARABOLA[-1][-1] * step])
+    points = [z + f * step + f * f * bend for f in PARABOLA]
+    trials = yield from _evaluated(search, [*points, z + PARABOLA[-1] * step])
     return min(trials, key=lambda trial: trial.objective)
 
 

@@ -29,7 +29,7 @@ SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so man
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 HOPE = 0.5  # of what the best start gained in SIFTING steps: the others are given up
-FINISHED = 0.25  # of what the best model gained when begun: the others are not fitted to the end
+FINISHED = 0.1  # of what the best model gained when begun: the others are not fitted to the end
 
 
 def fit_scores(

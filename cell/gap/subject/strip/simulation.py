@@ -38,7 +38,7 @@ class Resolution:
     tolerance: float
 
 
-COARSE, FINE = Resolution(100, 0.005, 1e-3), Resolution(200, 0.0025, 1e-4)
+COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
 ROUGH = Resolution(100, 0.01, 1e-3)
 """For responses alone: half the cost, and a few percent off where nothing jumps."""
 
