@@ -36,7 +36,7 @@ class Rod:
 
     `order` 2 is BDF2, 1 backward Euler, which damps more, like fabric. Newton's method ends when
     segments turn by less than `tolerance` [rad], root mean square: ten times the default moves
-    nodes by micrometres, more where a push buckles them, and takes two thirds of the time. Strips occupy the lanes of
+    nodes by some micrometres and takes two thirds of the time. Strips occupy the lanes of
     SIMD vectors, and each moves bit for bit as it would in a batch of one. A strip that touched,
     was retired or failed keeps its shape and soon costs nothing. Where Newton's method fails, the
     engine raises SimulationNotConverged or SimulationNotFinite; unless `strict`, the strip ends and

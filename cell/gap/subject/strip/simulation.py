@@ -39,7 +39,7 @@ class Resolution:
 
 
 COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
-ROUGH = Resolution(100, 0.01, 1e-3)
+ROUGH = Resolution(100, 0.01, 1e-4)
 """For responses alone: half the cost, and a few percent off where nothing jumps."""
 
 
