@@ -40,7 +40,9 @@ def fit(
     without: Annotated[
         list[str] | None, typer.Option(help="An effect withheld from the library; repeatable.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Simulations side by side.")] = 2,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
@@ -48,7 +50,8 @@ def fit(
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
 
-    threads = min(jobs, os.cpu_count() or 1)
+    cores = os.cpu_count() or 1
+    threads = min(jobs or cores, cores)
     with _progress(quiet=as_json) as shown:
         verdict = judge(
             runs, strip, out, hold_out or (), shown, threads, write_overlay, without or ()

@@ -140,8 +140,8 @@ def _screened(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Scr
     singles = ranked(known)
     return Screened(
         tuple(probed),
+        known,
         tuple(singles),
-        tuple(ranked_pairs(known, search.SIFTED)),
         _screened_p(subject, singles, by),
         detectable(about, probed, by),
     )
@@ -193,7 +193,8 @@ def _refit_singles(
     by = likelihood_scale([base])
     least = by.least * by.inefficiency
     fits = Fits((base,))
-    if not any(s.gain > least for s in (*screened.singles, *screened.pairs)):
+    promising = any(s.gain > least for s in screened.singles)
+    if not promising and not ranked_pairs(screened.known, 1, least):
         return fits
     singles = [
         Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
@@ -222,7 +223,8 @@ def _refit_further(
     if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
-    pairs = search.shortlist(simulate, base, screened.pairs, candidates, search.PAIRS)
+    screened_pairs = ranked_pairs(screened.known, search.SIFTED)
+    pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.PAIRS)
     fits = more(tried(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not exhausted(fits) and _leaves_more(fits, anywhere=False):

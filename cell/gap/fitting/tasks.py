@@ -5,6 +5,7 @@ depend on what runs beside it.
 """
 
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 from cell.gap.subject.subject import Request, Residuals
@@ -41,6 +42,18 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
             mine, answers = answers[:count], answers[count:]
             _advance(i, tasks[i], mine, asked, results)
     return [results[i] for i in range(len(tasks))]
+
+
+def roughly(task: Task[T]) -> Task[T]:
+    """The task with rough simulations, where a few percent of a response do not matter."""
+    answer: Sequence[Residuals] | None = None
+    while True:
+        try:
+            asked = next(task) if answer is None else task.send(answer)
+        except StopIteration as stop:
+            result: T = stop.value
+            return result
+        answer = yield [replace(request, rough=True) for request in asked]
 
 
 def run_one(simulate: Simulate, task: Task[T]) -> T:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from drivers.types import Array
 Columns = NDArray[np.int64]
 FARTHEST = 3.0  # times a probe to which its response is extrapolated
 WORTH = 0.3  # of the best mix's gain, from which a probe as it is is a start
+ALIKE = 1e-10  # share of its square by which a response must differ from another
 DEAD = 1e-6  # whitened response below which an effect changes nothing
 
 
@@ -88,11 +89,23 @@ class Table:
     """All probes of all candidates against the refitted objective, computed once.
 
     `form` is in the amounts of all columns; `columns` (candidate, group) are their positions.
+    `together` (G, G) is what two of these groups could gain at most [nats], in their order.
     """
 
     probed: tuple[Probed, ...]
     form: normal_equations.Normal
     columns: dict[tuple[str, int], Columns]
+    together: Array
+
+    def most(self, members: Sequence[Probed]) -> Array:
+        """What one candidate could gain at most [nats] by each of its groups (groups,), or two
+        by theirs (groups, groups).
+        """
+        order = list(self.columns)
+        rows = [[order.index((p.candidate.name, g)) for g in range(len(p.groups))] for p in members]
+        if len(rows) == 1:
+            return np.asarray(np.diag(self.together)[rows[0]])
+        return np.asarray(self.together[np.ix_(*rows)])
 
 
 def table(about: Projection, probed: Sequence[Probed]) -> Table:
@@ -106,7 +119,8 @@ def table(about: Projection, probed: Sequence[Probed]) -> Table:
             at += moved.shape[1]
     parts = [about.weighed(response) for p in alive for response in p.responses]
     whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
-    return Table(alive, about.form(whole), columns)
+    form = about.form(whole)
+    return Table(alive, form, columns, _most_together(form, list(columns.values())))
 
 
 def ranked(known: Table) -> list[Score]:
@@ -115,45 +129,45 @@ def ranked(known: Table) -> list[Score]:
     return sorted(scores, key=lambda s: (-s.gain, s.names))
 
 
-def ranked_pairs(known: Table, among: int) -> list[Score]:
-    """The `among` most promising pairs of candidates, best first.
+def ranked_pairs(known: Table, among: int, least: float = 0.0) -> list[Score]:
+    """The `among` most promising pairs of candidates that gain over `least` [nats], best first.
 
     Two effects whose responses nearly cancel gain nothing alone and much together, so that pairs
     are screened over all candidates, not over the best single ones. Pairs are looked at closely
     in the order of what they could gain without bounds, until no other can be among the best.
     """
-    most = _most_of_pairs(known)
-    order = sorted(combinations(known.probed, 2), key=lambda pair: -most[_names(pair)])
+    pairs = [(float(known.most(pair).max()), pair) for pair in combinations(known.probed, 2)]
     found: list[Score] = []
-    for pair in order:
-        if len(found) >= among and most[_names(pair)] < found[among - 1].gain:
+    for most, pair in sorted(pairs, key=lambda each: -each[0]):
+        if most <= least or (len(found) >= among and most < found[among - 1].gain):
             break
         found = sorted([*found, _score(known, pair)], key=lambda s: (-s.gain, s.names))
-    return found[:among]
+    return [s for s in found[:among] if s.gain > least]
 
 
-def _names(pair: Sequence[Probed]) -> tuple[str, ...]:
-    return tuple(p.candidate.name for p in pair)
-
-
-def _most_of_pairs(known: Table) -> dict[tuple[str, ...], float]:
-    """What each pair of candidates could gain [nats] were there no bounds, over their groups."""
-    gradient, curvature = known.form.gradient, known.form.curvature
-    owners = [(name, at) for (name, _), at in known.columns.items()]
-    most: dict[tuple[str, ...], float] = {}
-    for name, at in owners:
+def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> Array:
+    """What each two groups of columns could gain [nats] together were there no bounds (G, G);
+    each alone on the diagonal.
+    """
+    gradient, curvature = form.gradient, form.curvature
+    first = np.array([at[0] for at in groups], dtype=np.int64)
+    wide = [b for b, at in enumerate(groups) if len(at) > 1]
+    most = np.zeros((len(groups), len(groups)))
+    for a, at in enumerate(groups):
         inverse = _inverse(curvature[np.ix_(at, at)])
-        own = 0.5 * float(gradient[at] @ inverse @ gradient[at])
         across = curvature[:, at] @ inverse
         left = gradient - across @ gradient[at]
-        for other, columns in owners:
-            if other <= name:
-                continue
-            rest = curvature[np.ix_(columns, columns)] - across[columns] @ curvature[at][:, columns]
-            more = 0.5 * float(left[columns] @ _inverse(rest) @ left[columns])
-            most[name, other] = max(most.get((name, other), 0.0), own + more)
-    order = [p.candidate.name for p in known.probed]
-    return {(a, b): most[min(a, b), max(a, b)] for a, b in combinations(order, 2)}
+        spare = np.diag(curvature) - (across * curvature[:, at]).sum(axis=1)
+        known = spare > ALIKE * np.diag(curvature)
+        more = 0.5 * left**2 * known / np.where(known, spare, 1.0)
+        most[a] = more[first]
+        for b in (b for b in wide if b > a):
+            on = groups[b]
+            rest = curvature[np.ix_(on, on)] - across[on] @ curvature[np.ix_(at, on)]
+            most[a, b] = 0.5 * float(left[on] @ _inverse(rest) @ left[on])
+        most[a, a] = 0.0
+        most[a] += 0.5 * float(gradient[at] @ inverse @ gradient[at])
+    return np.asarray(np.triu(most) + np.triu(most, 1).T)
 
 
 def _inverse(matrix: Array) -> Array:
@@ -167,12 +181,16 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     """Best mix of the probes of one or more candidates, over their groups.
 
     The amounts solve the bounded quadratic programme of the refitted objective: one-sided where
-    physics fixes the sign.
+    physics fixes the sign. Groups are tried in the order of what they could gain, until no other
+    can be better.
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
     secants = {p.candidate.name: p.secants for p in members}
     most, tried = 0.0, None
-    for choice in product(*(range(len(p.groups)) for p in members)):
+    bounds = known.most(members)
+    for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
+        if -bound <= best.gain and -bound <= max(most, WORTH * best.gain):
+            break
         found, whole, values = _mixed(known, members, choice)
         if found.gain > best.gain:
             best = found

@@ -29,6 +29,7 @@ SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so man
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 HOPE = 0.5  # of what the best start gained in SIFTING steps: the others are given up
+FINISHED = 0.1  # of what the best model gained when begun: the others are not fitted to the end
 
 
 def fit_scores(
@@ -40,13 +41,21 @@ def fit_scores(
 ) -> list[Validated]:
     """Screened models refitted with the base, from null and from what the screen found; of those
     that are among `fits` only the ones that come farther.
+
+    Models that gain far less than others are left where a few steps brought them: they are
+    listed, and nothing is built on them.
     """
-    tasks = []
+    tasks, models = [], fits.models if fits else ()
     for s in scores:
         known = fits.of(frozenset(s.names)) if fits else None
         least = known.estimate if known else base
-        tasks.append(_fitted(base, *starts(base, s, candidates), least))
-    found = [e for e in run_all(simulate, tasks) if e is not None]
+        tasks.append(_promising(base, *starts(base, s, candidates), least))
+    begun = [e for e in run_all(simulate, tasks) if e is not None]
+    most = _most([base, *(m.estimate for m in models), *begun])
+    worth = [_gained(base, e, most) >= FINISHED * _gained(base, most, most) for e in begun]
+    going = [_finished(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
+    done = iter(run_all(simulate, going))
+    found = [next(done) if going_on else e for e, going_on in zip(begun, worth, strict=True)]
     return run_all(simulate, [validate(e) for e in found])
 
 
@@ -77,11 +86,36 @@ def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Es
     return best((yield from side_by_side(fits)))
 
 
+def _most(estimates: list[Estimate]) -> Estimate:
+    """The estimate of the smallest objective, with the smallest dispersion of all."""
+    return replace(best(estimates), scale=min(e.scale for e in estimates))
+
+
+def _gained(base: Estimate, estimate: Estimate, by: Estimate) -> float:
+    """Nats that `estimate` gains over the base at the dispersion of `by`."""
+    return judged(base, by.scale) - judged(estimate, by.scale)
+
+
 def _fitted(
     base: Estimate, model: Model, points: Sequence[Start], least: Estimate
 ) -> Task[Estimate | None]:
-    """A few steps from each start, a few more from those that came far, and from where they came
-    farthest to the end; None where that is not as far as the fit `least` of the same model.
+    """The fit of `model` that is `_promising`, to the end."""
+    first = yield from _promising(base, model, points, least)
+    return None if first is None else (yield from _finished(first))
+
+
+def _finished(first: Estimate) -> Task[Estimate]:
+    """The fit `first` to the end, where that is better."""
+    known = first.evidence
+    done = yield from refit(first.model, known, first.point, first.jacobians, ROUGHLY)
+    return best([first, done])
+
+
+def _promising(
+    base: Estimate, model: Model, points: Sequence[Start], least: Estimate
+) -> Task[Estimate | None]:
+    """A few steps from each start, a few more from those that came far, and where they came
+    farthest; None where that is not as far as the fit `least` of the same model.
     """
     known = base.evidence
     begun = [refit(model, known, p, first, ROUGHLY, SIFTING) for p, first in points]
@@ -92,9 +126,7 @@ def _fitted(
         far = [*far, *(yield from side_by_side(more))]
     if not far or (least is not base and best([least, *far]) is least):
         return None
-    first = best(far)
-    done = yield from refit(model, known, first.point, first.jacobians, ROUGHLY)
-    return best([first, done])
+    return best(far)
 
 
 def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> list[Estimate]:

@@ -8,7 +8,7 @@ from cell.gap.diagnosis.next_experiment import advise
 from cell.gap.diagnosis.steadier import steadier
 from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.scatter import scattered
-from cell.gap.fitting.tasks import Simulate, run_one
+from cell.gap.fitting.tasks import Simulate, roughly, run_one
 from cell.gap.selection.choice import Choice
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Advised, Judged, Screened
@@ -31,7 +31,7 @@ def advice(
         replace(e, run=scattered(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()
     ]
-    planned = run_one(simulate, advise(first, second, experiments, choice.by))
+    planned = run_one(simulate, roughly(advise(first, second, experiments, choice.by)))
     return Advised(tuple(planned), tuple(more))
 
 

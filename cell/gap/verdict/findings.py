@@ -19,7 +19,7 @@ from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
 from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed
+from cell.gap.selection.screening import Probed, Table
 from cell.gap.subject.subject import Candidate, Subject
 from cell.gap.verdict.offered_law import OfferedLaw
 
@@ -62,13 +62,13 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """Screening results: probes, scores of singles and pairs [nats], probabilities and the
+    """Screening results: probes and their table, scores of singles [nats], probabilities and the
     smallest detectable size by effect (None where no possible size would show).
     """
 
     probed: tuple[Probed, ...]
+    known: Table
     singles: tuple[Score, ...]
-    pairs: tuple[Score, ...]
     p: dict[str, float]
     detectable: dict[str, float | None]
 

@@ -11,11 +11,12 @@ from drivers.strip.rod.terms import lagging, sliding, sliding_late
 
 @kernel
 def direction(state: Any, r: int) -> Any:
-    """Unit tangent of segment r and one over its length [1/m]."""
+    """Unit tangent of segment r, one over its length [1/m], and its length [m]."""
     ex = load(state, r + 1, at.X) - load(state, r, at.X)
     ez = load(state, r + 1, at.Z) - load(state, r, at.Z)
-    inverse = 1.0 / sqrt(fma(ex, ex, ez * ez))
-    return ex * inverse, ez * inverse, inverse
+    length = sqrt(fma(ex, ex, ez * ez))
+    inverse = 1.0 / length
+    return ex * inverse, ez * inverse, inverse, length
 
 
 @kernel
@@ -24,11 +25,12 @@ def strain(a: Any, b: Any) -> Any:
 
     Of the measures theta + O(theta^3), theta^3 / 48 comes close to the theta^3 / 36 that cancels
     the error of second differences where an elastica is bent most, and needs no arc tangent.
+    tan(theta / 4) = sine / (1 + cosine + sqrt(2 (1 + cosine))) of theta.
     """
     cosine = fma(a[0], b[0], a[1] * b[1])
     sine = fma(a[0], b[1], -(a[1] * b[0]))
-    half = sine / (1.0 + cosine)
-    quarter = half / (1.0 + sqrt(fma(half, half, 1.0)))
+    opened = 1.0 + cosine
+    quarter = sine / (opened + sqrt(2.0 * opened))
     return 4.0 * quarter, quarter
 
 
@@ -107,18 +109,17 @@ def pull(block: Any, r: int, u: Any, couple: Any) -> None:
     as no less than FLOOR, because a segment pressed harder buckles.
     """
     work = block.work
-    ux, uz, inverse = u
-    axial = load(block.nature, r, at.AXIAL)
-    stretch = axial / load(block.nature, r, at.SPAN)
-    taut = stretch / inverse - axial
+    ux, uz, inverse, length = u
+    stretch = load(block.nature, r, at.STRETCH)
+    taut = stretch * (length - load(block.nature, r, at.SPAN))
     if block.terms is not None:
-        taut, stretch = sliding(block, r, taut, stretch, 1.0 / inverse)
+        taut, stretch = sliding(block, r, taut, stretch, length)
     floor, known = load(block.nature, r, at.FLOOR), load(block.state, r, at.TENSION)
     string = choose(known - floor, known, floor) * inverse
     twist = couple * inverse * inverse
     turn_x, turn_z = turn(work, r, u)
     store(work, r, at.TAUT, taut)
-    store(work, r, at.GROWTH, stretch / inverse)
+    store(work, r, at.GROWTH, stretch * length)
     store(work, r, at.PULL_X, fma(taut, ux, couple * turn_x))
     store(work, r, at.PULL_Z, fma(taut, uz, couple * turn_z))
     xx, xz, zz = ux * ux, ux * uz, uz * uz

@@ -13,10 +13,9 @@ from drivers.strip.rod.terms import HUGE, limit_of, slides
 @kernel
 def slid(block: Any, r: int) -> Any:
     """How far [m] segment r slides in the step just solved."""
-    axial = load(block.nature, r, at.AXIAL)
-    stretch = axial / load(block.nature, r, at.SPAN)
-    _, _, inverse = direction(block.state, r)
-    taut = stretch / inverse - axial - stretch * load(block.state, r, at.SLID)
+    stretch, span = load(block.nature, r, at.STRETCH), load(block.nature, r, at.SPAN)
+    _, _, _, length = direction(block.state, r)
+    taut = stretch * (length - span - load(block.state, r, at.SLID))
     way = slides(block, r, taut)
     level = choose(way, limit_of(block, r), -load(block.state, r, at.HELD))
     return choose(way * way, (taut - level) / stretch, 0.0)

@@ -174,5 +174,5 @@ def follow(
                 record(batch, b, shapes[(k + 1) // every - 1])
             observe(batch, b, shown, k, time, pace.h)
             hold(batch, b, poses[k])
-            now = Pace(pace.h, pace.again, pace.again)
+            now = Pace(pace.h, pace.again, pace.again, pace.tolerance)
     return before - alive_lanes(batch)

@@ -21,7 +21,7 @@ STATE = 12
 
 # Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
 MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(12)
-AXIAL, SPAN, SHARE, FLOOR = range(12, 16)
+STRETCH, SPAN, SHARE, FLOOR = range(12, 16)
 NATURE = 16
 
 # More of both for `terms`: strain of a Maxwell element now and before, how far a segment has slid

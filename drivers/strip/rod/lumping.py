@@ -59,7 +59,8 @@ def nature(model: StripModel, segments: int, *, rich: bool = False) -> Array:
     rows[:, at.SPAN] = np.concatenate([spans[:1], spans, spans[-1:], spans[-1:]])
     rows[:, at.SHARE] = rows[:, at.SPAN] / mechanics.length
     rows[:, at.FLOOR] = -weight
-    rows[:, at.AXIAL] = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
+    axial = min(INEXTENSIBLE * weight, mechanics.stretch_stiffness)
+    rows[:, at.STRETCH] = axial / rows[:, at.SPAN]
     if rich:
         _lump_terms(rows, model, np.diff(middles))
     return rows

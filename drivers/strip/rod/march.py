@@ -76,13 +76,13 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 
 @kernel
-def attempt(block: Any, h: float, omega: float, alive: Any) -> Any:
+def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
     """One implicit step of the living lanes; returns those that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
     predict(block, h, omega, alive)
     predict_strain(block, omega)
     if block.terms is not None:
         predict_terms(block, rate, weights(omega))
-    unsolved = solve(block, rate, alive)
+    unsolved = solve(block, rate, alive, tolerance)
     finish(block, rate, alive - unsolved)
     return unsolved

@@ -10,7 +10,7 @@ from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, st
 from drivers.strip.rod.terms import air, expect, unsettled
 
 ITERATIONS = 10
-TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments
+TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
 WILD = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
 SINK = 2e-5  # m over which the desk takes up the weight
 
@@ -120,8 +120,9 @@ def correct(block: Any, gate: Any) -> Any:
 
 
 @kernel
-def solve(block: Any, rate: Any, alive: Any) -> Any:
-    """Newton iterations until segments turn less than TOLERANCE; returns the lanes that failed.
+def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
+    """Newton iterations until segments turn by less than `tolerance` [rad], root mean square;
+    returns the lanes that failed.
 
     A lane with a segment that turns by more than WILD in one correction has failed: Newton's method
     could then converge to a kinked equilibrium that is not the continuation of the motion.
@@ -135,7 +136,7 @@ def solve(block: Any, rate: Any, alive: Any) -> Any:
         turned, wildest = correct(block, unsolved)
         sane = below(turned, WILD) * below(wildest, WILD)
         failed = choose(unsolved * (1.0 - sane), unsolved, failed)
-        unsolved = unsolved * sane * (1.0 - below(turned, TOLERANCE * TOLERANCE))
+        unsolved = unsolved * sane * (1.0 - below(turned, tolerance * tolerance))
         if not anywhere(unsolved):
             break
     return choose(unsolved, unsolved, failed)

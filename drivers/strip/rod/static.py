@@ -12,6 +12,7 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat, midlines, retired
 from drivers.strip.rod.follow import Batch, follow
 from drivers.strip.rod.lumping import check
+from drivers.strip.rod.newton import TOLERANCE
 from drivers.strip.rod.step import Pace
 from drivers.types import Array
 
@@ -89,7 +90,8 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
 
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
     shown = np.zeros((len(poses), len(batch.held), of.SHOWN))
-    follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, Pace(dt, 0.0, 0.0))
+    pace = Pace(dt, 0.0, 0.0, TOLERANCE)
+    follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))
     if failed.any():
         raise SimulationNotConverged("rod", int(np.argmax(failed)), 0.0)

@@ -29,11 +29,14 @@ class Grips(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """Step `h` [s]; its ratio to the step before, and the ratio of equal steps, 0 for Euler."""
+    """Step `h` [s]; its ratio to the step before, and the ratio of equal steps, 0 for Euler; the
+    `tolerance` [rad] of Newton's method.
+    """
 
     h: float
     omega: float
     again: float
+    tolerance: float
 
 
 @kernel
@@ -93,7 +96,7 @@ def in_parts(block: Any, grips: Any, pace: Any, gate: Any, parts: int) -> Any:
     for part in range(parts):
         place(block, grips, (part + 1) / parts)
         omega = pace.again if part > 0 else 0.0
-        going = going - attempt(block, pace.h / parts, omega, going)
+        going = going - attempt(block, pace.h / parts, omega, going, pace.tolerance)
         if not anywhere(going):
             break
     return gate - going
@@ -107,7 +110,7 @@ def step(block: Any, grips: Any, pace: Any) -> Any:
     as it was.
     """
     place(block, grips, 1.0)
-    gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0))
+    gate = attempt(block, pace.h, pace.omega, load(grips.alive, 0, 0), pace.tolerance)
     if not anywhere(gate):
         return gate
     rewind(block, gate)

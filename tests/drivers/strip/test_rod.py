@@ -131,6 +131,18 @@ def test_start_in_which_the_layers_touch_is_refused() -> None:
         rod.reset([paper_model(0.02)], np.array([[0.3, 0.10, np.pi / 2]]))
 
 
+def test_rougher_tolerance_moves_a_fold_by_less_than_a_micrometre_once_lifted() -> None:
+    poses = steady(PATH, DT)
+    shapes = []
+    for tolerance in (1e-4, 1e-3):
+        rod = Rod(60, tolerance=tolerance)
+        rod.reset([paper_model(0.1), paper_model(0.05)])
+        shapes.append(rod.follow(for_all(poses, 2), DT, every=20).shapes)
+    off = np.abs(shapes[1] - shapes[0])
+    assert np.nanmax(off) > 0.0
+    assert np.nanmedian(off.max(axis=(2, 3))) < 1e-6
+
+
 def test_gripper_that_jerks_wildly_finds_shapes_or_says_so() -> None:
     rng = np.random.default_rng(3)
     count, steps = 24, 800

@@ -91,7 +91,7 @@ def _disturbed_block(segments: int, laws: Effects, rng: np.random.Generator) -> 
     state[:, at.X1] = state[:, at.X]
     stretch = np.linalg.norm(np.diff(state[:, [at.X, at.Z]], axis=0), axis=1)
     rows = batch.nature[0]
-    state[:-1, at.TENSION] = rows[:-1, at.AXIAL] * (stretch / rows[:-1, at.SPAN] - 1.0)
+    state[:-1, at.TENSION] = rows[:-1, at.STRETCH] * (stretch - rows[:-1, at.SPAN])
     rows[:, at.FLOOR] = -np.inf
     block = Block(rows, state, batch.work, batch.band, batch.last, batch.terms)
     if batch.terms is not None:

@@ -3,7 +3,7 @@
 import hashlib
 import pickle
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Self
@@ -15,28 +15,31 @@ from drivers.errors import Fault
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.rod.engine import Rod
-from drivers.strip.rod.lumping import lattice
+from drivers.strip.rod.lumping import lattice, needs_terms
 from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
 SHAPES = 0.01  # s between the shapes that are kept
-AT_ONCE = 32  # motions in one call: all their shapes are in memory
+AT_ONCE = 16  # motions in one call: all their shapes are in memory
 LANES = 8  # motions that cost no more than one
-REMEMBERED = 224 * 2**20  # bytes of motions that are kept
+REMEMBERED = 96 * 2**20  # bytes of motions that are kept: few are asked for again, and soon
 SELDOM = 16 * 2**20  # the same, where hardly any is asked for twice
 
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """How finely the rod is cut: `segments`, and its step `dt` [s]."""
+    """How finely the rod is cut: `segments`, its step `dt` [s], and to which `tolerance` [rad] a
+    step is solved.
+    """
 
     segments: int
     dt: float
+    tolerance: float
 
 
-COARSE, FINE = Resolution(100, 0.005), Resolution(200, 0.0025)
-ROUGH = Resolution(100, 0.01)
+COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
+ROUGH = Resolution(100, 0.01, 1e-4)
 """For responses alone: half the cost, and a few percent off where nothing jumps."""
 
 
@@ -114,7 +117,9 @@ class Simulation:
         order = sorted(wanted, key=lambda k: -wanted[k].way.duration)
         fair = LANES * -(-len(order) // (LANES * self._jobs))
         size = max(LANES, min(AT_ONCE, fair))
-        batches = [order[i : i + size] for i in range(0, len(order), size)]
+        batches = [
+            like[i : i + size] for like in _apart(order, wanted) for i in range(0, len(like), size)
+        ]
         asked = [[wanted[k] for k in batch] for batch in batches]
         found: dict[bytes, SimulatedMotion | None] = {}
         with ThreadPoolExecutor(self._jobs) as pool:
@@ -131,7 +136,7 @@ class Simulation:
             return [shown for drive in drives for shown in self._batch([drive])]
 
     def _together(self, drives: Sequence[Job]) -> list[SimulatedMotion | None]:
-        rod = Rod(self.grain.segments, strict=False)
+        rod = Rod(self.grain.segments, strict=False, tolerance=self.grain.tolerance)
         models, ways = [d.model for d in drives], [d.way for d in drives]
         every = max(1, round(SHAPES / self.grain.dt))
         motions = simulate_all(rod, models, ways, dt=self.grain.dt, every=every)
@@ -160,3 +165,14 @@ class Simulation:
         while self._size > self._remembered:
             _, gone = self._known.popitem(last=False)
             self._size -= gone.size if gone else 0
+
+
+def _apart(order: Sequence[bytes], wanted: Mapping[bytes, Job]) -> list[list[bytes]]:
+    """The motions that need the rod's further terms and those that do not, in `order`; all
+    together where either are few.
+
+    A batch in which one strip needs those terms computes them for every strip.
+    """
+    rich = {key: needs_terms(wanted[key].model) for key in order}
+    parts = [[key for key in order if rich[key] is which] for which in (True, False)]
+    return parts if min(map(len, parts)) >= LANES else [list(order)]

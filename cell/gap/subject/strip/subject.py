@@ -38,7 +38,7 @@ from drivers.strip.model import Observation, StripModel
 
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
-PORTION = 128  # motions that are held at once
+PORTION = 64  # motions that are held at once
 Values = tuple[float, ...]
 Look = tuple[str, bytes, bool, Observation]  # run, motion, whether rough, how it is looked at
 
