@@ -29,6 +29,9 @@ def exam(
         int | None, typer.Option(min=1, help="Cases [default: 300, 60 through images, 6 small].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
+    ] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     only_make: Annotated[
         bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
@@ -64,7 +67,7 @@ def exam(
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
-            wanted = load_or_draw(out, tier, cases, seed)
+            wanted = load_or_draw(out, tier, cases, seed, repeats)
             entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
         sys.stderr.write(
@@ -76,6 +79,7 @@ def exam(
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
+    command += f" --repeats {repeats}" if repeats > 1 else ""
     others = [entry for folder in beside or () for entry in _kept(folder)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)

@@ -74,6 +74,7 @@ def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
         ("term_side", "homography_shift"),
         ("term_zoom", "homography_scale"),
         ("term_reach", "tcp_offset"),
+        ("term_length", "length_error"),
     ],
 )
 def test_a_law_reaches_as_far_as_what_laboratories_report(name: str, effect: str) -> None:
