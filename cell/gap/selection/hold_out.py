@@ -18,7 +18,7 @@ from drivers.types import Array
 EVERY = 4  # conditions, of which one is held out
 HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
 ALONE = 0.9  # the same, of a condition that alone tells of an effect
-REPEATED = 0.6  # the same, of one run among repeats: two share what they tell
+REPEATED = 0.75  # the same, of one run among repeats: two of them tell more than twice one
 SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
 
 
