@@ -18,7 +18,6 @@ from drivers.types import Array
 EVERY = 4  # conditions, of which one is held out
 HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
 ALONE = 0.9  # the same, of a condition that alone tells of an effect
-REPEATED = 0.75  # the same, of one run among repeats: two of them tell more than twice one
 SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
 
 
@@ -41,10 +40,8 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
                 held += group
                 break
     for group in groups:
-        last = group[-1:]
-        alone = not set(group) & set(held) and told.lost(group) >= ALONE
-        if len(group) > 1 and alone and told.lost([*held, *last]) < REPEATED:
-            held += last
+        if len(group) > 1 and not set(group) & set(held) and told.lost(group) >= ALONE:
+            held += group[-1:]
     second = (i for group in groups[1:2] for i in group)
     return [names[i] for i in held or second]
 
