@@ -15,8 +15,6 @@ from policies.profile import POINTS, profiles
 
 RESIDUAL = 0.0012  # m, largest of folds that behave like the model
 FRICTION = 80.0  # 1/m, largest yield curvature of such folds
-RUBBING = 15.0  # 1/m, from which on a strip keeps the shape in which it buckled
-SHORT = 0.02  # m, bending length up to which that shape is no larger than RESIDUAL
 DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, segments of the rod
 PASSES = 3  # of Gauss-Newton
 ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
@@ -29,18 +27,17 @@ UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] of its profiles, the `yield_curvature` [1/m] that
-    it needs, and the largest residual [m] that is `usual` for such a strip.
+    """Fit of a rod to a fold: rms `residual` [m] of its profiles, and the `yield_curvature` [1/m]
+    that it needs.
     """
 
     residual: float
     yield_curvature: float
-    usual: float = RESIDUAL
 
     @property
     def like_model(self) -> bool:
         """Whether the fold could be one of a strip that the policy was trained for."""
-        return self.residual <= self.usual and self.yield_curvature <= FRICTION
+        return self.residual <= RESIDUAL and self.yield_curvature <= FRICTION
 
     def sentence(self) -> str:
         """Text for the operator: what is wrong, and what to do."""
@@ -53,8 +50,8 @@ class Agreement:
 
     def _why(self) -> str:
         off, friction = 1e3 * self.residual, self.yield_curvature
-        if self.residual > self.usual:
-            return f"its profile is {off:.1f} mm off, up to {1e3 * self.usual:.1f} mm are usual"
+        if self.residual > RESIDUAL:
+            return f"its profile is {off:.1f} mm off, up to {1e3 * RESIDUAL:.1f} mm are usual"
         return f"its yarns rub as {friction:.0f} 1/m, up to {FRICTION:.0f} 1/m are usual"
 
 
@@ -62,21 +59,10 @@ def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agree
     """How a rod like `strip`, with the parameters `foretold`, agrees with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
-    error of their stamps; what remains is neither. It is drawn in without the push of a lift, whose
-    hump it cannot tell again. None where too little was measured, or where the rod cannot follow.
+    error of their stamps; what remains is neither. None where too little was measured, or where the
+    rod cannot follow.
     """
-    return _fitted(strip, foretold, fold.lifted()) if fold.usable else None
-
-
-def usual_residual(bending_length: float, yield_curvature: float) -> float:
-    """Largest residual [m] of strips of this `bending_length` [m] and `yield_curvature` [1/m].
-
-    Yarn friction keeps a part of the hump that the lift pushes up, and where a hump stands is
-    chance. It is the larger the stiffer the strip (`python -m tests.benchmarks.measure_agreement`).
-    """
-    if yield_curvature < RUBBING:
-        return RESIDUAL
-    return RESIDUAL * max(1.0, bending_length / SHORT) ** 4
+    return _fitted(strip, foretold, fold) if fold.usable else None
 
 
 def _fitted(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
@@ -96,8 +82,7 @@ def _fitted(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreeme
         residual = float(np.sqrt((left**2).sum(axis=-1).mean()))
         at = at + np.clip(change, -3.0 * sigma, 3.0 * sigma)
         at[2] = max(at[2], 0.0)
-    friction = ROUGH * float(np.expm1(at[2]))
-    return Agreement(residual, friction, usual_residual(float(np.exp(at[0])), friction))
+    return Agreement(residual, ROUGH * float(np.expm1(at[2])))
 
 
 def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:

@@ -11,7 +11,6 @@ from policies.profile import POINTS
 BINS = 12  # of time, in which the noise of the images averages out
 FEWEST = 3  # images in a bin that counts
 BEFORE = 0.03  # s before the touch in which images do not count: the layers hide each other
-LIFTED = 0.06  # m of travel in which a strip leaves the desk
 
 
 class MeasuredFold(NamedTuple):
@@ -35,22 +34,6 @@ class MeasuredFold(NamedTuple):
     def usable(self) -> bool:
         """Whether there are enough images for a comparison."""
         return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST
-
-    def lifted(self) -> Self:
-        """The same fold, but its path begins upwards and draws the strip in later.
-
-        Pushed along the desk, the strip buckles; where is chaotic, and a strip with friction
-        between its yarns keeps the shape. Neither the rod nor the desk can tell it again.
-        """
-        steps = np.hypot(*np.diff(self.poses[:, :2], axis=0).T)
-        share = np.concatenate([[0.0], np.cumsum(steps)]) / LIFTED
-        early = share < 1.0
-        if early.all():
-            return self
-        poses, begin = self.poses.copy(), self.poses[0, 0]
-        drawn = share**2 + (1.0 - share) * share**8  # the measured direction in the end
-        poses[early, 0] = begin + drawn[early] * (poses[~early, 0][0] - begin)
-        return self._replace(poses=poses)
 
     def binned(self, curves: Array) -> Array:
         """Medians (BINS, POINTS, 2) of `curves` (k, POINTS, 2) at the stamps; NaN where few."""

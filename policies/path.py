@@ -51,6 +51,19 @@ def triangular(length: float, rise: float = 0.0) -> Path:
     return Path.through(np.array([(length, 0.0), apex, (0.0, rise)]))
 
 
+def unpushed(length: float) -> Path:
+    """From (L, 0) straight up, turning to 45 degrees at the take-over height, and on to L/2.
+
+    The triangle's first leg pushes the strip back along the desk until it buckles at the grip, to
+    curvatures of up to 180 1/m, of which friction between yarns keeps a part; on this parabola they
+    stay under 20 1/m.
+    """
+    z = np.linspace(0.0, TAKEOVER_HEIGHT, 41)
+    x = length - z**2 / (2 * TAKEOVER_HEIGHT)
+    more = length / 2 - TAKEOVER_HEIGHT
+    return Path.through(np.append(np.stack([x, z], -1), [(x[-1] - more, length / 2)], axis=0))
+
+
 def circular(length: float) -> Path:
     """Half a circle about (L/2, 0) with radius L/2, from (L, 0) to (0, 0)."""
     angle = np.linspace(0.0, np.pi, 361)

@@ -1,23 +1,43 @@
-"""Offset between the edges of a laid fold, from the end of its loop."""
+"""Offset between the edges of a laid fold, from its loop."""
 
-import math
+from typing import NamedTuple, Self
 
-# Edge offset minus (length - 2 tip) [m] of folds that lie: the loop holds more strip than it is
-# long. Least squares over 60 chains of 80 links, 0.8 mm rms; see `tests.benchmarks.measure_roll`.
-ALWAYS, OF_LENGTH, OF_FRICTION = 2.21e-3, -0.743, -1.2e-3
-SHORT = 0.75e-3  # m by which images show the tip of a sharp loop too far left, the mean of 4 folds
-ROUGH = 10.0  # 1/m, yield curvature
+import numpy as np
+
+from calibration.perception.measurement import StripMeasurement
+
+# Edge offset minus (length - 2 tip) of folds that lie: so much more strip than it is long a loop
+# holds, per m of its height and width and of the strip's thickness. Least squares over 67 folds of
+# the chain through images, 0.4 mm rms, most of them with yarn friction, stiffening or a seam
+# (`tests.benchmarks.measure_unknown`).
+ALWAYS, OF_HEIGHT, OF_WIDTH, OF_THICKNESS = -0.1e-3, -1.05, 0.615, -0.93
+TOP = 5  # points of the profile whose mean height is the loop's
 
 
-def edge_offset(
-    length: float, tip_x: float, bending_length: float, yield_curvature: float
-) -> float:
+class Loop(NamedTuple):
+    """The loop of a laid fold [m]: x of its rightmost point, its height, and its width from where
+    the lower layer leaves the desk.
+    """
+
+    tip_x: float
+    height: float
+    width: float
+
+    @classmethod
+    def seen_in(cls, measurement: StripMeasurement) -> Self | None:
+        """The loop in the image of a laid strip, None where it is not visible."""
+        tip_x, heights = measurement.tip[0], np.sort(measurement.profile[:, 1:].ravel())
+        if len(heights) < TOP or not np.isfinite(tip_x + measurement.contact_x):
+            return None
+        return cls(float(tip_x), float(heights[-TOP:].mean()), tip_x - measurement.contact_x)
+
+
+def edge_offset(length: float, thickness: float, loop: Loop) -> float:
     """Offset of the grasped edge beyond the fixed one [m], with the sign of d.
 
-    For a folded strip of `length` [m] whose loop has its rightmost point at `tip_x` [m]. The layers
-    lie flat, so a tip 1 mm to the left leaves 2 mm more for the upper layer; the length in the loop
-    follows from `bending_length` [m] and the friction's `yield_curvature` [1/m].
+    For a folded strip of `length` and `thickness` [m]. Its layers lie flat, so a tip 1 mm to the
+    left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
+    whatever made it: stiffness, friction between yarns, or a law that nobody knows.
     """
-    friction = math.log1p(yield_curvature / ROUGH)
-    loop = ALWAYS + OF_LENGTH * bending_length + OF_FRICTION * friction
-    return length - 2.0 * (tip_x + SHORT) + loop
+    held = ALWAYS + OF_HEIGHT * loop.height + OF_WIDTH * loop.width
+    return length - 2.0 * loop.tip_x + held + OF_THICKNESS * thickness

@@ -9,7 +9,7 @@ import numpy as np
 
 from calibration.landmarks import camera_shift
 from calibration.perception.checks import PreflightCheck, camera_check
-from calibration.perception.laid import edge_offset
+from calibration.perception.laid import Loop, edge_offset
 from calibration.perception.measurement import SeenTouch
 from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
@@ -175,16 +175,10 @@ def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
     """
     if cell.reader is None:
         return None
-    tip_x = cell.reader.perception.look(frame, edge).tip[0]
-    if not np.isfinite(tip_x):
+    loop = Loop.seen_in(cell.reader.perception.look(frame, edge))
+    if loop is None:
         return None
-    strip, foretold = cell.strip, cell.foretold
-    bending_length = strip.bending_length
-    friction = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
-    if foretold is not None:
-        bending_length = foretold.bending_length.value
-        friction = foretold.yield_curvature.value
-    return edge_offset(strip.length, float(tip_x), bending_length, friction)
+    return edge_offset(cell.strip.length, cell.strip.thickness, loop)
 
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:

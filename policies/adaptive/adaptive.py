@@ -15,7 +15,7 @@ from policies.adaptive.features import USUAL, Features
 from policies.adaptive.roll import wanted
 from policies.adaptive.steering import Steering
 from policies.foretelling import Foretold
-from policies.path import Path, triangular
+from policies.path import Path, unpushed
 from policies.policy import Decision, Observation
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
@@ -70,8 +70,8 @@ class Adaptive:
         self._fold = _begun(strip.length, count, self.critic.memory)
 
     def lift(self) -> Path:
-        """The triangle, of which the first leg is used."""
-        return triangular(self._length)
+        """Up without a push on the strip."""
+        return unpushed(self._length)
 
     @property
     def rise(self) -> Array:
@@ -86,7 +86,7 @@ class Adaptive:
         bias = self.bias.of(self.judgement.belief, self._thickness)
         return Foretold(
             displacement=float(displacement[0] - bias[0]),
-            sigma=float(self.bias.sigma_of(sigma, self.judgement.belief, self._thickness)[0]),
+            sigma=float(self.bias.sigma_of(sigma, self._thickness)[0]),
             **self.judgement.belief.first(),
             blind=bool(self.blind[0]),
         )

@@ -83,8 +83,10 @@ def lay_poses(path: Path) -> Array:
 
 def laid(
     strip: StripFile, poses: Array, dt: float, end: tuple[float, float] | None, touch: Touch
-) -> tuple[float, float]:
-    """Final offset of the edges and x of the loop's end [m] after a lay to `end`, or the cell's."""
+) -> tuple[float, float, float]:
+    """Final offset of the edges, x of the loop's end and its height [m] after a lay to `end`, or
+    the cell's.
+    """
     chain = Chain(LINKS)
     chain.reset([describe(strip)])
     for pose in poses:
@@ -104,11 +106,13 @@ def laid(
     for _ in range(round(0.8 / DT)):
         chain.step(down[-1][None], DT)
     shape = chain.shapes()[0]
-    return -float(shape[-1, 0]), float(shape[:, 0].max())
+    return -float(shape[-1, 0]), float(shape[:, 0].max()), float(shape[:, 1].max())
 
 
-def one(strip: StripFile, seed: int) -> tuple[float, float, float, float] | None:
-    """d, offset after the short lay, offset after the cell's, x of the loop's end then [m]."""
+def one(strip: StripFile, seed: int) -> tuple[float, float, float, float, float] | None:
+    """d, offset after the short lay; offset after the cell's, x of the loop's end and its height
+    then [m].
+    """
     touch, poses, dt = folded(strip, seed)
     if touch is None:
         return None
@@ -138,23 +142,23 @@ def main() -> None:
         if found is None:
             continue
         rubbing = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
-        d, short, offset, tip = found
+        d, short, offset, tip, height = found
         print(
             f"c {1e3 * strip.bending_length:5.1f} mm  tau {1e3 * strip.retardation_time:5.0f} ms  "
             f"friction {rubbing:5.1f} 1/m  d {1e3 * d:+5.1f}  short {1e3 * short:+5.1f}  "
             f"offset {1e3 * offset:+5.1f} mm",
             flush=True,
         )
-        rows.append((d, short, offset, strip.length - 2 * tip))
+        rows.append((d, short, offset, strip.length - 2 * tip, height, strip.thickness))
         strips.append((strip.bending_length, strip.retardation_time, np.log1p(rubbing / 10.0)))
-    d, short, offset, straight = np.array(rows).T
+    d, short, offset, straight, height, thickness = np.array(rows).T
     c, tau, rubbed = np.array(strips).T
     for name, value in (("|d|", np.abs(d)), ("|offset|", np.abs(offset))):
         most, worst = 1e3 * np.quantile(value, 0.95), 1e3 * value.max()
         print(f"{name:9s} mean {1e3 * value.mean():.2f}, 95 % {most:.2f}, worst {worst:.2f} mm")
     fit("roll (`terms`)", terms(np.log(c), np.log(tau), rubbed), short - d)
-    loop = np.stack([np.ones(len(c)), c, rubbed], axis=1)
-    fit("loop (1, length [m], friction)", loop, offset - straight)
+    loop = np.stack([np.ones(len(c)), height, thickness], axis=1)
+    fit("loop (1, height, thickness)", loop, offset - straight)
 
 
 if __name__ == "__main__":

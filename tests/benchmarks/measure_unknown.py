@@ -1,16 +1,20 @@
 """Unknown strips folded by `adaptive` through images: how far off, and how well it was foretold.
 
 python -m tests.benchmarks.measure_unknown [--hidden nothing,friction,seam] [--count N] [--first K]
-    [--rate 30] [--calipers]
+    [--calipers] [--rate 30] [--dropped 0.5] [--noise 0.003] [--checkpoint FILE] [--kept FILE]
 
 Strips are drawn over the paper's range, each with the effect named by --hidden at textile size:
 `friction`, `nothing`, one of the library's, or two joined by a plus. A cell that knows only their
 length folds them, with --calipers also their thickness. Strip K of a name is the same in every run.
-Prints for every name |d| and final offset of the edges by truth, what the camera said of the edges,
-the share of folds within one and 1.96 sigma of what was foretold, and the errors of the belief.
+Of its images a share --dropped is lost; --noise [m] is added to what is read from them. Prints for
+every name |d| and final offset of the edges by truth, what the camera said of the edges, the share
+of folds within one and 1.96 sigma of what was foretold, and the errors of the belief. --kept adds
+what is known of each fold to a file, one JSON object a line.
 """
 
 import argparse
+import json
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +33,7 @@ from cell.record.run import read_run
 from drivers.strip.file import StripFile
 from policies.adaptive.fabrics import LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
+from tests.support.poor_images import dropping, noisy
 
 FRICTION = (20.0, 60.0)  # 1/m
 
@@ -53,6 +58,19 @@ class Row:
         off = np.log(told.bending_length.value) - c, np.log(told.retardation_time.value) - tau
         return (*millimetres, float(off[0]), float(off[1]))
 
+    def facts(self) -> dict[str, object]:
+        """What is known of the fold, in SI."""
+        told = None if self.foretold is None else self.foretold.model_dump(mode="json")
+        result = self.result
+        return {
+            "outcome": result.outcome,
+            "displacement": result.displacement_true,
+            "edges": result.edge_offset_true,
+            "edges_seen": result.edge_offset,
+            "foretold": told,
+            "strip": self.strip.model_dump(mode="json", by_alias=True),
+        }
+
 
 def drawn(hidden: str, number: int) -> StripFile:
     """Strip `number` with the effects named by `hidden`."""
@@ -66,18 +84,36 @@ def drawn(hidden: str, number: int) -> StripFile:
     return plain(rng, **effects)
 
 
-def folded(strip: StripFile, number: int, configs: Path, folder: Path, *, calipers: bool) -> Row:
-    """The fold of `strip` by a cell that knows its length, and with `calipers` its thickness."""
-    name = name_of(LENGTH, strip.thickness if calipers else None)
-    plant = folder / "plant.yaml"
-    plant.write_text(yaml.safe_dump(strip.model_dump(mode="json", by_alias=True)), encoding="utf-8")
-    request = Request(
-        *(name, "adaptive", None, DeviceSelection(plant=plant, seed=number)),
-        *(folder / "runs", configs, "none", True, "off"),
-    )
-    result = fold(request, page=False)
-    stored = read_run(Path(result.run)).result
-    return Row(result, None if stored is None else stored.foretold, strip)
+@dataclass(frozen=True)
+class Bench:
+    """Where and how strips are folded: `configs`, a `folder` for the runs, weights, what is known,
+    and what is wrong with the images.
+    """
+
+    configs: Path
+    folder: Path
+    checkpoint: Path | None
+    calipers: bool
+    dropped: float
+    noise: float
+
+    def folded(self, strip: StripFile, number: int) -> Row:
+        """The fold of `strip`, which the cell does not know."""
+        name = name_of(LENGTH, strip.thickness if self.calipers else None)
+        plant = self.folder / "plant.yaml"
+        content = strip.model_dump(mode="json", by_alias=True)
+        plant.write_text(yaml.safe_dump(content), encoding="utf-8")
+        request = Request(
+            *(name, "adaptive", self.checkpoint, DeviceSelection(plant=plant, seed=number)),
+            *(self.folder / "runs", self.configs, "none", True, "off"),
+        )
+        with self._noisy(number):
+            result = fold(request, page=False, opened=dropping(self.dropped, number))
+        stored = read_run(Path(result.run)).result
+        return Row(result, None if stored is None else stored.foretold, strip)
+
+    def _noisy(self, seed: int) -> AbstractContextManager[object]:
+        return noisy(self.noise, seed) if self.noise > 0 else nullcontext()
 
 
 def at_rate(rate: float | None, folder: Path) -> Path:
@@ -119,19 +155,32 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--rate", type=float)
+    parser.add_argument("--dropped", type=float, default=0.0)
+    parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--calipers", action="store_true")
+    parser.add_argument("--checkpoint", type=Path)
+    parser.add_argument("--kept", type=Path)
     asked = parser.parse_args()
     with TemporaryDirectory() as place:
         folder = Path(place)
         configs = at_rate(asked.rate, folder)
+        known = asked.checkpoint, asked.calipers
+        bench = Bench(configs, folder, *known, asked.dropped, asked.noise)
         for name in asked.hidden.split(","):
             rows = []
             for number in range(asked.first, asked.first + asked.count):
-                strip = drawn(name, number)
-                rows.append(folded(strip, number, configs, folder, calipers=asked.calipers))
+                rows.append(bench.folded(drawn(name, number), number))
                 numbers = " ".join(f"{value:+6.2f}" for value in rows[-1].numbers())
                 print(f"{name} {number} {rows[-1].result.outcome} {numbers}", flush=True)
+                keep(asked.kept, {"hidden": name, "number": number, **rows[-1].facts()})
             print(line(name, rows), flush=True)
+
+
+def keep(path: Path | None, facts: dict[str, object]) -> None:
+    """Add `facts` to the file at `path`, if there is one."""
+    if path is not None:
+        with path.open("a", encoding="utf-8") as stream:
+            stream.write(json.dumps(facts) + "\n")
 
 
 if __name__ == "__main__":

@@ -13,11 +13,8 @@ from drivers.strip.rod.engine import Rod
 from policies.agreement import (
     FRICTION,
     RESIDUAL,
-    RUBBING,
-    SHORT,
     Agreement,
     agreement,
-    usual_residual,
 )
 from policies.foretelling import Estimate, Foretold
 from policies.measured_fold import BINS, FEWEST, MeasuredFold
@@ -97,17 +94,6 @@ def test_friction_beyond_the_training_is_flagged() -> None:
     found = Agreement(residual=0.5 * RESIDUAL, yield_curvature=1.1 * FRICTION)
     assert not found.like_model
     assert "rub" in found.sentence()
-
-
-def test_only_of_stiff_and_rough_strips_more_residual_is_usual() -> None:
-    stiff = 1.3 * SHORT
-    assert usual_residual(stiff, 0.9 * RUBBING) == RESIDUAL
-    assert usual_residual(0.9 * SHORT, 2.0 * RUBBING) == RESIDUAL
-    usual = usual_residual(stiff, 2.0 * RUBBING)
-    assert Agreement(0.9 * usual, 2.0 * RUBBING, usual).like_model
-    found = Agreement(1.1 * usual, 2.0 * RUBBING, usual)
-    assert not found.like_model
-    assert f"up to {1e3 * usual:.1f} mm are usual" in found.sentence()
 
 
 @pytest.mark.parametrize("count", [0, BINS * FEWEST - 1])

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from drivers.strip.file import paper_strip
+from drivers.strip.describe import describe
+from drivers.strip.engine import simulate
+from drivers.strip.file import StripFile, paper_strip
+from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.path import Path, circular, lift_pitch, triangular
+from policies.path import Path, circular, lift_pitch, triangular, unpushed
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names
 
@@ -116,6 +119,33 @@ def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
     poses = circular(0.6).poses(np.array([0.0, 0.05, 0.1, 0.5]))
     assert poses[:, 2] == pytest.approx(np.pi / 2 * np.array([0, 0.5, 1, 1]))
     assert lift_pitch(0.05) == pytest.approx(np.pi / 4)
+
+
+def test_lift_that_does_not_push_goes_up_first_and_45_degrees_at_the_take_over() -> None:
+    path = unpushed(0.6)
+    steps = np.diff(path.at(np.array([0.0, 0.002, 0.112, 0.114])), axis=0)
+    begin, end = steps[0], steps[2]
+    assert path.points[0] == pytest.approx([0.6, 0.0])
+    assert np.degrees(np.arctan2(begin[1], -begin[0])) > 85
+    assert path.at(0.1148)[1] == pytest.approx(0.1, abs=1e-3)
+    assert np.degrees(np.arctan2(end[1], -end[0])) == pytest.approx(45, abs=2)
+
+
+@pytest.mark.parametrize("bending_length", [0.0135, 0.02, 0.033])
+def test_lift_that_does_not_push_bends_no_strip_sharply(bending_length: float) -> None:
+    strip = STRIP.model_copy(update={"bending_length": bending_length})
+    assert sharpest(unpushed(0.6), strip) < 20.0
+    assert sharpest(triangular(0.6), strip) > 60.0
+
+
+def sharpest(path: Path, strip: StripFile) -> float:
+    """Largest curvature [1/m] on the way to the take-over."""
+    t = np.arange(0.0, 1.6, 0.005)
+    shapes = simulate(Rod(80), describe(strip), t, path.poses(0.1 * t), shapes=True).shapes
+    lifted = shapes[shapes[:, -1, 1] < 0.1]
+    steps = np.diff(lifted, axis=1)
+    turned = np.diff(np.unwrap(np.arctan2(steps[..., 1], steps[..., 0]), axis=1), axis=1)
+    return float(np.abs(turned).max() / (strip.length / 80))
 
 
 def test_unknown_policy_names_the_known_ones() -> None:

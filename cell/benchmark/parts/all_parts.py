@@ -31,10 +31,10 @@ def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]
     return (*_in_the_model(spec, speed), *_through_images(spec, configs, runs))
 
 
-def weights_digest() -> str:
-    """Digest of all committed weights."""
+def weights_digest(policy: str = "*") -> str:
+    """Digest of the committed weights of `policy`, or of all policies."""
     folder = Path(policies.__file__).parent / "weights"
-    files = sorted([*folder.glob("*.json"), *folder.glob("*.npz")])
+    files = sorted([*folder.glob(f"{policy}.json"), *folder.glob(f"{policy}.npz")])
     return digest(*(hashlib.sha256(path.read_bytes()).hexdigest() for path in files))
 
 
@@ -44,19 +44,21 @@ def digest(*texts: str) -> str:
 
 
 def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
-    of = digest(version("folding-cell"), weights_digest())
     extent = spec.extent
     for policy in spec.policies:
+        of = digest(version("folding-cell"), weights_digest(policy))
         yield OverRange(policy, "rod", extent.grid, speed, of)
         yield OverRange(policy, "chain", extent.chain, speed, of)
         for effect in HIDDEN:
             yield HiddenEffect(policy, effect, extent.hidden, speed, of)
+    of = digest(version("folding-cell"))
     for pace in (SLOW, speed):
         yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):
         yield LaidDown(float(place), of)
     yield Evolved(LEVEL, SLOW, of)
     if LEARNED in spec.policies:
+        of = digest(version("folding-cell"), weights_digest(LEARNED))
         yield Evolved(LEARNED, speed, of)
         yield Adapted(LEARNED, speed, of)
 
@@ -89,6 +91,6 @@ def _fold(
         version("folding-cell"),
         configs.cell().model_dump_json(),
         configs.strip(strip).model_dump_json(),
-        weights_digest(),
+        weights_digest(policy),
     )
     return ThroughImages(request, of)

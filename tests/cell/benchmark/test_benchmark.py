@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import policies
 from cell.benchmark import run
 from cell.benchmark.claims import claims
 from cell.benchmark.journal import Journal
@@ -151,6 +153,21 @@ def test_part_that_was_finished_is_known_again_unless_made_of_something_else(
     again.put("two", "first", result)
     assert Journal(path).get("two", "first") == result
     assert Journal(path, again=True).get("one", "first") is None
+
+
+def test_other_weights_of_one_policy_are_other_parts_of_that_policy_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec, configs = asked("feedback", "adaptive", "shifted"), find_configs(None)
+    before = {part.key: part.of for part in order(spec, configs, tmp_path)}
+    weights = Path(policies.__file__).parent / "weights"
+    shutil.copytree(weights, tmp_path / "weights")
+    (tmp_path / "weights/adaptive.npz").write_bytes(b"other")
+    monkeypatch.setattr(policies, "__file__", str(tmp_path / "__init__.py"))
+    after = {part.key: part.of for part in order(spec, configs, tmp_path)}
+    changed = {key for key in before if before[key] != after[key]}
+    assert changed
+    assert changed == {key for key in before if "adaptive" in key}
 
 
 def test_one_impossible_and_one_deadly_part_leave_the_others_measured() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
@@ -78,11 +79,13 @@ def snapshot(k: int, profile: MotionProfile) -> Snapshot:
     return Snapshot(now, State.LIFT, 0.0, arm, HAND, View())
 
 
-@pytest.mark.parametrize("policy", ["triangular", "circular"])
-@pytest.mark.parametrize("speed", [0.05, 0.1, 0.14])
+@pytest.mark.parametrize(
+    ("policy", "speed"),
+    [*product(("triangular", "circular"), (0.05, 0.1, 0.14)), ("adaptive", 0.1)],
+)
 @pytest.mark.parametrize("limits", [REACHABLE, MotionLimits()], ids=["robot", "twin"])
 def test_the_hand_does_not_turn_past_upright(
-    limits: MotionLimits, speed: float, policy: str
+    limits: MotionLimits, policy: str, speed: float
 ) -> None:
     pitches = lifted(limits, speed, policy)
     assert pitches.max() < UPRIGHT + 0.01
