@@ -13,6 +13,7 @@ import typer
 from cell.cli.options import Json
 
 if TYPE_CHECKING:
+    from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
@@ -29,6 +30,9 @@ def exam(
         int | None, typer.Option(min=1, help="Cases [default: 300, 60 through images, 6 small].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
+    repeats: Annotated[
+        int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
+    ] = 1,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     only_make: Annotated[
         bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
@@ -55,16 +59,12 @@ def exam(
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
     from cell.exam.run import run_exam
-    from cell.exam.run_case import Steps
-    from drivers.errors import ConfigurationError
 
-    if only_make and only_judge:
-        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
-    steps: Steps = "make" if only_make else "judge" if only_judge else "all"
+    steps = _steps(make=only_make, judge=only_judge)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     try:
         with _progress(quiet=as_json) as shown:
-            wanted = load_or_draw(out, tier, cases, seed)
+            wanted = load_or_draw(out, tier, cases, seed, repeats)
             entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     except KeyboardInterrupt:
         sys.stderr.write(
@@ -75,10 +75,25 @@ def exam(
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
-    command = f"cell gap exam --tier {tier} --cases {len(wanted)} --seed {seed}"
+    command = _command(tier, len(wanted), seed, repeats)
     others = [entry for folder in beside or () for entry in _kept(folder)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
+
+
+def _steps(*, make: bool, judge: bool) -> "Steps":
+    """Which steps are asked for; both alone are a ConfigurationError."""
+    from drivers.errors import ConfigurationError
+
+    if make and judge:
+        raise ConfigurationError("--only-make, --only-judge: exclude each other; give one")
+    return "make" if make else "judge" if judge else "all"
+
+
+def _command(tier: str, count: int, seed: int, repeats: int) -> str:
+    """What makes the same exam again."""
+    again = f" --repeats {repeats}" if repeats > 1 else ""
+    return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 
 def _kept(folder: Path) -> "tuple[Entry, ...]":

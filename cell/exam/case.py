@@ -26,7 +26,8 @@ class Case(Settings):
     (exactly their laws) and the `causes` that only the makers know, by name and parameters.
     `answer` are the names that are right: those of the effects, and of effects that a cause
     resembles though its law is another one (`alike` false); empty where nothing or nothing of
-    the library is hidden. `scatter` says how much runs differ for no reason.
+    the library is hidden. `scatter` says how much runs differ for no reason, `repeats` how often
+    each motion is made, from the state.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -42,6 +43,7 @@ class Case(Settings):
     answer: tuple[str, ...] = ()
     strength: Strength | None = None
     scatter: Scattered = "none"
+    repeats: int = Field(1, ge=1, le=8)
 
     @property
     def alike(self) -> bool:

@@ -33,10 +33,10 @@ from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
-from cell.gap.verdict.decide import is_told, kind
+from cell.gap.verdict.decide import in_doubt, is_told, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, described, judge, show
-from cell.gap.verdict.offered_law import offered_law
+from cell.gap.verdict.offered_law import Names, offered_law
 
 SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
 Progress = Callable[[str, float], None]
@@ -87,9 +87,11 @@ def investigate(
     if is_told(found, which):
         law = described(subject, choice, simulate, rng)
         found = replace(found, judged=replace(judged, law=law))
-    if which != "unexplained":
+    if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
-    offered = offered_law(subject, simulate, fitted.base, shown.before, rng)
+    names = Names(choice.accepted, choice.by, which == "named")
+    rival = None if which == "unexplained" else names
+    offered = offered_law(subject, simulate, fitted.base, shown.before, rng, rival)
     return replace(found, offered=offered)
 
 

@@ -94,6 +94,17 @@ def _weight(model: StripModel, amount: float) -> StripModel:
     return replace(model, mechanics=replace(strip, linear_density=density))
 
 
+def _length(model: StripModel, amount: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    return replace(model, mechanics=replace(strip, length=strip.length + amount))
+
+
+def _give(model: StripModel, amount: float) -> StripModel:
+    strip: Mechanics = model.mechanics
+    stiffness = 1.0 / (1.0 / strip.stretch_stiffness + amount)
+    return replace(model, mechanics=replace(strip, stretch_stiffness=stiffness))
+
+
 def _fading(model: StripModel, amount: float) -> StripModel:
     return _law(model, lambda law: replace(law, relaxing=law.relaxing + amount))
 
@@ -149,6 +160,8 @@ _TERMS = (
     Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _run),
     Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, _even),
     Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _set),
+    Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, _length),
+    Term("term_give", "strip longer by its pull", "1/N", 0.01, 2.0, _give, least=0.0),
     Term("term_clock", "images older than their stamps", "s", 0.003, 0.1, _clock),
     Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, _side),
     Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, _view),

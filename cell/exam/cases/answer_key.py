@@ -33,8 +33,9 @@ def opened(folder: Path, name: str) -> Case:
 
 
 def case_hash(case: Case) -> str:
-    """Digest of everything that a case says."""
-    return hashlib.sha256(case.model_dump_json().encode()).hexdigest()[:16]
+    """Digest of everything that a case says; what is made once is what it was before repeats."""
+    known = case.model_dump_json(exclude={"repeats"} if case.repeats == 1 else None)
+    return hashlib.sha256(known.encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,20 +14,26 @@ DRAWN = "drawn.json"
 USUAL = {"state": 300, "images": 60, "small": 6}
 
 
-def load_or_draw(folder: Path, tier: str, count: int | None, seed: int) -> tuple[Case, ...]:
+def load_or_draw(
+    folder: Path, tier: str, count: int | None, seed: int, repeats: int = 1
+) -> tuple[Case, ...]:
     """The cases of a tier: those that `folder` holds for the same request, else drawn now.
 
-    Raises ConfigurationError where the folder holds another exam or cannot be written.
+    From the state each motion is made `repeats` times. Raises ConfigurationError where the folder
+    holds another exam or cannot be written, or for repeats through images.
     """
+    if repeats > 1 and tier == "images":
+        raise ConfigurationError("--repeats: is for exams from the state; leave it out")
     path = folder / KEYS / DRAWN
     wanted = count or USUAL[tier]
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
+    asked |= {"repeats": repeats} if repeats > 1 else {}
     known = _known(path)
     if known is None:
         from cell.exam.cases.draw import cases
 
         of: Tier = "images" if tier == "images" else "state"
-        found = tuple(cases(of, wanted, seed))
+        found = tuple(c.model_copy(update={"repeats": repeats}) for c in cases(of, wanted, seed))
         _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
         return found
     held = {key: known.get(key) for key in asked}

@@ -41,13 +41,14 @@ def make_runs(case: Case, folder: Path) -> None:
     """The case's run folders in `folder`, each of the four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
-    bare = [describe(plant, case.effects, index) for index in range(len(MOTIONS))]
+    motions = MOTIONS * case.repeats
+    bare = [describe(plant, case.effects, index) for index in range(len(motions))]
     models = [
         RunScatter.drawn(case.scatter, case.seed, i).held(model) for i, model in enumerate(bare)
     ]
-    ways = [way_of(STANDARD[name].of(plant.length)) for name in MOTIONS]
+    ways = [way_of(STANDARD[name].of(plant.length)) for name in motions]
     folds = _chained(models, ways) if case.engine == "chain" else _rod(models, ways)
-    for index, (name, fold) in enumerate(zip(MOTIONS, folds, strict=True)):
+    for index, (name, fold) in enumerate(zip(motions, folds, strict=True)):
         write_fold(folder / f"{index:02d}-{name}", case.strip, fold, BY, rng)
 
 
@@ -68,4 +69,4 @@ def _chained(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[
 
 def _told(fold: Fold, index: int) -> Fold:
     """The fold with its place in the order and its condition."""
-    return replace(fold, index=index, condition=MOTION + MOTIONS[index])
+    return replace(fold, index=index, condition=MOTION + MOTIONS[index % len(MOTIONS)])

@@ -66,17 +66,20 @@ def _card(found: Findings, verdict: Verdict) -> str:
 def _following(found: Findings, verdict: Verdict) -> str:
     """The command to type next, in the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
+    todo = []
     if verdict.verdict == "named":
-        return steps([f"`cell gap accept OUT {name}` puts it into the file; `cell gap undo OUT "
-                      f"{name}` takes it back."])  # fmt: skip
+        todo += [f"`cell gap accept OUT {name}` puts it into the file; `cell gap undo OUT {name}` "
+                 "takes it back."]  # fmt: skip
     if verdict.verdict == "ambiguous":
-        return steps(["`cell gap advise OUT` says which run would split them."])
+        todo += ["`cell gap advise OUT` says which run would split them."]
     if found.offered is not None:
-        law = found.offered
-        return steps([f"No name, but a description: {law.words}. It closes {100 * law.shrink:.0f} "
-                      f"% of the gap on held-out runs; `cell gap accept OUT {name} --law` adds "
-                      "it, `cell gap undo` takes it back."])  # fmt: skip
-    return ""
+        law, what = found.offered, "No name, but a description"
+        if verdict.verdict == "named":
+            what = "The name may imitate another cause; a description that does as well"
+        todo += [f"{what}: {law.words}. It closes {100 * law.shrink:.0f} % of the gap on held-out "
+                 f"runs; `cell gap accept OUT {name} --law` adds it, `cell gap undo` takes it "
+                 "back."]  # fmt: skip
+    return steps(todo) if todo else ""
 
 
 def _experiments(verdict: Verdict) -> str:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.fitting import normal_equations, robust
+from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.fits import Fits
@@ -22,7 +22,7 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
     True where the fit says nothing of them: beyond its threshold an effect may no longer depend
     on how strong it is.
     """
-    spread = np.sqrt(np.diag(normal_equations.covariance(estimate.normal())) * by.inefficiency)
+    spread = np.sqrt(np.diag(common_errors.covariance(estimate, by.inefficiency)))
     first = len(estimate.model.base)
     for other in estimate.model.effects:
         if other.name == effect.name:

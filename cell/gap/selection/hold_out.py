@@ -1,4 +1,4 @@
-"""Which runs only judge: one condition in EVERY, of those that no effect hangs on."""
+"""Which runs only judge: one condition in EVERY, and a repeat of one that alone tells an effect."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,6 +17,7 @@ from drivers.types import Array
 
 EVERY = 4  # conditions, of which one is held out
 HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
+ALONE = 0.9  # the same, of a condition that alone tells of an effect
 SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
 
 
@@ -24,7 +25,8 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     """Names of the runs that only judge: those asked for, or one condition in EVERY.
 
     A condition that tells most of what the runs can tell of some effect is fitted: held out, it
-    would hide that effect. How well the model fits has no say in this, only what was done.
+    would hide that effect. Where it alone tells of one, the last of its repeats judges what the
+    others tell. How well the model fits has no say in this, only what was done.
     """
     names = [run.name for run in subject.runs]
     check(names, wanted)
@@ -37,6 +39,9 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
             if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
                 held += group
                 break
+    for group in groups:
+        if len(group) > 1 and not set(group) & set(held) and told.lost(group) >= ALONE:
+            held += group[-1:]
     second = (i for group in groups[1:2] for i in group)
     return [names[i] for i in held or second]
 

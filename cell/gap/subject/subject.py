@@ -1,7 +1,7 @@
 """What the engine needs to know of the thing that is measured, and nothing more."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -107,7 +107,8 @@ class Run:
     """One measured (or planned) run; `local` are its own unknowns, such as its initial state.
 
     `condition` is shared by repeats, `index` counts in the order in which runs were taken;
-    `content` belongs to the subject.
+    `content` belongs to the subject. `common` are errors of measuring that are alike in all runs:
+    by name, the residuals (n,) [SI] that one standard deviation of it makes.
     """
 
     name: str
@@ -116,6 +117,7 @@ class Run:
     local: tuple[Parameter, ...] = ()
     content: object = None
     index: int = 0
+    common: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

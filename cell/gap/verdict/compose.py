@@ -3,7 +3,7 @@
 import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting import normal_equations
+from cell.gap.fitting import common_errors
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.likelihood import holm, margin
@@ -47,8 +47,11 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
 
 
 def intervals(estimate: Estimate, inefficiency: float) -> dict[str, list[Measured]]:
-    """95 % intervals of the base's parameters (`base`) and of each effect's, in their order."""
-    spread = np.sqrt(np.diag(normal_equations.covariance(estimate.normal())) * inefficiency)
+    """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
+
+    They hold noise, what differs from run to run, and what measuring errs by in all runs alike.
+    """
+    spread = np.sqrt(np.diag(common_errors.covariance(estimate, inefficiency)))
     model = estimate.model
     owners = ["base"] * len(model.base)
     owners += [e.name for e in model.effects for _ in e.parameters]

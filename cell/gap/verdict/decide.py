@@ -58,6 +58,17 @@ def imitates(found: Findings) -> bool:
     return now > WITHIN and now > found.subject.scope.left * was
 
 
+def in_doubt(found: Findings) -> bool:
+    """Whether what was named may imitate another cause: several effects, one that leaves more than
+    noise on any runs, or one that a single run tells.
+    """
+    if len(found.accepted.model.effects) > 1 or found.judged.remains:
+        return True
+    after = found.shown.after
+    left = _bounded_gap(after, robust.scale(np.concatenate(after.residuals)))
+    return left > WITHIN or lone_run(found) is not None
+
+
 def unseen_gap(found: Findings) -> float:
     """Excess gap of the base on held-out runs, wild samples bounded."""
     return _bounded_gap(

@@ -15,6 +15,7 @@ from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import LikelihoodScale, margin
 from cell.gap.selection.screening import probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 
@@ -38,22 +39,43 @@ class OfferedLaw:
     shrink: float
 
 
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What the library says of the runs: the accepted `model`, and whether it is `sure` of a name.
+
+    A law stands beside it where it predicts better on the scale `by`, or as well with fewer terms;
+    where no name is sure, as well is enough.
+    """
+
+    model: Validated
+    by: LikelihoodScale
+    sure: bool
+
+    def leave_room(self, law: Validated) -> bool:
+        """Whether the law may stand beside them."""
+        lead = margin(law, self.model, self.by).gain
+        fewer = len(law.model.effects) < len(self.model.model.effects)
+        least = -self.by.least if fewer or not self.sure else self.by.least
+        return lead > least
+
+
 def offered_law(
     subject: Subject,
     simulate: Simulate,
     base: Validated,
     before: Estimate,
     rng: np.random.Generator,
+    names: Names | None = None,
 ) -> OfferedLaw | None:
     """The largest stable law of what the base leaves that shrinks the gap `before` on unseen runs.
 
-    None where no term gains on runs left out, no law is stable, or no run that was held out shows
-    a gap that it closes.
+    None where no term gains on runs left out, no law is stable, no run that was held out shows a
+    gap that it closes, or `names` leave no room for it.
     """
     if float(held_out_gap.excess(held_out_gap.run_squares(before))) < NOTHING:
         return None
     for law in _earned(_fitted(subject, simulate, base)):
-        if _stable(law.estimate):
+        if (names is None or names.leave_room(law)) and _stable(law.estimate):
             shrink = _closed(simulate, law.estimate, before, rng)
             if shrink.value >= LEAST:
                 return _offer(law.estimate, shrink.value)

@@ -1,5 +1,6 @@
 """The report of an exam: what the ledger holds, in words that a technician reads."""
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.exam.case import Case
-from cell.exam.cases.answer_key import KEYS
+from cell.exam.cases.answer_key import KEYS, case_hash
 from cell.exam.cases.drawn import DRAWN, load_or_draw
 from cell.exam.report.page import markdown, write_report
 from cell.exam.run import LEDGER
@@ -170,6 +171,23 @@ def test_cases_are_drawn_once(kept: Path) -> None:
 def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match=r"holds another exam \(tier state count 2 seed 7"):
         load_or_draw(kept, "state", 2, 8)
+
+
+def test_repeats_make_another_exam_and_leave_the_digest_of_cases_made_once(kept: Path) -> None:
+    with pytest.raises(ConfigurationError, match="holds another exam"):
+        load_or_draw(kept, "state", 2, 7, repeats=2)
+    with pytest.raises(ConfigurationError, match="--repeats"):
+        load_or_draw(kept, "images", 2, 7, repeats=2)
+    once = entries()[0].case
+    said = once.model_dump(mode="json")
+    del said["repeats"]
+    assert (
+        case_hash(once)
+        == hashlib.sha256(
+            json.dumps(said, separators=(",", ":"), ensure_ascii=False).encode()
+        ).hexdigest()[:16]
+    )
+    assert case_hash(once.model_copy(update={"repeats": 2})) != case_hash(once)
 
 
 def test_an_exam_that_is_finished_is_only_reported(

@@ -1,11 +1,16 @@
 """Runs of an exam differ from one another by as much as their level says."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from cell.exam.report.tables import scatter_table
+from cell.exam.runs import from_model
 from cell.exam.runs.scatter import GRASP, LEVELS, RunScatter
 from cell.exam.scoring.results import Entry
+from cell.record.files import RUN
+from drivers.settings import read_yaml
 from drivers.strip.describe import describe
 from tests.support.exam_cases import case
 from tests.support.gap_strip_cases import denim
@@ -54,3 +59,15 @@ def test_the_table_is_split_by_level() -> None:
     page = scatter_table([Entry(case=c, of="x", state="failed") for c in cases])
     assert "0.15 mm, 2.5 %, 0.25 %" in page
     assert page.count("0 of 1") == 6
+
+
+def test_each_motion_is_made_as_often_as_the_case_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_model, "SEGMENTS", 40)
+    from_model.make_runs(case("nothing", "nothing", {}).model_copy(update={"repeats": 2}), tmp_path)
+    assert sorted(run.name for run in tmp_path.iterdir()) == ["00-fast", "01-fast"]
+    heads = [read_yaml(tmp_path / name / RUN) for name in ("00-fast", "01-fast")]
+    assert [head["index"] for head in heads] == [0, 1]
+    assert {head["condition"] for head in heads} == {"motion:fast"}

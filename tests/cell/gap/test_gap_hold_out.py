@@ -26,10 +26,21 @@ def test_one_condition_in_four_is_held_out_with_all_its_repeats() -> None:
 
 def test_condition_that_an_effect_hangs_on_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
-    subject = Curves(nothing, names=("bump", "single"))
+    subject = Curves(nothing, names=("bump", "single"), repeats=1)
     medium = [i for i, run in enumerate(subject.runs) if run.condition == "medium"]
     assert Informativeness(subject, subject.simulate).lost(medium) == pytest.approx(1.0)
     assert conditions(subject) == {"fast"}
+
+
+def test_of_a_repeated_condition_that_alone_tells_an_effect_one_run_judges(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(engine.LAWS, "single", medium_only)  # type: ignore[misc]
+    subject = Curves(nothing, names=("bump", "single"))
+    medium = [run.name for run in subject.runs if run.condition == "medium"]
+    held = held_out(subject, subject.simulate)
+    assert set(held) & set(medium) == {medium[-1]}
+    assert conditions(subject) == {"medium", "fast"}
 
 
 def test_what_was_measured_has_no_say() -> None:

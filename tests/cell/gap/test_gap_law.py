@@ -7,15 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cell.gap.fitting.crossvalidation import validate
+from cell.gap.fitting.tasks import run_one
+from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, dumped, sha256, undo
+from cell.gap.verdict.offered_law import Names
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.law import TERMS, with_law
-from tests.cell.gap.test_gap_engine import Curves, bump, candidate, hidden, judged, nothing
+from drivers.types import Array
+from tests.cell.gap import test_gap_engine as engine
+from tests.cell.gap.test_gap_engine import (
+    Curves,
+    bump,
+    candidate,
+    hidden,
+    judged,
+    nothing,
+    wave,
+)
 from tests.support.gap_strip_cases import STRIP, denim
 
 
@@ -49,6 +63,44 @@ def test_no_law_is_offered_where_an_effect_is_named() -> None:
     assert found.offered is None
 
 
+def wide(t: Array, speed: float, _: int) -> Array:
+    return np.asarray(speed * np.exp(-(((t - 0.5) / 0.14) ** 2)))
+
+
+def test_a_law_stands_beside_a_name_that_only_imitates(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(engine.LAWS, "wide", wide)  # type: ignore[misc]
+    found, verdict = judged(Withheld(hidden(bump, 0.3), names=("wide", "dead")))
+    assert [e.name for e in found.accepted.model.effects] == ["wide"]
+    assert verdict.gap.shrink < 0.95
+    assert found.offered is not None
+    assert found.offered.terms["bump"] == pytest.approx(0.3, rel=0.05)
+    assert found.offered.shrink > verdict.gap.shrink
+
+
+def test_no_law_stands_beside_two_effects_that_are_there() -> None:
+    both: engine.Law = lambda t, s, i: 0.2 * bump(t, s, i) - 0.1 * wave(t, s, i)  # noqa: E731
+    found, verdict = judged(Withheld(both))
+    assert sorted(e.name for e in verdict.effects) == ["bump", "wave"]
+    assert found.offered is None
+
+
+def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_name_is_sure() -> (
+    None
+):
+    subject = Curves(hidden(bump, 0.2), names=("bump", "twin", "wave"))
+    right, pair = (
+        run_one(subject.simulate, validate(engine.fitted(subject, names)))
+        for names in (("bump",), ("twin", "wave"))
+    )
+    law = run_one(subject.simulate, validate(engine.fitted(subject, ("twin",))))
+    by = likelihood_scale([right])
+    assert not Names(right, by, sure=True).leave_room(law)
+    assert Names(right, by, sure=False).leave_room(law)
+    assert Names(pair, by, sure=True).leave_room(law)
+    worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
+    assert not Names(right, by, sure=False).leave_room(worse)
+
+
 @pytest.mark.parametrize("name", TERMS)
 def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
     amount = TERMS[name].size
@@ -74,6 +126,7 @@ def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
         ("term_side", "homography_shift"),
         ("term_zoom", "homography_scale"),
         ("term_reach", "tcp_offset"),
+        ("term_length", "length_error"),
     ],
 )
 def test_a_law_reaches_as_far_as_what_laboratories_report(name: str, effect: str) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cell.gap.subject.strip.bias import common_errors
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
@@ -107,7 +108,8 @@ def _run(
     samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
     content = replace(fold, finer=frozen(finer), slopes=slopes)
     local = tuple(e.parameter for e, _ in responses)
-    return Run(run.name, run.condition, samples, index=fold.index, local=local, content=content)
+    common = common_errors(samples) if run.measured.seen else {}
+    return Run(run.name, run.condition, samples, local, content, fold.index, common)
 
 
 def corrected(

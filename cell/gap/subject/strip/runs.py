@@ -33,7 +33,8 @@ class Measured:
     """What a fold measured, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
-    `contact_x` (k,). `end` [s] is where comparison ends: the touch, or the last row.
+    `contact_x` (k,). `end` [s] is where comparison ends: the touch, or the last row. `seen` says
+    that a cell measured it through its images, whose errors are known.
     """
 
     t: Array
@@ -50,6 +51,7 @@ class Measured:
     force_x: Array
     touch: Touch | None
     end: float
+    seen: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +155,7 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
         force_x=frozen(ticks.f_x[felt]),
         touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
+        seen=header.policy is not None,
     )
 
 
