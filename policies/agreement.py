@@ -13,8 +13,8 @@ from policies.foretelling import Estimate, Foretold
 from policies.measured_fold import MeasuredFold
 from policies.profile import POINTS, profiles
 
-RESIDUAL = 0.0012  # m, largest of folds that behave like the model
-FRICTION = 80.0  # 1/m, largest yield curvature of such folds
+RESIDUAL = 0.00075  # m, largest of folds that behave like the model
+FRICTION = 75.0  # 1/m, largest yield curvature of such folds
 DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, segments of the rod
 PASSES = 3  # of Gauss-Newton
 ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
@@ -27,8 +27,8 @@ UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Fit of a rod to a fold: rms `residual` [m] of its profiles beyond the noise of the images, and
-    the `yield_curvature` [1/m] that it needs.
+    """Fit of a rod to a fold: rms `residual` [m] of its profiles, beyond the noise of the images,
+    and the `yield_curvature` [1/m] that it needs.
     """
 
     residual: float
