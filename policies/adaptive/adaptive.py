@@ -1,6 +1,7 @@
 """The policy `adaptive`: it moves the path until the displacement that it foresees is 0."""
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.bias import IN_ROD, Bias
-from policies.adaptive.critic import Critic, Judgement
+from policies.adaptive.critic import Critic, Judgement, middle
 from policies.adaptive.features import USUAL, Features
 from policies.adaptive.roll import wanted
 from policies.adaptive.steering import Steering
@@ -20,6 +21,7 @@ from policies.policy import Decision, Observation
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
 BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
+TOLD = 5  # judgements whose middle is foretold
 LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
@@ -50,6 +52,7 @@ class Adaptive:
         self.critic = critic
         self.bias = bias
         self.judgement: Judgement | None = None
+        self._recent: deque[Judgement] = deque(maxlen=TOLD)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
         self._length = USUAL
         self._thickness: float | None = None
@@ -64,6 +67,7 @@ class Adaptive:
         """
         _check(strip.length, speed)
         self._length, self.judgement = strip.length, None
+        self._recent.clear()
         self._thickness = None if "thickness" in strip.spread else strip.thickness
         self._steering = Steering(strip.length, speed, count)
         self._features = Features(strip.length, count)
@@ -80,14 +84,14 @@ class Adaptive:
 
     def foretold(self) -> Foretold | None:
         """What images are expected to show of the first fold; None before the first decision."""
-        if self.judgement is None:
+        if not self._recent:
             return None
-        displacement, sigma = self.judgement.displacement, self.judgement.sigma
-        bias = self.bias.of(self.judgement.belief, self._thickness)
+        judged = middle(self._recent)
+        bias = self.bias.of(judged.belief, self._thickness)
         return Foretold(
-            displacement=float(displacement[0] - bias[0]),
-            sigma=float(self.bias.sigma_of(sigma, self._thickness)[0]),
-            **self.judgement.belief.first(),
+            displacement=float(judged.displacement[0] - bias[0]),
+            sigma=float(self.bias.sigma_of(judged.sigma, self._thickness)[0]),
+            **judged.belief.first(),
             blind=bool(self.blind[0]),
         )
 
@@ -109,6 +113,7 @@ class Adaptive:
         told = self._fold.told + fresh
         self._fold = self._fold._replace(memory=memory, told=told)
         self.judgement = self.critic.judge(whitened, memory / np.maximum(told, 1)[:, None])
+        self._recent.append(self.judgement)
         return self.judgement
 
     def _moved(self, judgement: Judgement, time: Array) -> Array:

@@ -1,5 +1,6 @@
 """The critic: what displacement will come of a fold, how sure that is, and what strip it may be."""
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -49,6 +50,24 @@ class Judgement(NamedTuple):
     slope: Array
     sigma: Array
     belief: Belief
+
+
+def middle(judgements: Sequence[Judgement]) -> Judgement:
+    """Medians of `judgements` on the same folds, at least one: a single wild image moves none."""
+
+    def median(of: Callable[[Judgement], Array]) -> Array:
+        return np.asarray(np.median([of(judged) for judged in judgements], axis=0))
+
+    return Judgement(
+        displacement=median(lambda judged: judged.displacement),
+        slope=median(lambda judged: judged.slope),
+        sigma=median(lambda judged: judged.sigma),
+        belief=Belief(
+            log_bending_length=median(lambda judged: judged.belief.log_bending_length),
+            log_retardation_time=median(lambda judged: judged.belief.log_retardation_time),
+            friction=median(lambda judged: judged.belief.friction),
+        ),
+    )
 
 
 class Critic:

@@ -8,6 +8,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import about, load_critic, save_critic
+from policies.adaptive.critic import Belief, Judgement, middle
 from policies.adaptive.features import COUNT
 from policies.adaptive.roll import MOST, SHARE, rolled, wanted
 from policies.adaptive.steering import Steering
@@ -47,6 +48,21 @@ def test_image_that_is_not_newer_or_not_believed_is_not_taken() -> None:
     assert not window.tell(newest, other, np.array([True])).any()
     assert not window.tell(newest + SPAN, other, np.array([False])).any()
     np.testing.assert_array_equal(window.newest, newest)
+
+
+def judged(displacement: float, length: float) -> Judgement:
+    """A judgement on two folds, the second one 1 mm farther."""
+    each = np.array([displacement, displacement + 1e-3])
+    told = np.tile((length, 0.1), (2, 1))
+    return Judgement(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
+
+
+def test_one_wild_judgement_of_five_is_not_foretold() -> None:
+    usual = [judged(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
+    found = middle([*usual, judged(-0.012, -2.0)])
+    assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
+    assert found.belief.log_bending_length[:, 0] == pytest.approx([-3.88] * 2, abs=0.02)
+    assert found.sigma == pytest.approx([5e-4] * 2)
 
 
 def travelled(rise: float, steps: int) -> np.ndarray:
