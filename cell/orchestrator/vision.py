@@ -19,7 +19,7 @@ from drivers.types import Frame
 
 MEASURED = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED | {State.LAY, State.RELEASE}
-GLANCE = 0.05  # s between images where nothing is measured in them
+GLANCE = 0.1  # s between images where nothing is measured in them
 
 
 @dataclass(frozen=True, slots=True)
