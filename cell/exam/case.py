@@ -10,6 +10,7 @@ Tier = Literal["state", "images"]
 Kind = Literal["nothing", "single", "pair", "outside"]
 Strength = Literal["weak", "medium", "strong"]
 Scattered = Literal["none", "half", "full"]
+Motions = Literal["standard", "by_hand"]
 
 STRENGTHS: dict[Strength, float] = {"weak": 1.0, "medium": 2.5, "strong": 6.0}
 """Excess gap that is left after the base is refitted."""
@@ -26,8 +27,8 @@ class Case(Settings):
     (exactly their laws) and the `causes` that only the makers know, by name and parameters.
     `answer` are the names that are right: those of the effects, and of effects that a cause
     resembles though its law is another one (`alike` false); empty where nothing or nothing of
-    the library is hidden. `scatter` says how much runs differ for no reason, `repeats` how often
-    each motion is made, from the state.
+    the library is hidden. `scatter` says how much runs differ for no reason, `motions` how the
+    gripper moves, `repeats` how often each motion is made, the last two from the state.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -43,6 +44,7 @@ class Case(Settings):
     answer: tuple[str, ...] = ()
     strength: Strength | None = None
     scatter: Scattered = "none"
+    motions: Motions = "standard"
     repeats: int = Field(1, ge=1, le=8)
 
     @property

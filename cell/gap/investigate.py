@@ -89,7 +89,7 @@ def investigate(
         found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
-    names = Names(choice.accepted, choice.by, which == "named")
+    names = Names(choice.accepted, choice.by, which == "named", exhausted(choice.fits))
     rival = None if which == "unexplained" else names
     offered = offered_law(subject, simulate, fitted.base, shown.before, rng, rival)
     return replace(found, offered=offered)

@@ -1,7 +1,7 @@
 """Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
+from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.from_model import BY, MOTIONS
 from cell.exam.runs.through_images import refusal
 from cell.record.header import Sigma
@@ -22,6 +23,7 @@ TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACED = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 CHAINED = 12  # one state-based case in so many is a chain's
+BY_HAND = 3  # one state-based triple of levels in so many is moved by hand
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
 TIMES = (0.1, 2.0)  # s, of one that has a time
@@ -45,10 +47,18 @@ def cases(tier: Tier, count: int, seed: int) -> list[Case]:
     found = []
     for i, kind in enumerate(kinds):
         case = _case(tier, kind, i, number[kind], seed)
-        level = SCATTER[(number[kind] + number[kind] // len(LEVELS)) % len(SCATTER)]
+        level = _scattered(number[kind])
         found.append(case.model_copy(update={"scatter": level}))
         number[kind] += 1
     return found
+
+
+def _scattered(number: int) -> Scattered:
+    """How much runs differ in case `number` of a kind: every level at every strength, and for
+    motions of either kind.
+    """
+    levels, triples = len(SCATTER), number // len(LEVELS)
+    return SCATTER[(number + triples + triples // BY_HAND) % levels]
 
 
 def _kinds(tier: Tier, count: int) -> list[Kind]:
@@ -72,6 +82,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         engine="chain" if tier == "state" and i % CHAINED == 0 else "rod",
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
+        motions="by_hand" if tier == "state" and i // len(LEVELS) % BY_HAND == 1 else "standard",
     )
     hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
         "nothing": lambda case, _level, _rng: case,
@@ -124,7 +135,7 @@ def _showing(
 def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     """Two effects, each of medium strength or above for itself and of medium beside the other."""
     strong: Strength = "strong" if level == "strong" else "medium"
-    ruler = _ruler(case.strip, case.tier)
+    ruler = _ruler_of(case)
     for _ in range(TRIES):
         both = drawn(case, 2, strong, rng)
         if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
@@ -152,7 +163,7 @@ def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> 
 
     Raises Fault where no effect of that strip can be that strong.
     """
-    strip, ruler = find_configs(None).strip(case.strip), _ruler(case.strip, case.tier)
+    strip, ruler = find_configs(None).strip(case.strip), _ruler_of(case)
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
@@ -165,14 +176,29 @@ def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> 
     raise Fault("exam", f"{case.name}: no effect of {case.strip} is {level}")
 
 
+def _ruler_of(case: Case) -> Ruler:
+    """The ruler of the case's strip as its file states it, on the motions that are made."""
+    if case.motions == "standard":
+        return _ruler(case.strip, case.tier)
+    return _ruler_by_hand(case.strip, case.seed)
+
+
+@lru_cache(maxsize=1)
+def _ruler_by_hand(name: str, seed: int) -> Ruler:
+    """The same on motions by hand."""
+    strip = find_configs(None).strip(name)
+    ways = ways_by_hand(strip.length, seed, len(MOTIONS))
+    return Ruler.along(strip, ways, Sigma.model_validate(BY.sigma()))
+
+
 @cache
 def _ruler(strip: str, tier: Tier) -> Ruler:
-    """The ruler of a strip as its file states it, on the motions of a tier."""
+    """The same on the standard motions of a tier."""
     configs = find_configs(None)
     if tier == "state":
-        return Ruler(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
+        return Ruler.standard(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
     sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
-    return Ruler(configs.strip(strip), [*STANDARD, FIRST], sigma)
+    return Ruler.standard(configs.strip(strip), [*STANDARD, FIRST], sigma)
 
 
 def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:

@@ -10,7 +10,8 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.model import response
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.starts import nominal
-from cell.gap.subject.strip.experiments import planned
+from cell.gap.subject.strip.experiments import measured_along, planned
+from cell.gap.subject.strip.runs import MeasuredRun
 from cell.gap.subject.strip.scatter import SLACK
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.subject import Request
@@ -19,6 +20,7 @@ from drivers.errors import ConfigurationError
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
+from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
 
 LADDER = np.geomspace(1e-2, 1.0, 12)  # shares of the way from null to the largest believable
@@ -59,21 +61,30 @@ class Path:
 
 
 class Ruler:
-    """Gaps that effects leave on the standard motions of a strip, in the model's own eyes."""
+    """Gaps that effects leave on the motions of `made`, runs of a strip as its file states it, in
+    the model's own eyes.
+    """
 
-    def __init__(self, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> None:
-        made = {run.name: run for run in planned(plant, sigma, 0)}
+    def __init__(self, plant: StripFile, made: Sequence[MeasuredRun]) -> None:
         runs = [
-            replace(
-                made[name],
-                name=f"{i:02d}-{name}",
-                measured=replace(made[name].measured, index=i),
-            )
-            for i, name in enumerate(motions)
+            replace(run, name=f"{i:02d}-{run.name}", measured=replace(run.measured, index=i))
+            for i, run in enumerate(made)
         ]
         self._subject = Strip(plant, runs, scatter=SLACK)
         self._estimate = nominal(self._subject, self._subject.simulate)
         self._about = projection(self._estimate)
+
+    @classmethod
+    def standard(cls, plant: StripFile, motions: Sequence[str], sigma: Sigma) -> Self:
+        """On standard motions by their names."""
+        made = {run.name: run for run in planned(plant, sigma, 0)}
+        return cls(plant, [made[name] for name in motions])
+
+    @classmethod
+    def along(cls, plant: StripFile, ways: Sequence[GripperPath], sigma: Sigma) -> Self:
+        """On motions of one's own."""
+        seen = measured_along(ways, plant, sigma, 0)
+        return cls(plant, [MeasuredRun("own", f"own-{i}", m, ()) for i, m in enumerate(seen)])
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) that each of these sets of effects leaves."""

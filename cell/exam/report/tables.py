@@ -7,7 +7,7 @@ from cell.exam.case import Scattered
 from cell.exam.runs.scatter import LEVELS
 from cell.exam.scoring.results import Entry
 from cell.exam.scoring.statistics import rate
-from cell.exam.scoring.targets import by_scatter, shown, spread_errors
+from cell.exam.scoring.targets import by_group, shown, spread_errors
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -17,9 +17,14 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
-    """Rates split by level of scatter, and estimated spreads against the true ones."""
-    head = ["what", *(_level(name) for name in LEVELS)]
-    parts = [table(head, [(words, *cells) for words, cells in by_scatter(entries)])]
+    """Rates split by level of scatter and by who moves, and estimated spreads against true ones."""
+    groups = {_level(name): [e for e in entries if e.case.scatter == name] for name in LEVELS}
+    led = [e for e in entries if e.case.motions == "by_hand"]
+    if led:
+        groups["standard motions"] = [e for e in entries if e.case.motions == "standard"]
+        groups["by hand"] = led
+    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
+    parts = [table(["what", *groups], rows)]
     errors = {name: values for name, values in spread_errors(entries).items() if values}
     if errors:
         rows = [

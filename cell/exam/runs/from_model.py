@@ -1,13 +1,17 @@
-"""Runs of the state-based tier: standard motions in the rod or a fine chain, noise added."""
+"""Runs of the state-based tier: standard motions, or some by hand, in the rod or a fine chain,
+noise added.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import Case
+from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.scatter import RunScatter
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
@@ -26,6 +30,14 @@ SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
 LINKS, CHAIN_STEP, SHOWN = 200, 0.003, 2  # of which every second shape is kept
 
 
+class Made(NamedTuple):
+    """A motion of a case: the `name` and `condition` of its run, the reported `way`."""
+
+    name: str
+    condition: str
+    way: GripperPath
+
+
 def plant_of(case: Case) -> StripFile:
     """The strip that really lies on the desk, its hidden effects aside."""
     strip = find_configs(None).strip(case.strip)
@@ -41,32 +53,37 @@ def make_runs(case: Case, folder: Path) -> None:
     """The case's run folders in `folder`, each of the four files that a fit reads."""
     rng = np.random.default_rng([case.seed, 1])
     plant = plant_of(case)
-    motions = MOTIONS * case.repeats
-    bare = [describe(plant, case.effects, index) for index in range(len(motions))]
+    made = motions_of(case, plant.length)
+    bare = [describe(plant, case.effects, index) for index in range(len(made))]
     models = [
         RunScatter.drawn(case.scatter, case.seed, i).held(model) for i, model in enumerate(bare)
     ]
-    ways = [way_of(STANDARD[name].of(plant.length)) for name in motions]
+    ways = [motion.way for motion in made]
     folds = _chained(models, ways) if case.engine == "chain" else _rod(models, ways)
-    for index, (name, fold) in enumerate(zip(motions, folds, strict=True)):
-        write_fold(folder / f"{index:02d}-{name}", case.strip, fold, BY, rng)
+    for index, (motion, bare_fold) in enumerate(zip(made, folds, strict=True)):
+        fold = replace(bare_fold, index=index, condition=motion.condition)
+        write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, BY, rng)
+
+
+def motions_of(case: Case, length: float) -> list[Made]:
+    """The motions of a case for a strip of `length` [m], in the order in which they are made."""
+    names = MOTIONS * case.repeats
+    if case.motions == "standard":
+        return [Made(name, MOTION + name, way_of(STANDARD[name].of(length))) for name in names]
+    ways = ways_by_hand(length, case.seed, len(names))
+    return [Made("by-hand", f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
 
 
 def _rod(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
-    return [_told(f, i) for i, f in enumerate(rod_folds(models, ways, SEGMENTS, ROD_STEP))]
+    return rod_folds(models, ways, SEGMENTS, ROD_STEP)
 
 
 def _chained(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
     chain = Chain(LINKS)
     folds = []
-    for index, (model, way) in enumerate(zip(models, ways, strict=True)):
+    for model, way in zip(models, ways, strict=True):
         motion = simulate(chain, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
         thinned = replace(motion, shapes=motion.shapes[SHOWN - 1 :: SHOWN])
         kept = motion.t[SHOWN - 1 :: SHOWN]
-        folds.append(_told(Fold(way, model, thinned, kept, chain.arc()[0]), index))
+        folds.append(Fold(way, model, thinned, kept, chain.arc()[0]))
     return folds
-
-
-def _told(fold: Fold, index: int) -> Fold:
-    """The fold with its place in the order and its condition."""
-    return replace(fold, index=index, condition=MOTION + MOTIONS[index % len(MOTIONS)])

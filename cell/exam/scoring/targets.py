@@ -108,8 +108,8 @@ def _at_most(words: str, found: Rate, most: float) -> Target:
     return _line(words, found, f"at most {100 * most:.0f} %", lambda r: r.value <= most)
 
 
-def by_scatter(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
-    """Lines of a table split by how much runs differ: what was counted, one rate a level."""
+def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
+    """Lines of a table split by how the runs were made: what was counted, one rate a group."""
     rows = [
         ("nothing hidden: `no_gap`", "nothing", (), ("correct_no_gap",)),
         ("nothing hidden: a name", "nothing", (), ("false_alarm",)),
@@ -122,13 +122,12 @@ def by_scatter(entries: Sequence[Entry]) -> list[tuple[str, list[str]]]:
     lines = []
     for words, kind, strengths, good in rows:
         cells = []
-        for level in LEVELS:
-            mine = [e for e in entries if e.case.scatter == level and e.case.kind == kind]
+        for group in groups:
+            mine = [e for e in group if e.case.kind == kind]
             mine = [e for e in mine if not strengths or e.case.strength in strengths]
             cells.append(shown(rate(_result(e) in good for e in mine)))
         lines.append((words, cells))
-    held = [shown(rate(c.covered for c in checked(e for e in entries if e.case.scatter == level)))
-            for level in LEVELS]  # fmt: skip
+    held = [shown(rate(c.covered for c in checked(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 

@@ -19,6 +19,7 @@ STEPS = 20
 ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
 TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
 MENDABLE = (0.3, 2.5)  # the same: the step itself tells enough to go on by, once
+STALLED = 0.1  # of what fresh Jacobians promise: twice less, and the objective is no longer smooth
 TINY = 1e-300
 PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
 DAMPING = 1e-3
@@ -71,7 +72,7 @@ def refit(
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
     z = np.clip(place.packed(start), limits.low, limits.high)
-    fresh, mended = jacobians is None, False
+    fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
         raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
     else:
@@ -89,9 +90,10 @@ def refit(
         search = _Search(model, evidence, jacobians, equations.curvature, scale, now)
         trial = yield from _tried(search, z, step, r)
         won = now - trial.objective
-        if won <= 0.0 and fresh:
-            break
         kept = won / promised
+        stalled = stalled + 1 if fresh and kept < STALLED else 0
+        if (won <= 0.0 and fresh) or stalled > 1:
+            break
         trusted = TRUSTED[0] < kept < TRUSTED[1]
         mended = not trusted and not mended and MENDABLE[0] < kept < MENDABLE[1]
         fresh = not trusted and not mended

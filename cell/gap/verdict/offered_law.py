@@ -1,7 +1,7 @@
 """A law that describes the gap where no effect accounts for it, refitted and proven."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -21,6 +21,7 @@ from cell.gap.subject.subject import Subject
 
 LEAST = 0.3  # share of the excess gap on held-out runs that a law must close, to be offered
 NOTHING = 0.3  # excess gap that is none to close
+LONGEST = 3  # terms of a law
 SINGLES, PAIRS = 5, 3  # laws of one and of two terms that are refitted
 OFTEN = 0.7  # of the halves of the runs, in which each term of a law keeps its sign
 
@@ -44,12 +45,18 @@ class Names:
     """What the library says of the runs: the accepted `model`, and whether it is `sure` of a name.
 
     A law stands beside it where it predicts better on the scale `by`, or as well with fewer terms;
-    where no name is sure, as well is enough.
+    where no name is sure, as well is enough. A model that `leaves_nothing` is not bettered.
     """
 
     model: Validated
     by: LikelihoodScale
     sure: bool
+    leaves_nothing: bool = False
+
+    @property
+    def longest(self) -> int:
+        """Terms of the longest law that may stand beside them."""
+        return len(self.model.model.effects) - 1 if self.sure and self.leaves_nothing else LONGEST
 
     def leave_room(self, law: Validated) -> bool:
         """Whether the law may stand beside them."""
@@ -74,7 +81,10 @@ def offered_law(
     """
     if float(held_out_gap.excess(held_out_gap.run_squares(before))) < NOTHING:
         return None
-    for law in _earned(_fitted(subject, simulate, base)):
+    longest = LONGEST if names is None else names.longest
+    if not longest:
+        return None
+    for law in _earned(_fitted(subject, simulate, base, longest)):
         if (names is None or names.leave_room(law)) and _stable(law.estimate):
             shrink = _closed(simulate, law.estimate, before, rng)
             if shrink.value >= LEAST:
@@ -82,17 +92,21 @@ def offered_law(
     return None
 
 
-def _fitted(subject: Subject, simulate: Simulate, base: Validated) -> Fits:
-    """The base, the most promising laws of one and two terms, and those of three beside them."""
+def _fitted(subject: Subject, simulate: Simulate, base: Validated, longest: int) -> Fits:
+    """The base, the most promising laws of one and two terms, and those of three beside them; none
+    of more terms than `longest`.
+    """
     fit = base.estimate
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
-    known = table(projection(fit), probed)
-    scores = [*ranked(known)[:SINGLES], *ranked_pairs(known, PAIRS)]
+    known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
+    scores = ranked(known)[:SINGLES]
+    if longest > 1:
+        scores += ranked_pairs(known, PAIRS)
     fits = Fits((base,)).merged(search.fit_scores(simulate, fit, scores, terms))
-    for size in (1, 2):
+    for size in range(1, longest):
         if fits.of_size(size) and not exhausted(fits):
-            more = search.extended(simulate, fits, size, terms, probed)
+            more = search.extended(simulate, fits, size, plain, probed)
             fits = fits.merged(search.fit_scores(simulate, fit, more, terms))
     return fits
 

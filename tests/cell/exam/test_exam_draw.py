@@ -11,7 +11,7 @@ from tests.support.gap_strip_cases import denim
 
 @pytest.fixture(scope="module")
 def ruler() -> Ruler:
-    return Ruler(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
+    return Ruler.standard(denim(), MOTIONS, Sigma.model_validate(BY.sigma()))
 
 
 def test_effects_that_cancel_leave_nothing_beside_each_other(ruler: Ruler) -> None:

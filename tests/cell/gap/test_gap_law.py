@@ -14,7 +14,7 @@ from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, dumped, sha256, undo
-from cell.gap.verdict.offered_law import Names
+from cell.gap.verdict.offered_law import LONGEST, Names
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -99,6 +99,15 @@ def test_as_good_as_what_was_named_is_enough_only_for_a_shorter_law_or_where_no_
     assert Names(pair, by, sure=True).leave_room(law)
     worse = run_one(subject.simulate, validate(engine.fitted(subject, ("wave",))))
     assert not Names(right, by, sure=False).leave_room(worse)
+
+
+def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for() -> None:
+    found, _ = judged(Curves(hidden(wave, 0.3)))
+    one = found.choice.accepted
+    assert len(one.model.effects) == 1
+    assert Names(one, found.choice.by, sure=True, leaves_nothing=True).longest == 0
+    assert Names(one, found.choice.by, sure=True).longest == LONGEST
+    assert Names(one, found.choice.by, sure=False, leaves_nothing=True).longest == LONGEST
 
 
 @pytest.mark.parametrize("name", TERMS)

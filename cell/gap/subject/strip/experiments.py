@@ -11,6 +11,7 @@ from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
+from drivers.strip.rod.motions import GripperPath
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
 from policies.registry import MOTION
@@ -25,11 +26,18 @@ SEGMENTS, STEP = 100, 0.005  # of the rod: a plan need not be finer
 def planned(strip: StripFile, sigma: Sigma, index: int) -> list[MeasuredRun]:
     """What each standard motion would measure, without noise, as run number `index`."""
     ways = [way_of(standard.of(strip.length)) for standard in STANDARD.values()]
-    folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
     return [
-        MeasuredRun(name, MOTION + name, _measured(fold, sigma, index), ())
-        for name, fold in zip(STANDARD, folds, strict=True)
+        MeasuredRun(name, MOTION + name, measured, ())
+        for name, measured in zip(STANDARD, measured_along(ways, strip, sigma, index), strict=True)
     ]
+
+
+def measured_along(
+    ways: Sequence[GripperPath], strip: StripFile, sigma: Sigma, index: int
+) -> list[Measured]:
+    """What `strip` would show along each of `ways`, without noise, as run number `index`."""
+    folds = rod_folds([describe(strip, index=index)] * len(ways), ways, SEGMENTS, STEP)
+    return [_measured(fold, sigma, index) for fold in folds]
 
 
 def minutes(run: MeasuredRun) -> float:

@@ -10,7 +10,7 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import FINE, Job, SimulatedMotion, Simulation
+from cell.gap.subject.strip.simulation import FINE, HashedPath, Job, SimulatedMotion, Simulation
 from cell.gap.subject.subject import Residuals, Run
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -37,8 +37,8 @@ class Fold:
     the residuals change by per unit of each quantity that differs from run to run.
     """
 
-    way: GripperPath
-    lifted_path: GripperPath
+    way: HashedPath
+    lifted_path: HashedPath
     comparison: Comparison
     index: int
     finer: Array
@@ -142,7 +142,12 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    return Fold(way, _lifted_path(way, run), comparison, run.index, nothing, {})
+    lifted, whole = _lifted_path(way, run), HashedPath.of(way)
+    return Fold(
+        whole,
+        whole if lifted is way else HashedPath.of(lifted),
+        comparison, run.index, nothing, {},
+    )  # fmt: skip
 
 
 def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:

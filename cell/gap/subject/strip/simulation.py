@@ -44,6 +44,22 @@ ROUGH = Resolution(100, 0.01, 1e-4)
 
 
 @dataclass(frozen=True, slots=True)
+class HashedPath:
+    """A reported gripper path with the `digest` of its numbers, for the many jobs along it."""
+
+    path: GripperPath
+    digest: bytes
+
+    @classmethod
+    def of(cls, path: GripperPath) -> Self:
+        """The path, hashed."""
+        h = hashlib.blake2b(bytes([path.hanging]), digest_size=16)
+        for array in (path.t, path.poses):
+            h.update(np.ascontiguousarray(array).data)
+        return cls(path, h.digest())
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """A description along a reported gripper path; equal `key`, equal true motion."""
 
@@ -52,15 +68,13 @@ class Job:
     key: bytes
 
     @classmethod
-    def of(cls, model: StripModel, way: GripperPath) -> Self:
+    def of(cls, model: StripModel, way: HashedPath) -> Self:
         """With a hash of all that the true motion depends on: not of how it is looked at."""
         height = model.observation.contact_height
         blind = replace(model, observation=Observation(contact_height=height))
         h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
-        for array in (way.t, way.poses):
-            h.update(np.ascontiguousarray(array).data)
-        h.update(bytes([way.hanging]))
-        return cls(model, way, h.digest())
+        h.update(way.digest)
+        return cls(model, way.path, h.digest())
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,8 @@ from drivers.strip.model import Observation, StripModel
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
 PORTION = 64  # motions that are held at once
+AGEING = frozenset({"ageing", "term_run"})
+"""Effects and terms that depend on the number of the run: all others share one description."""
 Values = tuple[float, ...]
 Look = tuple[str, bytes, bool, Observation]  # run, motion, whether rough, how it is looked at
 
@@ -63,6 +65,7 @@ class Strip:
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
         self._scope = scope(strip, self._floors, _lifted(self._measured), without)
+        self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs = jobs
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
@@ -160,7 +163,9 @@ class Strip:
 
     def _model(self, request: Request, fold: Fold) -> StripModel:
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
-        return self._described(tuple(map(float, request.base)), effects, fold.index)
+        ages = self._ages or not AGEING.isdisjoint(request.effects)
+        index = fold.index if ages else 0
+        return self._described(tuple(map(float, request.base)), effects, index)
 
     def _describe(
         self, base: Values, effects: tuple[tuple[str, Values], ...], index: int

@@ -1,11 +1,17 @@
 """Which motions of a strip are simulated together."""
 
+import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from cell.gap.subject.strip.simulation import LANES, Job, _apart
+from cell.gap.subject.strip.scope import candidate, file_values
+from cell.gap.subject.strip.simulation import LANES, HashedPath, Job, _apart
+from cell.gap.subject.strip.subject import AGEING
 from drivers.strip.describe import describe, load_strip
+from drivers.strip.effects import registry
+from drivers.strip.law import TERMS, with_law
 from drivers.strip.rod.lumping import needs_terms
 from drivers.strip.rod.motions import GripperPath
 
@@ -20,7 +26,7 @@ def jobs(plain: int, rich: int) -> dict[bytes, Job]:
     order = np.random.default_rng(1).permutation(len(which))
     found = []
     for k in order:
-        way = GripperPath(np.array([0.0, 1.0 + 0.1 * k]), np.zeros((2, 3)))
+        way = HashedPath.of(GripperPath(np.array([0.0, 1.0 + 0.1 * k]), np.zeros((2, 3))))
         found.append(Job.of(models[which[k]], way))
     return {job.key: job for job in found}
 
@@ -37,3 +43,16 @@ def test_strips_that_need_further_terms_are_simulated_apart_from_plain_ones() ->
 def test_a_few_strips_do_not_make_a_batch_of_their_own() -> None:
     wanted = jobs(plain=2 * LANES, rich=LANES - 1)
     assert _apart(list(wanted), wanted) == [list(wanted)]
+
+
+def test_only_what_ages_depends_on_the_number_of_the_run() -> None:
+    def depends(amounts: dict[str, dict[str, float]], law: dict[str, float]) -> bool:
+        seen = [with_law(describe(STRIP, amounts, index), law) for index in (0, 9)]
+        fresh, worn = (pickle.dumps(replace(model, index=0)) for model in seen)
+        return fresh != worn
+
+    for name, effect in registry().items():
+        values = file_values(effect, candidate(effect, STRIP, 0.0).probes[-1][0])
+        assert depends({name: values or {}}, {}) is (name in AGEING), name
+    for name in TERMS:
+        assert depends({}, {name: 0.01}) is (name in AGEING), name
