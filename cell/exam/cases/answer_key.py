@@ -33,8 +33,11 @@ def opened(folder: Path, name: str) -> Case:
 
 
 def case_hash(case: Case) -> str:
-    """Digest of everything that a case says; what is made once is what it was before repeats."""
-    known = case.model_dump_json(exclude={"repeats"} if case.repeats == 1 else None)
+    """Digest of everything that a case says; cases from before there were repeats, or motions by
+    hand, keep theirs.
+    """
+    usual = {"repeats": case.repeats == 1, "motions": case.motions == "standard"}
+    known = case.model_dump_json(exclude={name for name, same in usual.items() if same})
     return hashlib.sha256(known.encode()).hexdigest()[:16]
 
 
