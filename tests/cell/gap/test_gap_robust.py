@@ -8,12 +8,12 @@ import pytest
 
 from cell.gap.diagnosis.drift import drift
 from cell.gap.diagnosis.lack_of_fit import unshown
-from cell.gap.fitting import robust
+from cell.gap.fitting import gauss_newton, robust
 from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_base_fine, refit_fine
-from cell.gap.fitting.tasks import run_one
+from cell.gap.fitting.tasks import Counter, run_one
 from cell.gap.selection.choice import is_significant
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import likelihood_scale
@@ -24,6 +24,7 @@ from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
 
 GRAIN = 0.1
+WALL = 0.3
 
 
 def test_loss_is_bounded_where_fits_are_judged() -> None:
@@ -141,3 +142,28 @@ def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> No
     assert unseen_remains(replace(found, shown=worse))
     assert kind(replace(found, shown=worse)) == "unexplained"
     assert "not even halved" in unexplained_part(replace(found, shown=worse))
+
+
+class Walled(Curves):
+    """Curves that take another way where the slope is beyond a wall, short of the true slope."""
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = []
+        for asked, residuals in zip(requests, super().simulate(requests), strict=True):
+            mean = residuals.mean - np.sin(9.0 * T) * (asked.base[1] > WALL)
+            found.append(Residuals(mean, mean**2))
+        return found
+
+
+def test_a_fit_that_only_creeps_up_to_a_wall_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    def walled() -> tuple[float, int]:
+        subject = Walled(nothing)
+        count, runs = Counter(subject.simulate), evidence(subject.runs)
+        start = Point(np.zeros(2), runs.start())
+        estimate = run_one(count, gauss_newton.refit(Model(subject.scope.base), runs, start))
+        return float(estimate.shared[1]), count.total
+
+    slope, simulations = walled()
+    assert WALL - 0.01 < slope <= WALL
+    monkeypatch.setattr(gauss_newton, "STALLED", -np.inf)
+    assert simulations < 0.9 * walled()[1]
