@@ -3,15 +3,15 @@
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from cell.gap.subject.strip.ways import EVERY, STEP, STILL
+from cell.gap.subject.strip.ways import EVERY, STEP
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 from policies.path import lift_pitch
 
 SPEED = (0.06, 0.15)  # m/s
 HASTE = 0.3  # by how much the speed wavers, one sigma of its logarithm
-PAUSES, PAUSE = 2, (0.3, 1.5)  # rests at most, and how long one lasts [s]
-BACK = (0.03, 0.10)  # of the way, that every other person goes back once
+STOPS, PAUSE = 2, (0.3, 1.5)  # rests on the way, at most, and how long one lasts [s]
+RETURNS, BACK = 0.5, (0.03, 0.10)  # how often one who stops goes back first, and how far
 TREMOR = 0.0002  # m, one sigma in x and in z
 WAVER, SHIVER = (0.1, 0.6), (1.0, 5.0)  # Hz, of speed and of tremor
 STARTING = 0.5  # s in which a hand comes up to speed, and to rest
@@ -58,17 +58,16 @@ def _path(length: float, rng: np.random.Generator) -> CubicSpline:
 
 
 def _travel(whole: float, rng: np.random.Generator) -> Array:
-    """Distance along the way (n,) [m] every STEP, from rest to rest, with what it goes back."""
-    speed, waver = rng.uniform(*SPEED), rng.integers(2**31)
-    turns = sorted(rng.uniform(0.25, 0.75, 2)) if rng.uniform() < 0.5 else []
-    stops = [turns[1], turns[1] - rng.uniform(*BACK), 1.0] if turns else [1.0]
-    pauses = rng.multinomial(rng.integers(PAUSES + 1), np.full(len(stops), 1.0 / len(stops)))
-    parts, here = [np.zeros(1)], 0.0
-    for stop, rests in zip(stops, pauses, strict=True):
-        parts.append(_stroke(here, stop * whole, speed, np.random.default_rng(waver + len(parts))))
-        parts += [np.full(round(rng.uniform(*PAUSE) / STEP), stop * whole) for _ in range(rests)]
-        here = stop * whole
-    return np.concatenate([*parts, np.full(round(STILL / STEP), whole)])
+    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, pauses between."""
+    stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(STOPS + 1))), 1.0]
+    if rng.uniform() < RETURNS and len(stops) > 1:
+        stops.insert(1, stops[0] - rng.uniform(*BACK))
+    speed, parts, here = rng.uniform(*SPEED), [np.zeros(1)], 0.0
+    for stop in whole * np.array(stops):
+        parts.append(_stroke(here, stop, speed, rng))
+        parts.append(np.full(round(rng.uniform(*PAUSE) / STEP), stop))
+        here = stop
+    return np.concatenate(parts)
 
 
 def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:

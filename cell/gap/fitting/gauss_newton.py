@@ -91,9 +91,9 @@ def refit(
         trial = yield from _tried(search, z, step, r)
         won = now - trial.objective
         kept = won / promised
-        stalled = stalled + 1 if fresh and kept < STALLED else 0
-        if (won <= 0.0 and fresh) or stalled > 1:
+        if won <= 0.0 and fresh:
             break
+        stalled = stalled + 1 if fresh and kept < STALLED else 0
         trusted = TRUSTED[0] < kept < TRUSTED[1]
         mended = not trusted and not mended and MENDABLE[0] < kept < MENDABLE[1]
         fresh = not trusted and not mended
@@ -101,6 +101,8 @@ def refit(
             jacobians = _mended(search, trial.z - z, raw, trial.raw)
         if won > 0.0:
             z, raw = trial.z, trial.raw
+        if stalled > 1:
+            break
         if fresh:
             raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
     return _estimate(model, evidence, z, raw, jacobians)
