@@ -126,6 +126,11 @@ def _zoom(model: StripModel, amount: float) -> StripModel:
     return _seen(model, lambda seen: replace(seen, scale=seen.scale + amount))
 
 
+def _contact(model: StripModel, amount: float) -> StripModel:
+    bias = model.observation.contact_bias + amount
+    return _seen(model, lambda seen: replace(seen, contact_bias=bias))
+
+
 def _seen(model: StripModel, change: Callable[[Observation], Observation]) -> StripModel:
     return replace(model, observation=change(model.observation))
 
@@ -165,6 +170,7 @@ _TERMS = (
     Term("term_clock", "images older than their stamps", "s", 0.003, 0.1, _clock),
     Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, _side),
     Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, _view),
+    Term("term_contact", "contacts seen farther along the desk", "m", 5e-4, 0.03, _contact),
     Term("term_zoom", "images magnified", "1", 5e-4, 0.05, _zoom),
     Term("term_reach", "grip farther along the desk than the arm reports", "m", 3e-4, 0.03, _reach),
     Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, _lift),

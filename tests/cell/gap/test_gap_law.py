@@ -133,6 +133,7 @@ def test_a_law_in_the_strip_file_is_what_the_engine_tried(name: str) -> None:
         ("term_even", "pre_curl"),
         ("term_clock", "camera_latency"),
         ("term_side", "homography_shift"),
+        ("term_contact", "contact_bias"),
         ("term_zoom", "homography_scale"),
         ("term_reach", "tcp_offset"),
         ("term_length", "length_error"),
