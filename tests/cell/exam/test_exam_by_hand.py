@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.exam.cases.draw import _scattered, cases
+from cell.exam.cases import draw
 from cell.exam.runs import from_model
 from cell.exam.runs.by_hand import ways_by_hand
 from cell.record.files import RUN
@@ -72,11 +72,14 @@ def test_runs_by_hand_repeat_no_condition(tmp_path: Path, monkeypatch: pytest.Mo
     assert [head["condition"] for head in heads] == ["by-hand-1", "by-hand-2"]
 
 
-def test_a_third_of_the_cases_from_the_state_is_moved_by_hand() -> None:
-    assert [c.motions for c in cases("state", 9, 5)].count("by_hand") == 3
-    assert {c.motions for c in cases("images", 4, 5)} == {"standard"}
+def test_one_triple_in_three_is_moved_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(draw.SHARES, "state", {"nothing": 1.0})
+    by_hand = [c.motions == "by_hand" for c in draw.cases("state", 18, 5)]
+    assert by_hand == [i // 3 % 3 == 1 for i in range(18)]
+    monkeypatch.setitem(draw.SHARES, "images", {"nothing": 1.0})
+    assert {c.motions for c in draw.cases("images", 6, 5)} == {"standard"}
 
 
 def test_every_level_of_scatter_meets_every_strength_and_kind_of_motion() -> None:
-    met = {(i % 3, (i // 3) % 3, _scattered(i)) for i in range(27)}
+    met = {(i % 3, (i // 3) % 3, draw._scattered(i)) for i in range(27)}
     assert len(met) == 27

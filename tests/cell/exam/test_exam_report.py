@@ -180,14 +180,15 @@ def test_repeats_make_another_exam_and_leave_the_digest_of_cases_made_once(kept:
         load_or_draw(kept, "images", 2, 7, repeats=2)
     once = entries()[0].case
     said = once.model_dump(mode="json")
-    del said["repeats"]
+    del said["repeats"], said["motions"]
     assert (
         case_hash(once)
         == hashlib.sha256(
             json.dumps(said, separators=(",", ":"), ensure_ascii=False).encode()
         ).hexdigest()[:16]
     )
-    assert case_hash(once.model_copy(update={"repeats": 2})) != case_hash(once)
+    for other in ({"repeats": 2}, {"motions": "by_hand"}):
+        assert case_hash(once.model_copy(update=other)) != case_hash(once)
 
 
 def test_an_exam_that_is_finished_is_only_reported(
