@@ -142,12 +142,9 @@ def _fold(run: Measured, strip: StripFile, floors: Floors) -> Fold:
     way = GripperPath(run.t[kept], run.poses[kept], run.hanging)
     comparison = Comparison(run, chosen, strip.length, strip.bending_length)
     nothing = np.zeros(len(chosen.samples))
-    lifted, whole = _lifted_path(way, run), HashedPath.of(way)
-    return Fold(
-        whole,
-        whole if lifted is way else HashedPath.of(lifted),
-        comparison, run.index, nothing, {},
-    )  # fmt: skip
+    whole, path = HashedPath.of(way), _lifted_path(way, run)
+    lifted = whole if path is way else HashedPath.of(path)
+    return Fold(whole, lifted, comparison, run.index, nothing, {})
 
 
 def _lifted_path(way: GripperPath, run: Measured) -> GripperPath:
