@@ -15,7 +15,7 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import estimated, scattered, with_scatter
+from cell.gap.fitting.scatter import clearly_differ, estimated, scattered, with_scatter
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
@@ -38,7 +38,6 @@ from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, described, judge, show
 from cell.gap.verdict.offered_law import Names, offered_law
 
-SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
 Progress = Callable[[str, float], None]
 """Called with the name of a stage and the share of the whole that is done."""
 
@@ -174,10 +173,7 @@ def _scatter_beside(
     best = singles[0]
     found = estimated(simulate, best.estimate, whole)
     before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
-    changed = set(before) ^ set(now) or any(
-        not SMALLER < now[name] / value < 1.0 / SMALLER for name, value in before.items()
-    )
-    return found if changed else None
+    return found if clearly_differ(before, now) else None
 
 
 def _refit_singles(

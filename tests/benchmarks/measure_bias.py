@@ -1,10 +1,10 @@
 """What perception gets wrong alike in all runs: `python -m tests.benchmarks.measure_bias [STRIP]`.
 
-The twin's folds through its images, of the standard motion `normal`: mean over a run of what images
-say less what is true, of the profile (normal to the strip) and of the contact, by third of the
-strip, and at the touch. What is printed last, the root mean square over the strips of each mean, is
-what the gap workflow takes for an error that is common to all runs (`BIASES` of
-`cell.gap.subject.strip.bias`).
+The twin's folds through its images, of the standard motion `normal`: mean over a half of a run of
+what images say less what is true, of the profile (normal to the strip) by third of the strip and of
+the contact, before and past the middle of the strip, and at the touch. What is printed last, the
+root mean square over the strips of each mean, is what the gap workflow takes for an error that is
+common to all runs (`BIASES` of `cell.gap.subject.strip.bias`).
 """
 
 import sys
@@ -18,6 +18,7 @@ from calibration.perception.layer_touch import LayerTouch
 from calibration.perception.perception import Perception
 from calibration.perception.preflight import inspect
 from calibration.perception.settings import PerceptionSettings
+from cell.gap.subject.strip.bias import half
 from cell.gap.subject.strip.phases import zones
 from drivers.strip.describe import load_strip
 from drivers.types import Array
@@ -48,7 +49,7 @@ def signed(points: Array, curve: Array) -> tuple[Array, Array]:
 
 
 def biases(fold: TwinFold, camera: FoldCamera, calibration: Calibration) -> dict[str, float]:
-    """Mean errors of a fold's images by quantity and third of the strip [m, s]."""
+    """Mean errors of a fold's images by quantity, third of the strip and half of the run [m, s]."""
     settings, strip = PerceptionSettings(), fold.strip
     preflight = inspect(camera.flat(strip), calibration, settings, strip)
     if preflight.appearance is None or fold.touch is None:
@@ -68,12 +69,13 @@ def biases(fold: TwinFold, camera: FoldCamera, calibration: Calibration) -> dict
             errors["touch_time"].append(touch.time - fold.touch.time)
             errors["displacement"].append(touch.displacement - fold.touch.displacement)
             break
-        errors["contact_x"].append(sight.contact_x - fold.contact_x(stamp))
+        side = half(pose.x, strip.length)
+        errors[f"contact_x {side}"].append(sight.contact_x - fold.contact_x(stamp))
         if len(sight.profile):
             off, where = signed(sight.profile, fold.shape(stamp))
             labels = zones(where * strip.length, strip.length)
             for zone in np.unique(labels):
-                errors[f"profile {zone}"].append(float(np.median(off[labels == zone])))
+                errors[f"profile {zone} {side}"].append(float(np.median(off[labels == zone])))
     return {name: float(np.nanmean(values)) for name, values in errors.items()}
 
 

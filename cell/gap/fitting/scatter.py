@@ -1,6 +1,6 @@
 """Fits of runs with only those random unknowns that the runs were found to have."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +9,28 @@ from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearised, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
+
+SMALLER = 0.7  # of a spread, below which it was in part the response to an effect
+
+
+def clearly_differ(before: Mapping[str, float], now: Mapping[str, float]) -> bool:
+    """Whether other quantities scatter now, or by clearly more or less; spreads by name."""
+    return bool(set(before) ^ set(now)) or any(
+        not SMALLER < now[name] / value < 1.0 / SMALLER for name, value in before.items()
+    )
+
+
+def with_own_scatter(
+    simulate: Simulate, estimate: Estimate, found: Sequence[Spread], whole: Evidence
+) -> Estimate:
+    """The fit with the scatter that was `found` beside it, where that clearly differs from the
+    scatter that it was fitted with; else the fit as it is.
+    """
+    used = {p.name: p.spread for run in estimate.evidence.runs for p in run.local if p.random}
+    if not clearly_differ(used, {s.name: s.value for s in found}):
+        return estimate
+    again = with_scatter(estimate, found, whole)
+    return run_one(simulate, refit(again.model, again.evidence, again.point))
 
 
 def scattered(known: Evidence, found: Sequence[Spread]) -> Evidence:

@@ -9,6 +9,7 @@ quantity counts as an unknown of its own: a constant error of the rig is no scat
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy import optimize
@@ -23,8 +24,8 @@ WORTH = 3.0  # nats that a quantity must gain to count as scattered
 TIE = 2.0  # nats by which a quantity must beat those that scatter more commonly, named first
 SMALLEST, LARGEST = 0.03, 5.0  # of the usual spread, between which one is sought
 LEAST = 0.1  # of the stated variance, of what any fit leaves
-GRID = np.linspace(0.05, 2.5, 15)  # shares of the usual spread over which it is averaged
-AROUND = np.exp(np.linspace(-2.0, 2.0, 17))  # times a likely spread, over which it is averaged
+GRID = np.geomspace(SMALLEST, LARGEST, 41)  # shares of the usual spread, to be averaged over
+NOTHING = np.zeros(0)
 REFUTED = 1 / 3  # Bayes factor below which a common quantity does not scatter here
 COMMON = 10.0  # times its usual spread, that the common part of a quantity may have
 
@@ -79,91 +80,112 @@ class _Marginal:
 
 
 def spreads(estimate: Estimate) -> tuple[Spread, ...]:
-    """The quantities that differ from run to run in `estimate`, largest gain first.
+    """The quantities that differ from run to run in `estimate`, the common ones first.
 
-    Quantities are taken in one by one while each gains WORTH nats; those that the runs do not
-    show are left out, unless they are common and the runs do not refute them.
+    Common ones scatter in every laboratory: they stay unless the runs refute them. Others are
+    taken in one by one while each gains WORTH nats beside those, since a slack that differs looks
+    much like a grip that does.
     """
     known = _random(estimate)
     if not known or len(estimate.evidence.runs) < 2:
         return ()
-    model = _marginal(estimate, known)
-    active: list[int] = []
-    shares, least = np.zeros(0), model.loss(np.zeros(0), [])
-    gains: list[float] = []
-    while len(active) < len(known):
-        trials = [
-            (*_fitted(model, [*active, k], shares), k)
-            for k in range(len(known)) if k not in active
-        ]  # fmt: skip
-        lowest = min(value for value, _, _ in trials)
-        value, found, k = next(trial for trial in trials if trial[0] < lowest + TIE)
-        if least - value < WORTH:
-            break
-        active, shares, least = [*active, k], found, value
-    for i in range(len(active)):
-        others = [k for j, k in enumerate(active) if j != i]
-        value, _ = _fitted(model, others, np.delete(shares, i))
-        gains.append(value - least)
-    shares = _averaged(model, active, shares)
-    active, shares, gains = _kept(model, list(known.values()), active, shares, gains)
-    errors = _errors(model, active, shares)
-    names = list(known.values())
+    model, parameters = _marginal(estimate, known), list(known.values())
+    found = _Chosen.of(model, [k for k, p in enumerate(parameters) if p.common])
+    found = _unrefuted(_with_others(found, len(known)), parameters)
+    shares = _averaged(found)
+    gains = [found.without(i) - found.loss for i in range(len(shares))]
+    errors = _errors(model, found.active, shares)
+    rows = zip([parameters[k] for k in found.active], shares, errors, gains, strict=True)
     return tuple(
         Spread(p.name, p.unit, s * p.spread, s * p.spread * float(np.exp(-1.96 * e)),
                s * p.spread * float(np.exp(1.96 * e)), g)
-        for p, s, e, g in zip([names[k] for k in active], shares, errors, gains, strict=True)
+        for p, s, e, g in rows
     )  # fmt: skip
 
 
-def _averaged(model: _Marginal, active: Sequence[int], shares: Array) -> Array:
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """Quantities `active` that scatter by `shares` (k,) of the usual, at a `loss` [nats]."""
+
+    model: _Marginal
+    active: tuple[int, ...]
+    shares: Array
+    loss: float
+
+    @classmethod
+    def of(cls, model: _Marginal, active: Sequence[int], start: Array = NOTHING) -> Self:
+        """Their most likely shares, sought from `start` for the first of them."""
+        loss, shares = _fitted(model, active, start)
+        return cls(model, tuple(active), shares, loss)
+
+    def without(self, i: int) -> float:
+        """Loss [nats] without the quantity in place `i`, the others sought anew."""
+        others = [k for j, k in enumerate(self.active) if j != i]
+        return _fitted(self.model, others, np.delete(self.shares, i))[0]
+
+
+def _with_others(found: _Chosen, known: int) -> _Chosen:
+    """`found` with those of all `known` quantities that gain WORTH nats, in their order where two
+    gain about as much.
+    """
+    while len(found.active) < known:
+        trials = [
+            _Chosen.of(found.model, [*found.active, k], found.shares)
+            for k in range(known) if k not in found.active
+        ]  # fmt: skip
+        lowest = min(trial.loss for trial in trials)
+        best = next(trial for trial in trials if trial.loss < lowest + TIE)
+        if found.loss - best.loss < WORTH:
+            break
+        found = best
+    return found
+
+
+def _unrefuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
+    """`found` without the common quantities that the runs speak against.
+
+    The spread of such a one, averaged over what laboratories have, explains the runs worse by a
+    factor of REFUTED than none (Bayes factor: Kass and Raftery 1995).
+    """
+    kept = [
+        k for i, k in enumerate(found.active)
+        if not parameters[k].common or _bayes_factor(found, i) > REFUTED
+    ]  # fmt: skip
+    return found if len(kept) == len(found.active) else _Chosen.of(found.model, kept)
+
+
+def _bayes_factor(found: _Chosen, i: int) -> float:
+    """By how much likelier the runs are with a spread in place `i` than without."""
+    others = [k for j, k in enumerate(found.active) if j != i]
+    none = found.model.loss(np.delete(found.shares, i), others)
+    likelihood = np.exp(np.clip(none + 0.5 * GRID**2 - _losses(found, i), -50.0, 50.0))
+    prior = GRID * np.exp(-0.5 * GRID**2)  # even steps of the logarithm
+    return float(prior @ likelihood / prior.sum())
+
+
+def _averaged(found: _Chosen) -> Array:
     """Mean of each share given the runs, the others at their most likely values.
 
     Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is
     too small in most laboratories.
     """
-    means = shares.copy()
-    for i, share in enumerate(shares):
-        tried = share * AROUND
-        losses = np.array([model.loss(_put(shares, i, s), active) for s in tried])
-        likely = tried * np.exp(losses.min() - losses)  # even steps of the logarithm
-        means[i] = float(likely @ tried / likely.sum())
+    means = np.zeros(len(found.active))
+    for i in range(len(means)):
+        losses = _losses(found, i)
+        likely = GRID * np.exp(losses.min() - losses)
+        means[i] = float(likely @ GRID / likely.sum())
     return means
+
+
+def _losses(found: _Chosen, i: int) -> Array:
+    """Losses [nats] over GRID of the share in place `i`."""
+    return np.array([found.model.loss(_put(found.shares, i, s), found.active) for s in GRID])
 
 
 def _put(values: Array, i: int, value: float) -> Array:
     changed = values.copy()
     changed[i] = value
     return changed
-
-
-def _kept(
-    model: _Marginal,
-    known: Sequence[Parameter],
-    active: list[int],
-    shares: Array,
-    gains: list[float],
-) -> tuple[list[int], Array, list[float]]:
-    """The quantities that the runs show, and the common ones that they do not refute.
-
-    A common quantity is refuted where its spread, averaged over what laboratories have, explains
-    the runs worse by a factor of REFUTED than none (Bayes factor: Kass and Raftery 1995). Kept,
-    it has its mean spread given the runs.
-    """
-    weights = np.exp(-0.5 * GRID**2)
-    weights /= weights.sum()
-    for k, p in enumerate(known):
-        if not p.common or k in active:
-            continue
-        none = model.loss(shares, active)
-        own = [model.loss(np.append(shares, s), [*active, k]) - 0.5 * s * s for s in GRID]
-        likely = weights * np.exp(np.clip(none - np.array(own), -50.0, 50.0))
-        factor = float(likely.sum())
-        if factor > REFUTED:
-            active = [*active, k]
-            shares = np.append(shares, float(likely @ GRID) / factor)
-            gains = [*gains, float(np.log(factor))]
-    return active, shares, gains
 
 
 def _random(estimate: Estimate) -> dict[str, Parameter]:

@@ -75,8 +75,7 @@ def _measured(candidate: Candidate, values: list[Measured]) -> dict[str, Measure
 
 
 def _named(found: Findings) -> list[NamedEffect]:
-    accepted, by = found.accepted, found.by
-    values = intervals(accepted.estimate, by.inefficiency)
+    values = intervals(found.judged.sized, found.by.inefficiency)
     sure = confidence(found)
     return [
         NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
@@ -85,8 +84,8 @@ def _named(found: Findings) -> list[NamedEffect]:
 
 
 def _base(found: Findings) -> dict[str, Interval]:
-    best, by = found.accepted.estimate, found.by
-    values = intervals(best, by.inefficiency)["base"]
+    best = found.judged.sized
+    values = intervals(best, found.by.inefficiency)["base"]
     return {
         p.name: Interval(value=v.value, low=v.low, high=v.high)
         for p, v in zip(best.model.base, values, strict=True)

@@ -80,7 +80,8 @@ class Judged:
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
-    `scatter` the quantities that differ from run to run beside it. `phases` tests each of several
+    `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
+    these, from which sizes are told. `phases` tests each of several
     effects by the parts of a motion: by rate, height, direction and time. `places` are where the
     accepted effects show in what the base leaves, none without any. `law` describes what is left,
     where anything is told of that.
@@ -94,6 +95,7 @@ class Judged:
     inflation: dict[str, float]
     rivals: tuple[Alternative, ...]
     classes: tuple[tuple[str, ...], ...]
+    sized: Estimate
     scatter: tuple[Spread, ...] = ()
     phases: tuple[Invariance, ...] = ()
     places: tuple[Bin, ...] = ()

@@ -14,7 +14,7 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import estimated
+from cell.gap.fitting.scatter import estimated, with_own_scatter
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, choose
@@ -75,6 +75,7 @@ def judge(
         inflation,
         tuple(close),
         groups,
+        with_own_scatter(simulate, best, scatter, whole),
         scatter,
         _by_phases(choice, simulate),
         _places(choice, rng),
