@@ -69,9 +69,13 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
 )  # fmt: skip
 FIRST = "normal"
 """Folded first and, once more, last: what changed with use shows between the two."""
+TWICE = "taut-lift"
+"""Folded twice in between: slips and stretch show in no other motion, and what one run alone tells
+no other can bear out.
+"""
 
 
 def standard_order(rng: np.random.Generator) -> list[str]:
-    """The standard runs in the order of execution: shuffled, `FIRST` first and last."""
-    others = [name for name in STANDARD if name != FIRST]
+    """The standard runs in the order of execution: `FIRST` first and last, the others shuffled."""
+    others = [*(name for name in STANDARD if name != FIRST), TWICE]
     return [FIRST, *(others[i] for i in rng.permutation(len(others))), FIRST]

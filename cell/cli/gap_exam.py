@@ -33,6 +33,10 @@ def exam(
     repeats: Annotated[
         int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
     ] = 1,
+    kind: Annotated[
+        Literal["nothing", "single", "pair", "outside"] | None,
+        typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
+    ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     only_make: Annotated[
         bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
@@ -62,20 +66,14 @@ def exam(
 
     steps = _steps(make=only_make, judge=only_judge)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
-    try:
-        with _progress(quiet=as_json) as shown:
-            wanted = load_or_draw(out, tier, cases, seed, repeats)
-            entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
-    except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
-        )
-        sys.exit(INTERRUPTED)
+    with _going_on(out), _progress(quiet=as_json) as shown:
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind)
+        entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
     if only_make:
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
-    command = _command(tier, len(wanted), seed, repeats)
+    command = _command(tier, len(wanted), seed, repeats, kind)
     others = [entry for folder in beside or () for entry in _kept(folder)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
@@ -90,9 +88,10 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     return "make" if make else "judge" if judge else "all"
 
 
-def _command(tier: str, count: int, seed: int, repeats: int) -> str:
+def _command(tier: str, count: int, seed: int, repeats: int, kind: str | None) -> str:
     """What makes the same exam again."""
     again = f" --repeats {repeats}" if repeats > 1 else ""
+    again += f" --kind {kind}" if kind else ""
     return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 
@@ -118,6 +117,18 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     failed = sum(e.state == "failed" for e in entries)
     words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
     sys.stdout.write(f"{words}: {page}\n")
+
+
+@contextmanager
+def _going_on(out: Path) -> Iterator[None]:
+    """Says where an exam that is interrupted goes on, and exits."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
+        )
+        sys.exit(INTERRUPTED)
 
 
 @contextmanager

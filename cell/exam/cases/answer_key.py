@@ -7,8 +7,10 @@ from pathlib import Path
 import cell
 import drivers
 from cell.exam.case import Case
+from cell.exam.runs.from_model import MOTIONS
 from cell.record.documents import write_document
 from drivers.settings import load
+from policies.standard import FIRST, STANDARD, TWICE
 
 KEYS = "keys"
 ENGINE = ("gap", "record")
@@ -33,12 +35,9 @@ def opened(folder: Path, name: str) -> Case:
 
 
 def case_hash(case: Case) -> str:
-    """Digest of everything that a case says; cases from before there were repeats, or motions by
-    hand, keep theirs.
-    """
-    usual = {"repeats": case.repeats == 1, "motions": case.motions == "standard"}
-    known = case.model_dump_json(exclude={name for name, same in usual.items() if same})
-    return hashlib.sha256(known.encode()).hexdigest()[:16]
+    """Digest of everything that a case says, and of the motions that are made of it."""
+    made = MOTIONS if case.tier == "state" else (*STANDARD, TWICE, FIRST)
+    return hashlib.sha256((case.model_dump_json() + " ".join(made)).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from drivers.errors import Fault
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from policies.standard import FIRST, STANDARD
+from policies.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACED = 4  # draws of where one of them sits
@@ -40,9 +40,12 @@ OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
-def cases(tier: Tier, count: int, seed: int) -> list[Case]:
-    """`count` cases; the same for the same seed. Raises Fault where none can be that strong."""
-    kinds = _kinds(tier, count)
+def cases(tier: Tier, count: int, seed: int, only: Kind | None = None) -> list[Case]:
+    """`count` cases, of one kind `only` or of all in their shares; the same for the same seed.
+
+    Raises Fault where none can be that strong.
+    """
+    kinds = [only] * count if only else _kinds(tier, count)
     number = dict.fromkeys(kinds, 0)
     found = []
     for i, kind in enumerate(kinds):
@@ -88,7 +91,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         "nothing": lambda case, _level, _rng: case,
         "single": lambda case, level, rng: _with_one(case, number, level, rng),
         "pair": _with_two,
-        "outside": lambda case, _level, _rng: _with_foreign(case, number),
+        "outside": lambda case, _level, _rng: _with_foreign(case, number, seed),
     }
     level = LEVELS[number % len(LEVELS)]
     for _ in range(TRIES):
@@ -143,10 +146,13 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
 
 
-def _with_foreign(case: Case, number: int) -> Case:
-    """A cause that nothing in the library resembles, of medium strength or above."""
+def _with_foreign(case: Case, number: int, seed: int) -> Case:
+    """A cause that nothing in the library resembles, of medium strength or above.
+
+    An exam begins with another one by its `seed`.
+    """
     turn, place = divmod(number, len(OUTSIDE))
-    name = OUTSIDE[place]
+    name = str(np.random.default_rng(seed).permutation(OUTSIDE)[place])
     strong: Strength = "strong" if (turn + place) % 2 else "medium"
     hidden = {name: dict(causes()[name].sizes[strong])}
     return case.model_copy(update={"causes": hidden, "strength": strong})
@@ -198,7 +204,7 @@ def _ruler(strip: str, tier: Tier) -> Ruler:
     if tier == "state":
         return Ruler.standard(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
     sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
-    return Ruler.standard(configs.strip(strip), [*STANDARD, FIRST], sigma)
+    return Ruler.standard(configs.strip(strip), standard_order(np.random.default_rng(0)), sigma)
 
 
 def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:

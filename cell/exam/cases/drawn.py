@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from cell.exam.case import Case, Tier
+from cell.exam.case import Case, Kind, Tier
 from cell.exam.cases.answer_key import KEYS
 from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
@@ -15,25 +15,35 @@ USUAL = {"state": 300, "images": 60, "small": 6}
 
 
 def load_or_draw(
-    folder: Path, tier: str, count: int | None, seed: int, repeats: int = 1
+    folder: Path,
+    tier: str,
+    count: int | None,
+    seed: int,
+    repeats: int = 1,
+    kind: Kind | None = None,
 ) -> tuple[Case, ...]:
     """The cases of a tier: those that `folder` holds for the same request, else drawn now.
 
-    From the state each motion is made `repeats` times. Raises ConfigurationError where the folder
-    holds another exam or cannot be written, or for repeats through images.
+    From the state each motion is made `repeats` times; with a `kind` all cases are of that. Raises
+    ConfigurationError where the folder holds another exam or cannot be written, for repeats through
+    images and for causes outside the library without images.
     """
     if repeats > 1 and tier == "images":
         raise ConfigurationError("--repeats: is for exams from the state; leave it out")
+    if kind == "outside" and tier != "images":
+        raise ConfigurationError("--kind outside: is for exams through images; add --tier images")
     path = folder / KEYS / DRAWN
     wanted = count or USUAL[tier]
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
     asked |= {"repeats": repeats} if repeats > 1 else {}
+    asked |= {"kind": kind} if kind else {}
     known = _known(path)
     if known is None:
         from cell.exam.cases.draw import cases
 
         of: Tier = "images" if tier == "images" else "state"
-        found = tuple(c.model_copy(update={"repeats": repeats}) for c in cases(of, wanted, seed))
+        drawn = cases(of, wanted, seed, kind)
+        found = tuple(c.model_copy(update={"repeats": repeats}) for c in drawn)
         _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
         return found
     held = {key: known.get(key) for key in asked}

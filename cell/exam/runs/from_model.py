@@ -24,7 +24,7 @@ from drivers.twin.chain.engine import Chain
 from policies.registry import MOTION
 from policies.standard import STANDARD
 
-MOTIONS = ("normal", "fast", "early-shake", "taut-lift", "normal")
+MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()
 SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
 LINKS, CHAIN_STEP, SHOWN = 200, 0.003, 2  # of which every second shape is kept

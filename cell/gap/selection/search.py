@@ -29,6 +29,7 @@ SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so man
 GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
 BEGUN = 4  # steps of a fit after which the best of several goes on alone
 HOPE = 0.5  # of what the best start gained in SIFTING steps: the others are given up
+SHAPELY = 0.5  # of what an effect must gain, that its shape parameters must
 FINISHED = 0.1  # of what the best model gained when begun: the others are not fitted to the end
 
 
@@ -176,8 +177,9 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 
 
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
+    """Whether shape parameters are earned; a shape claims less than an effect does."""
     ahead = margin(new, plain, by)
-    return ahead.gain > by.least and ahead.p < LEVEL
+    return ahead.gain > SHAPELY * by.least and ahead.p < LEVEL
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:

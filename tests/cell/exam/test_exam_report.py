@@ -1,6 +1,5 @@
 """The report of an exam: what the ledger holds, in words that a technician reads."""
 
-import hashlib
 import json
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.exam.case import Case
+from cell.exam.cases import answer_key
 from cell.exam.cases.answer_key import KEYS, case_hash
 from cell.exam.cases.drawn import DRAWN, load_or_draw
 from cell.exam.report.page import markdown, write_report
@@ -173,22 +173,27 @@ def test_a_folder_of_another_exam_is_refused(kept: Path) -> None:
         load_or_draw(kept, "state", 2, 8)
 
 
-def test_repeats_make_another_exam_and_leave_the_digest_of_cases_made_once(kept: Path) -> None:
+def test_repeats_make_another_exam(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match="holds another exam"):
         load_or_draw(kept, "state", 2, 7, repeats=2)
     with pytest.raises(ConfigurationError, match="--repeats"):
         load_or_draw(kept, "images", 2, 7, repeats=2)
+
+
+def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(kept: Path) -> None:
+    with pytest.raises(ConfigurationError, match="holds another exam"):
+        load_or_draw(kept, "state", 2, 7, kind="single")
+    with pytest.raises(ConfigurationError, match="--tier images"):
+        load_or_draw(kept, "state", 2, 7, kind="outside")
+
+
+def test_the_digest_of_a_case_tells_what_runs_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
     once = entries()[0].case
-    said = once.model_dump(mode="json")
-    del said["repeats"], said["motions"]
-    assert (
-        case_hash(once)
-        == hashlib.sha256(
-            json.dumps(said, separators=(",", ":"), ensure_ascii=False).encode()
-        ).hexdigest()[:16]
-    )
+    before = case_hash(once)
     for other in ({"repeats": 2}, {"motions": "by_hand"}):
-        assert case_hash(once.model_copy(update=other)) != case_hash(once)
+        assert case_hash(once.model_copy(update=other)) != before
+    monkeypatch.setattr(answer_key, "MOTIONS", ("normal", "fast"))
+    assert case_hash(once) != before
 
 
 def test_an_exam_that_is_finished_is_only_reported(

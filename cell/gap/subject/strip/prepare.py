@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.subject.strip.bias import common_errors, half
+from cell.gap.subject.strip.bias import DAMPING, common_errors, half
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.simulation import FINE, HashedPath, Job, SimulatedMotion, Simulation
-from cell.gap.subject.subject import Residuals, Run, Words
+from cell.gap.subject.subject import Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -108,14 +108,22 @@ def _run(
     samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
     content = replace(fold, finer=frozen(finer), slopes=slopes)
     local = tuple(e.parameter for e, _ in responses)
-    halves = _halves(run.measured, samples.t, model.mechanics.length)
-    common = common_errors(samples, halves) if run.measured.seen else {}
+    common = _common(run.measured, samples, model.mechanics.length, slopes)
     return Run(run.name, run.condition, samples, local, content, fold.index, common)
 
 
-def _halves(run: Measured, t: Array, length: float) -> Words:
-    """Whether the gripper is before or past the middle of the strip at times `t` (n,) [s]."""
-    return np.array([half(x, length) for x in np.interp(t, run.t, run.poses[:, 0])])
+def _common(
+    run: Measured, samples: Samples, length: float, slopes: Mapping[str, Array]
+) -> dict[str, Array]:
+    """What is wrong alike in all runs, in units of one sigma: of runs that a camera saw."""
+    if not run.seen:
+        return {}
+    x = np.interp(samples.t, run.t, run.poses[:, 0])
+    halves = np.array([half(place, length) for place in x])
+    found = common_errors(samples, halves)
+    if "damping" in slopes:
+        found["damping"] = frozen(DAMPING * slopes["damping"])
+    return found
 
 
 def corrected(

@@ -26,7 +26,7 @@ def base(runs: Path, seed: int = 3) -> Request:
 
 def test_runs_count_on_from_the_first_and_have_their_own_speeds(tmp_path: Path) -> None:
     wanted = standard_requests(base(tmp_path))
-    assert len(wanted) == len(STANDARD) + 1
+    assert len(wanted) == len(STANDARD) + 2
     assert [r.choice.index for r in wanted] == list(range(len(wanted)))
     assert [r.choice.seed for r in wanted] == [3 + i for i in range(len(wanted))]
     assert {r.policy: r.speed for r in wanted}["motion:slow-low"] == 0.05
@@ -55,7 +55,7 @@ def test_the_command_says_what_it_would_do(tmp_path: Path) -> None:
     command += ["--runs", str(tmp_path / "runs")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
-    assert len(lines) == len(STANDARD) + 1
+    assert len(lines) == len(STANDARD) + 2
     assert lines[0].split()[1] == lines[-1].split()[1] == "normal"
     assert not (tmp_path / "runs").exists()
 

@@ -1,0 +1,31 @@
+"""Fingers out of which the strip slides slowly."""
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause, Sizes
+from drivers.types import Array
+
+
+class CreepingGrip(Cause):
+    """The edge leaves the fingers by `rate` [m/s] from the grasp on, along what they hold.
+
+    Source: assumed; a soft fabric between smooth fingers whose force fades.
+    """
+
+    amount: ClassVar[str] = "rate"
+    sizes: ClassVar[Sizes] = {"medium": {"rate": 0.0007}, "strong": {"rate": 0.0012}}
+
+    rate: float = Field(ge=0, le=0.01)
+
+    def moved(self, pose: Array, time: float) -> Array:
+        """True pose (3,) of the edge that is held at `pose` (3,)."""
+        if self.rate == 0:
+            return pose
+        slid = self.rate * time
+        return np.asarray(pose - slid * np.array([np.cos(pose[2]), np.sin(pose[2]), 0.0]))
+
+
+CAUSE = CreepingGrip

@@ -1,0 +1,46 @@
+"""A spot on the desk that holds what lies on it."""
+
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+from pydantic import Field
+
+from cell.exam.causes.cause import Cause, Sizes
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+
+
+class StickyPatch(Cause):
+    """A pull of `pressure` [N/m^2] towards the desk on what is within `reach` of the patch.
+
+    The patch lies about the share `position` of the strip's length, `size` [m] long. Source:
+    assumed; what is left of adhesive tape on a desk peels at 0.1 to 1 N per metre of width.
+    """
+
+    amount: ClassVar[str] = "pressure"
+    sizes: ClassVar[Sizes] = {"medium": {"pressure": 50.0}, "strong": {"pressure": 300.0}}
+
+    pressure: float = Field(ge=0, le=1000)
+    position: float = Field(0.65, gt=0, lt=1)
+    size: float = Field(0.1, gt=0, le=0.5)
+    reach: float = Field(0.004, gt=0, le=0.02)  # m
+
+    def begin(self, parts: Parts, rng: np.random.Generator) -> ForceFunction | None:  # noqa: ARG002
+        """The pull on the links above the patch."""
+        if self.pressure == 0:
+            return None
+        lumps, joints = parts.lumps, parts.joints
+        force = self.pressure * parts.model.mechanics.width * lumps.spans * lumps.scale
+        middle = self.position * float(lumps.spans.sum())
+
+        def act(_: mujoco.MjModel, data: mujoco.MjData, __: float, ___: float) -> None:
+            nodes = joints.nodes(data.qpos)
+            x, z = (0.5 * (nodes[1:, i] + nodes[:-1, i]) for i in range(2))
+            near = np.clip(1.0 - np.maximum(z, 0.0) / self.reach, 0.0, 1.0)
+            held = force * near * (np.abs(x - middle) < self.size / 2)
+            data.xfrc_applied[1:-2, 2] -= held
+
+        return act
+
+
+CAUSE = StickyPatch
