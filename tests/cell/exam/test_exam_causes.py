@@ -156,6 +156,34 @@ def test_cling_keeps_more_of_the_strip_on_the_desk(bare: StripMotion) -> None:
     assert (held.contact_x[270:last] - bare.contact_x[270:last]).mean() > 5e-4
 
 
+def test_a_sticky_patch_holds_what_lies_on_it_while_it_is_peeled(bare: StripMotion) -> None:
+    patch = cause_of("sticky_patch", {"pressure": 200.0, "position": 0.7, "size": 0.06})
+    held = moved(Specimen(LINKS, [patch], 5), described())
+    last = min(len(held.t), len(bare.t)) - 30
+    later = held.contact_x[:last] - bare.contact_x[:last]
+    on, before = (np.abs(bare.contact_x[:last] - 0.7 * LENGTH) < 0.03,
+                  bare.contact_x[:last] > 0.78 * LENGTH)  # fmt: skip
+    assert later[on].mean() > 0.002
+    assert np.abs(later[before]).max() < 1e-4
+
+
+def test_a_caught_thread_pulls_the_strip_back_until_it_tears() -> None:
+    weak, firm = (cause_of("caught_thread", {"strength": s}) for s in (0.002, 1.0))
+    bare, torn, tied = (lifted(*some, seconds=4.5) for some in ((), (weak,), (firm,)))
+    middle = round(0.7 * LINKS)
+    assert tied[middle, 0] - bare[middle, 0] > 0.005
+    assert np.abs(torn - bare).max() < 0.2 * np.abs(tied - bare).max()
+
+
+def test_a_creeping_grip_lets_the_edge_leave_the_fingers_along_the_strip() -> None:
+    creeping = cause_of("creeping_grip", {"rate": 0.001})
+    held = np.array([0.5, 0.1, 0.6])
+    gone = held - creeping.moved(held, 4.0)
+    assert np.hypot(*gone[:2]) == pytest.approx(0.004)
+    assert np.arctan2(gone[1], gone[0]) == pytest.approx(0.6)
+    assert np.array_equal(creeping.moved(held, 0.0), held)
+
+
 def test_specimen_changes_from_run_to_run_but_not_in_the_first() -> None:
     fresh = lifted(index=0)
     softened = cause_of("softening", {"loss": 0.92})

@@ -9,6 +9,7 @@ import pytest
 from cell.gap.diagnosis.steadier import steadier
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.scatter import with_own_scatter, with_scatter
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import run_one
 from cell.gap.report.repeats import remedies
@@ -67,6 +68,40 @@ def test_what_the_runs_refute_is_switched_off() -> None:
 def test_a_constant_error_of_all_runs_is_no_scatter() -> None:
     constant: Law = lambda t, s, i: 0.3 * ripple(t)  # noqa: E731
     assert spreads(estimate(Scattering(constant, 0.0))) == ()
+
+
+class Alike(Scattering):
+    """Each run may hold, beside its ripple, one that looks much like it and is not common."""
+
+    def __init__(self, spread: float, seed: int) -> None:
+        super().__init__(nothing, spread, seed)
+        echo = Parameter("echo", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True)
+        self.runs[:] = [replace(run, local=(echo, *run.local)) for run in self.runs]
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        own = [replace(q, run=replace(q.run, local=q.run.local[1:]), local=q.local[1:])
+               for q in requests]  # fmt: skip
+        found = super().simulate(own)
+        t = np.linspace(0.0, 1.0, 60)
+        for q, residuals in zip(requests, found, strict=True):
+            residuals.mean[:] -= q.local[0] * np.cos(13.0 * t + 0.02)
+        return found
+
+
+def test_what_commonly_scatters_is_not_taken_for_what_looks_like_it() -> None:
+    for seed in range(6):
+        assert [s.name for s in spreads(estimate(Alike(0.15, seed)))] == ["ripple"]
+
+
+def test_a_fit_is_made_again_only_where_its_scatter_was_another() -> None:
+    subject = Scattering(nothing, 0.2)
+    whole, fit = evidence(subject.runs), estimate(subject)
+    found = spreads(fit)
+    again = with_own_scatter(subject.simulate, with_scatter(fit, (), whole), found, whole)
+    assert {p.name: p.spread for run in again.evidence.runs for p in run.local if p.random} == {
+        "ripple": found[0].value
+    }
+    assert with_own_scatter(subject.simulate, again, found, whole) is again
 
 
 def test_scatter_alone_is_no_gap() -> None:
