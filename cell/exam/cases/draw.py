@@ -1,7 +1,7 @@
 """Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
 
 from collections.abc import Callable
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from cell.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Val
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
 from cell.exam.runs.by_hand import ways_by_hand
-from cell.exam.runs.from_model import BY, MOTIONS
+from cell.exam.runs.from_model import BY, MOTIONS, based
 from cell.exam.runs.through_images import refusal
 from cell.record.header import Sigma
 from drivers.errors import Fault
@@ -129,7 +129,7 @@ def _showing(
     for strip in [case.strip, *others]:
         for _ in range(PLACED):
             path = _path(effect, find_configs(None).strip(strip), rng)
-            share = _ruler(strip, case.tier).share(path, target)
+            share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
             if share is not None:
                 return strip, path.at(share)
     return None
@@ -165,7 +165,7 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
 
 
 def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
-    """`count` effects, each of strength `level` for itself on the case's strip as stated.
+    """`count` effects, each of strength `level` for itself on the plant of the case.
 
     Raises Fault where no effect of that strip can be that strong.
     """
@@ -183,28 +183,30 @@ def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> 
 
 
 def _ruler_of(case: Case) -> Ruler:
-    """The ruler of the case's strip as its file states it, on the motions that are made."""
-    if case.motions == "standard":
-        return _ruler(case.strip, case.tier)
-    return _ruler_by_hand(case.strip, case.seed)
+    """The ruler of the case's plant without effects, on the motions that are made.
+
+    A slip begins at a threshold: on a strip only a little softer than the plant none might show.
+    """
+    return _ruler(case.strip, case.stiffness, case.damping, case.tier, _hand(case))
 
 
-@lru_cache(maxsize=1)
-def _ruler_by_hand(name: str, seed: int) -> Ruler:
-    """The same on motions by hand."""
-    strip = find_configs(None).strip(name)
-    ways = ways_by_hand(strip.length, seed, len(MOTIONS))
-    return Ruler.along(strip, ways, Sigma.model_validate(BY.sigma()))
+def _hand(case: Case) -> int | None:
+    """The seed of a case that is moved by hand."""
+    return case.seed if case.motions == "by_hand" else None
 
 
-@cache
-def _ruler(strip: str, tier: Tier) -> Ruler:
-    """The same on the standard motions of a tier."""
+@lru_cache(maxsize=2)
+def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
+    """The same by what it depends on."""
     configs = find_configs(None)
-    if tier == "state":
-        return Ruler.standard(configs.strip(strip), MOTIONS, Sigma.model_validate(BY.sigma()))
-    sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
-    return Ruler.standard(configs.strip(strip), standard_order(np.random.default_rng(0)), sigma)
+    plant = based(configs.strip(name), stiffness, damping)
+    if tier == "images":
+        sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
+        return Ruler.standard(plant, standard_order(np.random.default_rng(0)), sigma)
+    sigma = Sigma.model_validate(BY.sigma())
+    if hand is None:
+        return Ruler.standard(plant, MOTIONS, sigma)
+    return Ruler.along(plant, ways_by_hand(plant.length, hand, len(MOTIONS)), sigma)
 
 
 def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:

@@ -40,11 +40,15 @@ class Made(NamedTuple):
 
 def plant_of(case: Case) -> StripFile:
     """The strip that really lies on the desk, its hidden effects aside."""
-    strip = find_configs(None).strip(case.strip)
+    return based(find_configs(None).strip(case.strip), case.stiffness, case.damping)
+
+
+def based(strip: StripFile, stiffness: float, damping: float) -> StripFile:
+    """The strip with its bending length and retardation time times these factors."""
     return strip.model_copy(
         update={
-            "bending_length": case.stiffness * strip.bending_length,
-            "retardation_time": case.damping * strip.retardation_time,
+            "bending_length": stiffness * strip.bending_length,
+            "retardation_time": damping * strip.retardation_time,
         }
     )
 

@@ -44,6 +44,11 @@ class Spread:
     high: float
     gain: float
 
+    @property
+    def error(self) -> float:
+        """Standard error of the logarithm of the spread."""
+        return float(np.log(self.high / self.low)) / (2.0 * 1.96)
+
 
 @dataclass(frozen=True, slots=True)
 class _Marginal:

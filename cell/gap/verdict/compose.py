@@ -1,11 +1,16 @@
 """The verdict as it is written: from findings to the document of `verdict`."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import common_errors
 from cell.gap.fitting.crossvalidation import Validated
+from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
 from cell.gap.fitting.gauss_newton import Estimate
+from cell.gap.fitting.spreads import Spread
 from cell.gap.selection.likelihood import holm, margin
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.decide import confidence, kind, unexplained
@@ -46,24 +51,28 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     )
 
 
-def intervals(estimate: Estimate, inefficiency: float) -> dict[str, list[Measured]]:
+def intervals(
+    estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]
+) -> dict[str, list[Measured]]:
     """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
 
-    They hold noise, what differs from run to run, and what measuring errs by in all runs alike.
+    They hold noise, what differs from run to run, and what measuring errs by in all runs alike;
+    they are wider where few runs tell how much they differ.
     """
     spread = np.sqrt(np.diag(common_errors.covariance(estimate, inefficiency)))
+    reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
     model = estimate.model
     owners = ["base"] * len(model.base)
     owners += [e.name for e in model.effects for _ in e.parameters]
     found: dict[str, list[Measured]] = {name: [] for name in owners}
-    rows = zip(owners, model.parameters, estimate.shared, spread, strict=False)
-    for owner, parameter, value, sigma in rows:
-        found[owner].append(_interval(parameter, float(value), float(sigma)))
+    rows = zip(owners, model.parameters, estimate.shared, reach * spread, strict=False)
+    for owner, parameter, value, half in rows:
+        found[owner].append(_interval(parameter, float(value), float(half)))
     return found
 
 
-def _interval(p: Parameter, value: float, sigma: float) -> Measured:
-    ends = [max(p.low, value - 1.96 * sigma), min(p.high, value + 1.96 * sigma)]
+def _interval(p: Parameter, value: float, half: float) -> Measured:
+    ends = [max(p.low, value - half), min(p.high, value + half)]
     shown = sorted(p.shown(v) for v in ends)
     low, high = (v if np.isfinite(v) else None for v in shown)
     middle = p.shown(value)
@@ -74,8 +83,12 @@ def _measured(candidate: Candidate, values: list[Measured]) -> dict[str, Measure
     return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
+def _sized(found: Findings) -> dict[str, list[Measured]]:
+    return intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
+
+
 def _named(found: Findings) -> list[NamedEffect]:
-    values = intervals(found.judged.sized, found.by.inefficiency)
+    values = _sized(found)
     sure = confidence(found)
     return [
         NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
@@ -85,7 +98,7 @@ def _named(found: Findings) -> list[NamedEffect]:
 
 def _base(found: Findings) -> dict[str, Interval]:
     best = found.judged.sized
-    values = intervals(best, found.by.inefficiency)["base"]
+    values = _sized(found)["base"]
     return {
         p.name: Interval(value=v.value, low=v.low, high=v.high)
         for p, v in zip(best.model.base, values, strict=True)
@@ -140,7 +153,7 @@ def _compared(
 ) -> Compared:
     by = found.by
     ahead = margin(model, base, by)
-    values = intervals(model.estimate, by.inefficiency)
+    values = intervals(model.estimate, by.inefficiency, found.judged.scatter)
     several = len(model.model.effects) > 1
     parameters = {}
     for e in model.model.effects:

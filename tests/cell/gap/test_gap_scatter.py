@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.steadier import steadier
+from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.scatter import with_own_scatter, with_scatter
@@ -23,12 +24,15 @@ USUAL = 0.1
 class Scattering(Curves):
     """Curves each of which holds a wave of its own, of a size drawn anew in each run."""
 
-    def __init__(self, law: Law, spread: float, seed: int = 0, repeats: int = 3, **more) -> None:
+    def __init__(
+        self, law: Law, spread: float, seed: int = 0, repeats: int = 3, shape=None, **more
+    ) -> None:
         drawn = np.random.default_rng([seed, 5]).normal(0.0, spread, 99)
-        self.drawn = drawn
+        self.drawn, self.shape = drawn, shape or ripple
         super().__init__(
-            lambda t, s, i: law(t, s, i) + drawn[i] * ripple(t), seed=seed, repeats=repeats, **more
-        )
+            lambda t, s, i: law(t, s, i) + drawn[i] * self.shape(t),
+            seed=seed, repeats=repeats, **more,
+        )  # fmt: skip
         own = Parameter("ripple", "m", 0.0, -1.0, 1.0, 1e-3, USUAL, random=True, common=True)
         self.runs[:] = [replace(run, local=(*run.local, own)) for run in self.runs]
 
@@ -37,7 +41,7 @@ class Scattering(Curves):
         for q, residuals in zip(requests, found, strict=True):
             for p, value in zip(q.run.local, q.local, strict=True):
                 if p.random:
-                    residuals.mean[:] -= value * ripple(np.linspace(0.0, 1.0, 60))
+                    residuals.mean[:] -= value * self.shape(np.linspace(0.0, 1.0, 60))
         return found
 
 
@@ -102,6 +106,15 @@ def test_a_fit_is_made_again_only_where_its_scatter_was_another() -> None:
         "ripple": found[0].value
     }
     assert with_own_scatter(subject.simulate, again, found, whole) is again
+
+
+def test_few_runs_that_differ_make_a_wider_interval_and_noise_alone_does_not() -> None:
+    slope = 1
+    tilts = [Scattering(nothing, s, noise=1e-3, shape=lambda t: t) for s in (0.0, 0.2)]
+    alike, differing = (estimate(subject) for subject in tilts)
+    assert degrees_of_freedom(alike, 1.0, spreads(alike))[slope] > 1e3
+    few = degrees_of_freedom(differing, 1.0, spreads(differing))[slope]
+    assert 5.0 <= few < 2.0 * len(differing.residuals)
 
 
 def test_scatter_alone_is_no_gap() -> None:

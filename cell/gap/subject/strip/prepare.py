@@ -10,8 +10,8 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import FINE, HashedPath, Job, SimulatedMotion, Simulation
-from cell.gap.subject.subject import Residuals, Run, Samples
+from cell.gap.subject.strip.simulation import FINE, HashedPath, Job, Simulation
+from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -75,73 +75,81 @@ def prepared(
     """
     folds = [_fold(run.measured, strip, floors) for run in runs]
     nominal = [f.drive(describe(strip, index=f.index)) for f in folds]
+    about = surroundings(folds, nominal, coarse, Simulation(FINE, jobs), scatter)
+    local = tuple(e.parameter for e in scatter)
+    return [
+        _run(run, fold, here, local)
+        for run, fold, here in zip(runs, folds, about, strict=True)
+        if len(fold.comparison.layout.samples)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """Of one run, per sample (n,): what a `finer` rod shows otherwise of a model, and the `slopes`
+    about it by quantity; `length` [m] of the strip.
+    """
+
+    finer: Array
+    slopes: Mapping[str, Array]
+    length: float
+
+
+def surroundings(
+    folds: Sequence[Fold],
+    drives: Sequence[Job],
+    coarse: Simulation,
+    fine: Simulation,
+    scatter: Sequence[RunEffect],
+) -> list[Surroundings]:
+    """The surroundings of each of `drives`, the models of which go through `folds`."""
     moved = [f.drive(e.changed(job.model, e.step))
-             for f, job in zip(folds, nominal, strict=True) for e in scatter]  # fmt: skip
-    shown = coarse([*nominal, *moved])
-    fine = Simulation(FINE, jobs)(nominal)
+             for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
+    shown, exact = coarse([*drives, *moved]), fine(drives)
     found = []
-    for i, (run, fold, job) in enumerate(zip(runs, folds, nominal, strict=True)):
-        if not len(fold.comparison.layout.samples):
-            continue
-        first = len(folds) + i * len(scatter)
-        responses = [
-            (e, fold.comparison(moved[k - len(folds)].model, shown[k]).mean)
-            for k, e in enumerate(scatter, start=first)
-        ]
-        found.append(_run(run, fold, job.model, (shown[i], fine[i]), responses))
+    for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
+        limit = MOST * fold.comparison.layout.samples.floor
+        rough = fold.comparison(job.model, shown[i]).mean
+        finer = _within(rough - fold.comparison(job.model, exact[i]).mean, limit)
+        slopes = {}
+        for k, e in enumerate(scatter, start=i * len(scatter)):
+            there = fold.comparison(moved[k].model, shown[len(folds) + k]).mean
+            slopes[e.name] = frozen(_within(there - rough, limit) / e.step)
+        found.append(Surroundings(frozen(finer), slopes, job.model.mechanics.length))
     return found
 
 
-def _run(
-    run: MeasuredRun,
-    fold: Fold,
-    model: StripModel,
-    shown: tuple[SimulatedMotion | None, SimulatedMotion | None],
-    responses: Sequence[tuple[RunEffect, Array]],
-) -> Run:
-    """A run with its slopes, from motions of the coarse and the fine rod."""
+def _run(run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]) -> Run:
+    """A run as the engine takes it, with its surroundings at the stated strip."""
     samples = fold.comparison.layout.samples
-    rough, exact = (fold.comparison(model, motion).mean for motion in shown)
-    limit = MOST * samples.floor
-    finer = _within(rough - exact, limit)
-    slopes = {e.name: frozen(_within(moved - rough, limit) / e.step) for e, moved in responses}
-    samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * finer))
-    content = replace(fold, finer=frozen(finer), slopes=slopes)
-    local = tuple(e.parameter for e, _ in responses)
-    common = _common(run.measured, samples, model.mechanics.length, slopes)
+    samples = replace(samples, floor=np.hypot(samples.floor, TRUSTED * about.finer))
+    content = replace(fold, finer=about.finer, slopes=about.slopes)
+    common = _common(run.measured, samples, about)
     return Run(run.name, run.condition, samples, local, content, fold.index, common)
 
 
-def _common(
-    run: Measured, samples: Samples, length: float, slopes: Mapping[str, Array]
-) -> dict[str, Array]:
+def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, Array]:
     """What is wrong alike in all runs, in units of one sigma: of runs that a camera saw."""
     if not run.seen:
         return {}
     x = np.interp(samples.t, run.t, run.poses[:, 0])
-    halves = np.array([half(place, length) for place in x])
+    halves = np.array([half(place, about.length) for place in x])
     found = common_errors(samples, halves)
-    if "damping" in slopes:
-        found["damping"] = frozen(DAMPING * slopes["damping"])
+    if "damping" in about.slopes:
+        found["damping"] = frozen(DAMPING * about.slopes["damping"])
     return found
 
 
-def corrected(
-    run: Run,
-    fold: Fold,
-    model: StripModel,
-    rough: SimulatedMotion | None,
-    exact: SimulatedMotion | None,
-) -> Run:
-    """The run with what a finer rod shows otherwise of this model, and a floor that allows for it:
-    a strip that is less damped than stated swings on, where grains differ.
+def corrected(run: Run, fold: Fold, about: Surroundings) -> Run:
+    """The run in other surroundings, and with a floor that allows for what a finer rod shows: a
+    strip that is less damped than stated swings on, where grains differ.
     """
     bare = fold.comparison.layout.samples.floor
-    means = [fold.comparison(model, shown).mean for shown in (rough, exact)]
-    finer = _within(means[0] - means[1], MOST * bare)
-    floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * finer))
-    content = replace(fold, finer=frozen(finer))
-    return replace(run, samples=replace(run.samples, floor=floor), content=content)
+    floor = np.maximum(run.samples.floor, np.hypot(bare, TRUSTED * about.finer))
+    samples = replace(run.samples, floor=floor)
+    content = replace(fold, finer=about.finer, slopes=about.slopes)
+    common = _common(fold.comparison.run, samples, about)
+    return replace(run, samples=samples, content=content, common=common)
 
 
 def _within(change: Array, limit: Array) -> Array:

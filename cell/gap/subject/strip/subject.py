@@ -14,7 +14,7 @@ from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patched
-from cell.gap.subject.strip.prepare import Fold, corrected, prepared
+from cell.gap.subject.strip.prepare import Fold, corrected, prepared, surroundings
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
@@ -66,7 +66,7 @@ class Strip:
         self._floors = floors or Floors()
         self._scope = scope(strip, self._floors, _lifted(self._measured), without)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
-        self._jobs = jobs
+        self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
         self._described = lru_cache(DESCRIBED)(self._describe)
@@ -132,13 +132,13 @@ class Strip:
         ]
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
-        """The runs, with what a finer rod shows otherwise at these values."""
+        """The runs, with what a finer rod shows otherwise at these values, and slopes there."""
         folds, drives = self._driven(requests)
         fine = Simulation(FINE, self._jobs)
-        shown = zip(self._simulation(drives), fine(drives), strict=True)
+        about = surroundings(folds, drives, self._simulation, fine, self._scatter)
         return [
-            corrected(request.run, fold, drive.model, *pair)
-            for request, fold, drive, pair in zip(requests, folds, drives, shown, strict=True)
+            corrected(request.run, fold, here)
+            for request, fold, here in zip(requests, folds, about, strict=True)
         ]
 
     def experiments(self) -> Sequence[Experiment]:
