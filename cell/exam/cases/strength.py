@@ -61,7 +61,7 @@ class Path:
 
 
 class Ruler:
-    """Gaps that effects leave on the motions of `made`, runs of a strip as its file states it, in
+    """Gaps that effects leave on the motions of `made`, runs of a plant without effects, in
     the model's own eyes.
     """
 

@@ -81,8 +81,8 @@ class Judged:
     without the run that went `astray` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
-    these, from which sizes are told. `phases` tests each of several
-    effects by the parts of a motion: by rate, height, direction and time. `places` are where the
+    these, from which sizes are told. `phases` tests each of several effects by the parts of a
+    motion: by rate, height, direction and time. `places` are where the
     accepted effects show in what the base leaves, none without any. `law` describes what is left,
     where anything is told of that.
     """

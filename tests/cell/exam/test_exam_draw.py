@@ -2,9 +2,10 @@
 
 import pytest
 
+from cell.exam.case import STRENGTHS
 from cell.exam.cases.draw import cases
 from cell.exam.cases.strength import Ruler
-from cell.exam.runs.from_model import BY, MOTIONS
+from cell.exam.runs.from_model import BY, MOTIONS, plant_of
 from cell.record.header import Sigma
 from tests.support.gap_strip_cases import denim
 
@@ -28,6 +29,15 @@ def test_effects_that_differ_keep_what_they_leave(ruler: Ruler) -> None:
     beside = ruler.beside(both)
     assert beside.min() > 1.0
     assert (beside <= 1.1 * ruler.excess([{k: v} for k, v in both.items()])).all()
+
+
+def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> None:
+    (weak, medium) = cases("state", 2, 5, "single")
+    sigma = Sigma.model_validate(BY.sigma())
+    for case, target in ((weak, STRENGTHS["weak"]), (medium, STRENGTHS["medium"])):
+        assert case.motions == "standard"
+        plant = Ruler.standard(plant_of(case), MOTIONS, sigma)
+        assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
 
 
 def test_the_same_seed_draws_the_same_cases() -> None:

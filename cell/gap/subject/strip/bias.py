@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array, frozen
 
-EDGE = 1.15e-4  # m by which the near edge is seen too far out: the profile, all of it alike
+EDGE = 1.15e-4  # m by which the near edge is seen too far out, which moves the whole profile
 BIASES: Mapping[str, float] = MappingProxyType(
     {
         "profile": 4e-5,
@@ -23,9 +23,9 @@ benchmarks, ten strips on the twin; of the profile beside EDGE, of the touch's p
 the displacement, as l1 and l2 err alike.
 """
 DAMPING = 0.028
-"""Share by which a fit through images is off in damping beyond noise: eight cases of the exam where
-runs do not differ. Of that 0.021 is between two engines that simulate the same strip
-(`measure_damping` of the benchmarks).
+"""Share by which the damping of a fit through images is off beyond noise, one sigma: eight cases of
+earlier exams in which runs do not differ. Of that 0.021 is between two engines that simulate the
+same strip (`measure_damping` of the benchmarks).
 """
 HALVES = ("before", "past")
 
@@ -36,7 +36,8 @@ def half(x: float, length: float) -> str:
 
 
 def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
-    """Residuals (n,) [SI] that one sigma of each error makes, in `halves` (n,) of the run.
+    """Residuals (n,) [m, s] that one sigma of each error makes, by name; `halves` (n,) tells for
+    each sample whether the gripper is before or past the middle.
 
     What is lifted shows its near edge on the other side once the gripper is past the middle.
     """
