@@ -24,8 +24,8 @@ the displacement, as l1 and l2 err alike.
 """
 DAMPING = 0.028
 """Share by which the damping of a fit through images is off beyond noise, one sigma: eight cases of
-earlier exams in which runs do not differ. Of that 0.021 is between two engines that simulate the
-same strip (`measure_damping` of the benchmarks).
+earlier exams in which runs do not differ. Two engines that simulate the same strip without noise
+differ by as much or more (`measure_damping` of the benchmarks).
 """
 HALVES = ("before", "past")
 
