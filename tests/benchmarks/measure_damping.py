@@ -25,7 +25,7 @@ from policies.registry import MOTION
 from policies.standard import STANDARD, standard_order
 
 LINKS = 200
-STRIPS = ("denim", "trouser-twill", "rib-knit", "interlock")
+STRIPS = ("denim", "trouser-twill", "rib-knit", "interlock", "tablecloth")
 
 
 class Quiet(np.random.Generator):
