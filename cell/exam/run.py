@@ -6,17 +6,12 @@ from tempfile import TemporaryDirectory
 
 from cell.exam.case import Case
 from cell.exam.cases.answer_key import seal, sources
+from cell.exam.progress import Progress, quiet
 from cell.exam.run_case import Examined, Maker, Steps, failed, made_by_tier
 from cell.exam.scoring.results import Entry, Ledger
 from cell.parallel import Refusal, run
 
 LEDGER = "ledger.jsonl"
-Progress = Callable[[int, int, str], None]
-"""Called with how many cases are done, of how many, and what came of the last one."""
-
-
-def quiet(done: int, total: int, said: str) -> None:
-    """Progress that nobody watches."""
 
 
 def run_exam(

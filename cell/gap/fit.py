@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
 from cell.gap.report.page import write_report
@@ -25,7 +27,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "22"  # of the engine: another one starts anew
+VERSION = "23"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:
@@ -56,8 +58,9 @@ def fit(
     key = _key(file, found_runs, [*hold_out, *without])
     _make(out)
     tape = SimulationCache(subject.simulate, out / ".rounds" / key)
-    held = hold.held_out(subject, tape, hold_out)
-    found = investigate(subject, held, tape, progress)
+    with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
+        held = hold.held_out(subject, tape, hold_out)
+        found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)
     verdict = verdict.model_copy(update={"notes": list(subject.notes)})
     progress("write", 0.97)

@@ -9,6 +9,7 @@ from cell.config.places import find_configs
 from cell.exam.case import STRENGTHS, Case, Kind, Scattered, Strength, Tier, Values
 from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
+from cell.exam.progress import Progress, quiet
 from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.from_model import BY, MOTIONS, based
 from cell.exam.runs.through_images import refusal
@@ -40,10 +41,12 @@ OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
-def cases(tier: Tier, count: int, seed: int, only: Kind | None = None) -> list[Case]:
+def cases(
+    tier: Tier, count: int, seed: int, only: Kind | None = None, progress: Progress = quiet
+) -> list[Case]:
     """`count` cases, of one kind `only` or of all in their shares; the same for the same seed.
 
-    Raises Fault where none can be that strong.
+    `progress` is told of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
     number = dict.fromkeys(kinds, 0)
@@ -53,6 +56,8 @@ def cases(tier: Tier, count: int, seed: int, only: Kind | None = None) -> list[C
         level = _scattered(number[kind])
         found.append(case.model_copy(update={"scatter": level}))
         number[kind] += 1
+        if len(found) * 10 // count > i * 10 // count:
+            progress(len(found), count, "cases drawn")
     return found
 
 

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 
 from cell.exam.case import Case, Kind, Tier
 from cell.exam.cases.answer_key import KEYS
+from cell.exam.progress import Progress, quiet
 from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
 
@@ -21,6 +22,7 @@ def load_or_draw(
     seed: int,
     repeats: int = 1,
     kind: Kind | None = None,
+    progress: Progress = quiet,
 ) -> tuple[Case, ...]:
     """The cases of a tier: those that `folder` holds for the same request, else drawn now.
 
@@ -42,7 +44,7 @@ def load_or_draw(
         from cell.exam.cases.draw import cases
 
         of: Tier = "images" if tier == "images" else "state"
-        drawn = cases(of, wanted, seed, kind)
+        drawn = cases(of, wanted, seed, kind, progress)
         found = tuple(c.model_copy(update={"repeats": repeats}) for c in drawn)
         _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
         return found

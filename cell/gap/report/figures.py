@@ -26,7 +26,7 @@ def svg(figure: Figure) -> str:
     """The figure as SVG that takes ink, paper and type from the page around it."""
     text = io.StringIO()
     with mpl.rc_context(STYLE | {"svg.hashsalt": "gap"}):
-        figure.savefig(text, format="svg", metadata={"Date": None}, bbox_inches="tight")
+        figure.savefig(text, format="svg", metadata={"Date": None})
     width = figure.get_size_inches()[0] * 72
     return f"<div style='max-width:{width:.0f}pt'>{page_svg(text.getvalue())}</div>"
 

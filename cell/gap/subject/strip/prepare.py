@@ -10,11 +10,10 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import FINE, HashedPath, Job, Simulation
+from cell.gap.subject.strip.simulation import FINE, HashedModel, HashedPath, Job, Simulation
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.model import StripModel
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 
@@ -44,14 +43,11 @@ class Fold:
     finer: Array
     slopes: Mapping[str, Array]
 
-    def drive(self, model: StripModel) -> Job:
-        """What is simulated of this fold with `model`."""
-        height = self.comparison.run.contact_height
-        observation = replace(model.observation, contact_height=height)
-        rubs = model.mechanics.law.yield_curvature > 0.0
-        return Job.of(
-            replace(model, observation=observation), self.lifted_path if rubs else self.way
-        )
+    def drive(self, hashed: HashedModel) -> Job:
+        """What is simulated of this fold with a model."""
+        rubs = hashed.model.mechanics.law.yield_curvature > 0.0
+        way = self.lifted_path if rubs else self.way
+        return Job.of(hashed, way, self.comparison.run.contact_height)
 
     def corrected(self, found: Residuals, run: Run, local: Array) -> Residuals:
         """Residuals as a fine rod would have them, in a run with the unknowns `local` (k,)."""
@@ -74,7 +70,7 @@ def prepared(
     `scatter` are the quantities that may differ from run to run.
     """
     folds = [_fold(run.measured, strip, floors) for run in runs]
-    nominal = [f.drive(describe(strip, index=f.index)) for f in folds]
+    nominal = [f.drive(HashedModel.of(describe(strip, index=f.index))) for f in folds]
     about = surroundings(folds, nominal, coarse, Simulation(FINE, jobs), scatter)
     local = tuple(e.parameter for e in scatter)
     return [
@@ -103,7 +99,7 @@ def surroundings(
     scatter: Sequence[RunEffect],
 ) -> list[Surroundings]:
     """The surroundings of each of `drives`, the models of which go through `folds`."""
-    moved = [f.drive(e.changed(job.model, e.step))
+    moved = [f.drive(HashedModel.of(e.changed(job.model, e.step)))
              for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
     shown, exact = coarse([*drives, *moved]), fine(drives)
     found = []

@@ -2,6 +2,7 @@
 
 import hashlib
 import pickle
+import struct
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -60,6 +61,21 @@ class HashedPath:
 
 
 @dataclass(frozen=True, slots=True)
+class HashedModel:
+    """A description with the `digest` of all but how it is looked at, for the many jobs of it."""
+
+    model: StripModel
+    digest: bytes
+
+    @classmethod
+    def of(cls, model: StripModel) -> Self:
+        """The description, hashed."""
+        blind = replace(model, observation=Observation())
+        digest = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16).digest()
+        return cls(model, digest)
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """A description along a reported gripper path; equal `key`, equal true motion."""
 
@@ -68,13 +84,11 @@ class Job:
     key: bytes
 
     @classmethod
-    def of(cls, model: StripModel, way: HashedPath) -> Self:
-        """With a hash of all that the true motion depends on: not of how it is looked at."""
-        height = model.observation.contact_height
-        blind = replace(model, observation=Observation(contact_height=height))
-        h = hashlib.blake2b(pickle.dumps(blind, protocol=5), digest_size=16)
-        h.update(way.digest)
-        return cls(model, way.path, h.digest())
+    def of(cls, hashed: HashedModel, way: HashedPath, contact_height: float) -> Self:
+        """With a hash of all that the true motion depends on; contact is seen at a height [m]."""
+        seen = replace(hashed.model.observation, contact_height=contact_height)
+        key = hashed.digest + way.digest + struct.pack("<d", contact_height)
+        return cls(replace(hashed.model, observation=seen), way.path, key)
 
 
 @dataclass(frozen=True, slots=True)

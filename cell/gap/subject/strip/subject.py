@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import groupby, islice
 from pathlib import Path
 from typing import cast
@@ -15,6 +15,7 @@ from cell.gap.subject.strip.experiments import instruction, minutes, next_index,
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.prepare import Fold, corrected, prepared, surroundings
+from cell.gap.subject.strip.replicates import replicated
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
@@ -24,17 +25,18 @@ from cell.gap.subject.strip.simulation import (
     FINE,
     ROUGH,
     SELDOM,
+    HashedModel,
     Job,
     SimulatedMotion,
     Simulation,
 )
-from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import Experiment, Parameter, Request, Residuals, Run, Scope
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
 from drivers.strip.file import StripFile
 from drivers.strip.law import with_law
-from drivers.strip.model import Observation, StripModel
+from drivers.strip.model import Observation
 
 QUANTILE = 0.02
 DESCRIBED = 256  # descriptions that are kept
@@ -69,8 +71,9 @@ class Strip:
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
-        self._described = lru_cache(DESCRIBED)(self._describe)
+        self._described = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
         self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs, scatter)
+        self._replicated = replicated(self._runs)
 
     @property
     def name(self) -> str:
@@ -158,32 +161,43 @@ class Strip:
 
     def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
         folds = [cast(Fold, request.run.content) for request in requests]
-        drives = [f.drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)]
+        drives = [
+            self._along(r, f).drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)
+        ]
         return folds, drives
 
-    def _model(self, request: Request, fold: Fold) -> StripModel:
+    def _along(self, request: Request, fold: Fold) -> Fold:
+        """The fold whose path is simulated: for a rough response the first of its replicates."""
+        return self._replicated.get(fold.way.digest, fold) if request.rough else fold
+
+    def _model(self, request: Request, fold: Fold) -> HashedModel:
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
         ages = self._ages or not AGEING.isdisjoint(request.effects)
         index = fold.index if ages else 0
         return self._described(tuple(map(float, request.base)), effects, index)
 
-    def _describe(
-        self, base: Values, effects: tuple[tuple[str, Values], ...], index: int
-    ) -> StripModel:
-        """The strip with these values of the library's base and these effects."""
-        numbers: dict[str, float] = {}
-        kept = {name: dict(values) for name, values in self.file.effects.items()}
-        for p, value in zip(self._scope.base, base, strict=True):
-            if "." in p.name:
-                effect, key = p.name.split(".")
-                kept[effect][key] = p.shown(value)
-            else:
-                numbers[p.name] = value
-        strip = self.file.model_copy(update={**numbers, "effects": kept})
-        known = [(registry()[name], values) for name, values in effects if name in registry()]
-        added = {e.name: file_values(e, values) for e, values in known}
-        model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
-        return with_law(model, {name: values[0] for name, values in effects})
+
+def _describe(
+    strip: StripFile,
+    parameters: Sequence[Parameter],
+    base: Values,
+    effects: tuple[tuple[str, Values], ...],
+    index: int,
+) -> HashedModel:
+    """The strip with these values of its base `parameters` and these effects of the library."""
+    numbers: dict[str, float] = {}
+    kept = {name: dict(values) for name, values in strip.effects.items()}
+    for p, value in zip(parameters, base, strict=True):
+        if "." in p.name:
+            effect, key = p.name.split(".")
+            kept[effect][key] = p.shown(value)
+        else:
+            numbers[p.name] = value
+    strip = strip.model_copy(update={**numbers, "effects": kept})
+    known = [(registry()[name], values) for name, values in effects if name in registry()]
+    added = {e.name: file_values(e, values) for e, values in known}
+    model = describe(strip, {k: v for k, v in added.items() if v is not None}, index)
+    return HashedModel.of(with_law(model, {name: values[0] for name, values in effects}))
 
 
 def _held_against(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Residuals:

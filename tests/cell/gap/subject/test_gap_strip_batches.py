@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cell.gap.subject.strip.scope import candidate, file_values
-from cell.gap.subject.strip.simulation import LANES, HashedPath, Job, _apart
+from cell.gap.subject.strip.simulation import LANES, HashedModel, HashedPath, Job, _apart
 from cell.gap.subject.strip.subject import AGEING
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -21,13 +21,13 @@ STRIP = load_strip(Path("configs/strips/denim.yaml"))
 def jobs(plain: int, rich: int) -> dict[bytes, Job]:
     """Motions along paths of unlike durations, those that need further terms among the others."""
     drag = {"air_drag": {"coefficient": 1.0}}
-    models = [describe(STRIP), describe(STRIP, drag)]
+    models = [HashedModel.of(describe(STRIP, known)) for known in ({}, drag)]
     which = [False] * plain + [True] * rich
     order = np.random.default_rng(1).permutation(len(which))
     found = []
     for k in order:
         way = HashedPath.of(GripperPath(np.array([0.0, 1.0 + 0.1 * k]), np.zeros((2, 3))))
-        found.append(Job.of(models[which[k]], way))
+        found.append(Job.of(models[which[k]], way, 0.001))
     return {job.key: job for job in found}
 
 

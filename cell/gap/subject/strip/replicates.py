@@ -1,0 +1,43 @@
+"""Runs that replicate another: their grippers take one path within what an arm repeats."""
+
+from collections.abc import Mapping, Sequence
+from typing import cast
+
+import numpy as np
+
+from cell.gap.subject.strip.prepare import Fold
+from cell.gap.subject.subject import Run
+from drivers.strip.rod.motions import GripperPath
+
+NEAR = np.array([5e-4, 5e-4, 0.005])  # m, m, rad between two paths; arms repeat within a fifth
+
+
+def replicated(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
+    """By the digest of a fold's path, the fold along whose path its rough responses are simulated.
+
+    What an effect changes in one of them it changes in all, to far less than a rough step errs.
+    """
+    leaders: list[Fold] = []
+    found = {}
+    folds = [cast(Fold, run.content) for run in runs]
+    for fold in sorted(folds, key=lambda f: -f.way.path.t[-1]):
+        leader = next((f for f in leaders if _same(f, fold)), fold)
+        if leader is fold:
+            leaders.append(fold)
+        found[fold.way.digest] = leader
+    return found
+
+
+def _same(longer: Fold, fold: Fold) -> bool:
+    """Whether `longer` could stand in for `fold`, which ends no later."""
+    if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
+        return False
+    first, second = longer.way.path, fold.way.path
+    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > 1e-3:
+        return False
+    return _near(first, second) and _near(longer.lifted_path.path, fold.lifted_path.path)
+
+
+def _near(longer: GripperPath, path: GripperPath) -> bool:
+    other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
+    return bool((np.abs(path.poses - other) < NEAR).all())

@@ -1,0 +1,72 @@
+"""Runs along one path share the simulations of rough responses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.simulation import Simulation
+from cell.gap.subject.strip.subject import Strip, open_strip
+from cell.gap.subject.subject import Request
+from drivers.types import Array
+from tests.support.gap_strip_cases import STRIP, folds, written
+
+NAMES = ("normal", "fast", "normal")
+YARNS = {"bending_hysteresis": np.array([8.0, 8.0, 0.5, 0.4])}
+
+
+@pytest.fixture(scope="module")
+def strip(tmp_path_factory: pytest.TempPathFactory) -> Strip:
+    root: Path = tmp_path_factory.mktemp("replicates") / "runs"
+    written(root, folds(NAMES))
+    return open_strip(STRIP, find_runs([root]))
+
+
+def responses(strip: Strip, *, rough: bool) -> list[Array]:
+    """What friction between yarns changes in each run, in noise and floors."""
+    base = np.array([p.start for p in strip.scope.base])
+    asked = [
+        Request(run, base, effects, np.zeros(len(run.local)), rough)
+        for effects in ({}, YARNS)
+        for run in strip.runs
+    ]
+    found = strip.simulate(asked)
+    count = len(strip.runs)
+    return [
+        (there.mean - here.mean) / np.hypot(run.samples.noise, run.samples.floor)
+        for here, there, run in zip(found[:count], found[count:], strip.runs, strict=True)
+    ]
+
+
+def test_a_rough_response_is_simulated_once_for_all_replicates(
+    strip: Strip, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulated: list[bytes] = []
+    whole = Simulation._simulated
+
+    def counted(self: Simulation, wanted):  # type: ignore[no-untyped-def]
+        simulated.extend(wanted)
+        return whole(self, wanted)
+
+    monkeypatch.setattr(Simulation, "_simulated", counted)
+    responses(strip, rough=True)
+    assert len(simulated) == 2 * len(set(NAMES))
+
+
+def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: Strip) -> None:
+    for rough, exact in zip(
+        responses(strip, rough=True), responses(strip, rough=False), strict=True
+    ):
+        known = np.isfinite(rough) & np.isfinite(exact)
+        assert known.mean() > 0.95
+        size = np.sqrt((exact[known] ** 2).mean())
+        assert size > 1.0
+        assert np.sqrt(((rough - exact)[known] ** 2).mean()) < 0.1 * size
+
+
+def test_a_run_along_another_path_is_no_replicate(strip: Strip) -> None:
+    first, other, second = (run.content for run in strip.runs)
+    leaders = strip._replicated
+    assert leaders[other.way.digest] is other
+    assert leaders[first.way.digest] is leaders[second.way.digest]
