@@ -13,31 +13,36 @@ WILD = 3.0  # robust standard deviations beyond which a value counts no more tha
 
 
 @kernel
-def node(shapes: Any, j: int, w: float, q: int) -> Any:
-    """Node `q` at a fraction between the shapes j and j + 1."""
-    k = min(j + 1, len(shapes) - 1)
-    x = (1.0 - w) * shapes[j, q, 0] + w * shapes[k, q, 0]
-    z = (1.0 - w) * shapes[j, q, 1] + w * shapes[k, q, 1]
-    return x, z
+def between(shapes: Any, places: Any) -> Any:
+    """Curves (m, nodes, 2) at fractional indices `places` (m,) into `shapes` (k, nodes, 2)."""
+    curves = np.empty((len(places), shapes.shape[1], 2))
+    for m in range(len(places)):
+        place = min(max(places[m], 0.0), len(shapes) - 1.0)
+        j = int(place)
+        k, w = min(j + 1, len(shapes) - 1), place - j
+        for q in range(shapes.shape[1]):
+            for axis in range(2):
+                curves[m, q, axis] = (1.0 - w) * shapes[j, q, axis] + w * shapes[k, q, axis]
+    return curves
 
 
 @kernel
-def curvature(shapes: Any, j: int, w: float, q: int) -> Any:
+def curvature(curve: Any, q: int) -> Any:
     """Curvature [1/m] at node q from the turn of its two segments, 0 at the ends."""
-    if q == 0 or q == shapes.shape[1] - 1:
+    if q == 0 or q == len(curve) - 1:
         return 0.0
-    (xa, za), (xb, zb) = node(shapes, j, w, q - 1), node(shapes, j, w, q)
-    xc, zc = node(shapes, j, w, q + 1)
-    ux, uz, vx, vz = xb - xa, zb - za, xc - xb, zc - zb
+    ux, uz = curve[q, 0] - curve[q - 1, 0], curve[q, 1] - curve[q - 1, 1]
+    vx, vz = curve[q + 1, 0] - curve[q, 0], curve[q + 1, 1] - curve[q, 1]
     first, second = math.hypot(ux, uz), math.hypot(vx, vz)
     return 2.0 * (ux * vz - uz * vx) / (first * second * (first + second))
 
 
 @kernel
-def beside(shapes: Any, j: int, w: float, q: int, x: float, z: float) -> Any:
+def beside(curve: Any, q: int, x: float, z: float) -> Any:
     """Distance to segment q, and signed distance to the arc that stands on it, left positive."""
-    last = shapes.shape[1] - 2
-    (xa, za), (xb, zb) = node(shapes, j, w, q), node(shapes, j, w, q + 1)
+    last = len(curve) - 2
+    xa, za = curve[q, 0], curve[q, 1]
+    xb, zb = curve[q + 1, 0], curve[q + 1, 1]
     length = math.hypot(xb - xa, zb - za)
     tx, tz = (xb - xa) / length, (zb - za) / length
     along = ((x - xa) * tx + (z - za) * tz) / length
@@ -47,27 +52,26 @@ def beside(shapes: Any, j: int, w: float, q: int, x: float, z: float) -> Any:
     inside = min(max(along, low), high)
     off = (along - inside) * length
     distance = math.hypot(across, off)
-    bend = 0.5 * (curvature(shapes, j, w, q) + curvature(shapes, j, w, q + 1))
+    bend = 0.5 * (curvature(curve, q) + curvature(curve, q + 1))
     share = min(max(inside, 0.0), 1.0)
     bulge = 0.5 * bend * length * length * share * (1.0 - share)
     return distance, math.copysign(distance, across) + bulge
 
 
 @kernel
-def nearest(shapes: Any, j: int, w: float, low: int, high: int, x: float, z: float) -> Any:
+def nearest(curve: Any, low: int, high: int, x: float, z: float) -> Any:
     """The node of low..high nearest to (x, z): every STRIDE-th first, then its neighbourhood."""
-    best = nearest_of(shapes, j, w, range(low, high + 1, STRIDE), x, z)
+    best = nearest_of(curve, range(low, high + 1, STRIDE), x, z)
     close = range(max(best - STRIDE + 1, low), min(best + STRIDE, high + 1))
-    return nearest_of(shapes, j, w, close, x, z)
+    return nearest_of(curve, close, x, z)
 
 
 @kernel
-def nearest_of(shapes: Any, j: int, w: float, nodes: Any, x: float, z: float) -> Any:
+def nearest_of(curve: Any, nodes: Any, x: float, z: float) -> Any:
     """The one of `nodes` that is nearest to (x, z)."""
     best, least = 0, math.inf
     for q in nodes:
-        px, pz = node(shapes, j, w, q)
-        square = (px - x) ** 2 + (pz - z) ** 2
+        square = (curve[q, 0] - x) ** 2 + (curve[q, 1] - z) ** 2
         if square < least:
             best, least = q, square
     return best
@@ -77,9 +81,22 @@ def nearest_of(shapes: Any, j: int, w: float, nodes: Any, x: float, z: float) ->
 def around(arc: Any, s: float) -> Any:
     """First and last node within AROUND of arc length s, clamped to the strip."""
     last = len(arc) - 1
-    low = np.searchsorted(arc, min(s, arc[last]) - AROUND) - 1
-    high = np.searchsorted(arc, max(s, 0.0) + AROUND)
+    low = before(arc, min(s, arc[last]) - AROUND)
+    high = before(arc, max(s, 0.0) + AROUND) + 1
     return max(low, 0), min(high, last)
+
+
+@kernel
+def before(arc: Any, s: float) -> Any:
+    """The last node whose arc length is less than s; -1 where there is none."""
+    low, high = -1, len(arc)
+    while high - low > 1:
+        middle = (low + high) // 2
+        if arc[middle] < s:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 @entry
@@ -93,18 +110,15 @@ def signed_distances(
     (k, nodes, 2) with nodes at `arc` (nodes,) [m]; its foot lies within AROUND of `near` (n,)
     [m]. Segments count as arcs.
     """
-    last = shapes.shape[1] - 1
+    last, curves = shapes.shape[1] - 1, between(shapes, places)
     for p in range(len(points)):
-        place = min(max(places[image[p]], 0.0), len(shapes) - 1.0)
-        j = int(place)
-        w = place - j
-        x, z = points[p, 0], points[p, 1]
+        curve, x, z = curves[image[p]], points[p, 0], points[p, 1]
         low, high = around(arc, near[p])
-        q = nearest(shapes, j, w, low, high, x, z)
+        q = nearest(curve, low, high, x, z)
         best, found[p] = math.inf, 0.0
         for segment in (q - 1, q):
             if 0 <= segment < last:
-                distance, signed = beside(shapes, j, w, segment, x, z)
+                distance, signed = beside(curve, segment, x, z)
                 if distance < best:
                     best, found[p] = distance, signed
 
