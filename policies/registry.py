@@ -1,12 +1,13 @@
 """Policies by name."""
 
+import re
 from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError
 from policies.catalogue import entries
 from policies.policy import Policy
 
-MOTION = "motion:"
+MOTION, BY_HAND = "motion:", "by-hand-"
 
 
 def policy_names() -> tuple[str, ...]:
@@ -19,7 +20,8 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
 
     `checkpoint` replaces the committed weights of a learned policy. Raises ConfigurationError
     for an unknown name, a checkpoint that cannot be read, or one for a policy without weights.
-    `motion:NAME` is the standard motion of that name.
+    `motion:NAME` is the standard motion of that name, `motion:by-hand-SEED-NUMBER` one as a person
+    leads the gripper, drawn from these numbers.
     """
     if name.startswith(MOTION) and checkpoint is None:
         return _motion(name)
@@ -37,8 +39,16 @@ def _motion(name: str) -> Policy:
     from policies.scripted import Scripted
     from policies.standard import STANDARD
 
-    standard = STANDARD.get(name.removeprefix(MOTION))
-    if standard is None:
+    wanted = name.removeprefix(MOTION)
+    led = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", wanted)
+    if led is not None:
+        from policies.by_hand import by_hand
+
+        seed, number = map(int, led.groups())
+        return Scripted(name, lambda length, _speed: by_hand(length, seed, number))
+    if wanted not in STANDARD:
         allowed = ", ".join(MOTION + known for known in STANDARD)
-        raise ConfigurationError(f"policy: unknown motion {name!r}; allowed: {allowed}")
-    return Scripted(name, standard.of)
+        raise ConfigurationError(
+            f"policy: unknown motion {name!r}; allowed: {allowed}, {MOTION}{BY_HAND}SEED-NUMBER"
+        )
+    return Scripted(name, STANDARD[wanted].of)

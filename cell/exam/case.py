@@ -27,8 +27,8 @@ class Case(Settings):
     (exactly their laws) and the `causes` that only the makers know, by name and parameters.
     `answer` are the names that are right: those of the effects, and of effects that a cause
     resembles though its law is another one (`alike` false); empty where nothing or nothing of
-    the library is hidden. `scatter` says how much runs differ for no reason. From the state,
-    `motions` says how the gripper moves and `repeats` how often each motion is made; by hand,
+    the library is hidden. `scatter` says how much runs differ for no reason, `motions`
+    how the gripper moves. From the state, `repeats` says how often each motion is made; by hand,
     where none is made twice, how many times as many there are.
     """
 

@@ -13,18 +13,20 @@ from cell.exam.progress import Progress, quiet
 from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.from_model import BY, MOTIONS, based
 from cell.exam.runs.through_images import refusal
+from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
 from drivers.errors import Fault
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
+from policies.by_hand import by_hand
 from policies.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACED = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
 CHAINED = 12  # one state-based case in so many is a chain's
-BY_HAND = 3  # one state-based triple of levels in so many is moved by hand
+BY_HAND = 3  # one triple of levels in so many is moved by hand
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
 TIMES = (0.1, 2.0)  # s, of one that has a time
@@ -90,7 +92,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         engine="chain" if tier == "state" and i % CHAINED == 0 else "rod",
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
-        motions="by_hand" if tier == "state" and i // len(LEVELS) % BY_HAND == 1 else "standard",
+        motions="by_hand" if i // len(LEVELS) % BY_HAND == 1 else "standard",
     )
     hide: dict[Kind, Callable[[Case, Strength, np.random.Generator], Case]] = {
         "nothing": lambda case, _level, _rng: case,
@@ -203,15 +205,23 @@ def _hand(case: Case) -> int | None:
 @lru_cache(maxsize=2)
 def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
     """The same by what it depends on."""
-    configs = find_configs(None)
-    plant = based(configs.strip(name), stiffness, damping)
+    plant = based(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
-        sigma = Sigma.model_validate(configs.cell().sigma.model_dump())
-        return Ruler.standard(plant, standard_order(np.random.default_rng(0)), sigma)
+        return _ruler_of_cell(plant, hand)
     sigma = Sigma.model_validate(BY.sigma())
     if hand is None:
         return Ruler.standard(plant, MOTIONS, sigma)
     return Ruler.along(plant, ways_by_hand(plant.length, hand, len(MOTIONS)), sigma)
+
+
+def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
+    """The ruler on motions that the cell makes."""
+    sigma = Sigma.model_validate(find_configs(None).cell().sigma.model_dump())
+    order = standard_order(np.random.default_rng(0))
+    if hand is None:
+        return Ruler.standard(plant, order, sigma)
+    led = [way_of(by_hand(plant.length, hand, i)) for i in range(len(order))]
+    return Ruler.along(plant, led, sigma)
 
 
 def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:

@@ -35,7 +35,7 @@ from drivers.errors import ConfigurationError, Fault
 from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
-from policies.registry import MOTION
+from policies.registry import BY_HAND, MOTION
 
 LINKS = 200
 STEP = 0.004  # s; against 2 ms it moves d by 0.07 mm and contact_x by 0.13 mm rms at most
@@ -97,10 +97,19 @@ def _wanted(case: Case) -> list[tuple[str, Request]]:
     base = Request(
         case.strip, "", None, choice, nowhere, None, "none", truth=False, viz="off"
     )  # fmt: skip
-    return [
-        (f"{i:02d}-{request.policy.removeprefix(MOTION)}", request)
-        for i, request in enumerate(standard_requests(base))
-    ]
+    requests = standard_requests(base)
+    if case.motions == "by_hand":
+        led = f"{MOTION}{BY_HAND}{case.seed}"
+        requests = tuple(
+            replace(r, policy=f"{led}-{i}", speed=None) for i, r in enumerate(requests)
+        )
+    return [(f"{i:02d}-{_word(request)}", request) for i, request in enumerate(requests)]
+
+
+def _word(request: Request) -> str:
+    """What is done in a fold, in a word of a folder's name."""
+    name = request.policy.removeprefix(MOTION)
+    return BY_HAND.rstrip("-") if name.startswith(BY_HAND) else name
 
 
 @contextmanager
@@ -111,7 +120,7 @@ def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Reque
         (place / "strips").mkdir()
         strip = configs.strip_path(case.strip)
         shutil.copy(strip, place / "strips" / strip.name)
-        settings = exam_cell(configs.cell(), request.policy.removeprefix(MOTION))
+        settings = exam_cell(configs.cell(), _word(request))
         _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
         plant = plant_of(case, configs.strip(case.strip))
         _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
@@ -214,9 +223,17 @@ def _sealed(made: Path, final: Path, strip: StripFile) -> None:
     for name in (TICKS, PROFILE):
         shutil.copy(made / name, part / name)
     header, result = read_yaml(made / RUN), read_yaml(made / RESULT)
-    write_document(part / RUN, {k: v for k, v in header.items() if k in TOLD})
+    write_document(part / RUN, _told(header))
     write_document(part / RESULT, measured(result))
     part.replace(final)
+
+
+def _told(header: Mapping[str, Any]) -> dict[str, Any]:
+    """run.yaml without what tells of the plant; motions by hand go by their number alone."""
+    kept = {k: v for k, v in header.items() if k in TOLD}
+    if BY_HAND in str(kept.get("policy")):
+        kept |= dict.fromkeys(("policy", "condition"), f"{BY_HAND}{1 + int(kept['index'])}")
+    return kept
 
 
 def measured(result: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from cell.exam.cases import draw
-from cell.exam.runs import from_model
+from cell.exam.runs import from_model, through_images
 from cell.exam.runs.by_hand import ways_by_hand
 from cell.record.files import RUN
 from drivers.settings import read_yaml
+from policies.registry import MOTION, make_policy
 from tests.support.exam_cases import case
 
 LENGTH, MANY = 0.6, 40
@@ -72,12 +73,32 @@ def test_runs_by_hand_repeat_no_condition(tmp_path: Path, monkeypatch: pytest.Mo
     assert [head["condition"] for head in heads] == ["by-hand-1", "by-hand-2"]
 
 
+def test_through_images_the_cell_makes_as_many_motions_by_hand_as_standard_ones() -> None:
+    standard = case("nothing", "nothing", {}).model_copy(update={"tier": "images"})
+    by_hand = standard.model_copy(update={"motions": "by_hand"})
+    made = through_images._wanted(by_hand)
+    assert len(made) == len(through_images._wanted(standard))
+    assert [name for name, _ in made] == [f"{i:02d}-by-hand" for i in range(len(made))]
+    paths = [
+        make_policy(request.policy) for _, request in made if request.policy.startswith(MOTION)
+    ]
+    assert len({policy.name for policy in paths}) == len(made)
+
+
+def test_a_sealed_run_by_hand_tells_its_number_and_no_seed() -> None:
+    header = {"policy": "motion:by-hand-71-3", "condition": "motion:by-hand-71-3", "index": 3,
+              "strip": "denim", "plant_sha256": "0"}  # fmt: skip
+    assert through_images._told(header) == {
+        "policy": "by-hand-4", "condition": "by-hand-4", "index": 3, "strip": "denim"
+    }  # fmt: skip
+
+
 def test_one_triple_in_three_is_moved_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(draw.SHARES, "state", {"nothing": 1.0})
     by_hand = [c.motions == "by_hand" for c in draw.cases("state", 18, 5)]
     assert by_hand == [i // 3 % 3 == 1 for i in range(18)]
     monkeypatch.setitem(draw.SHARES, "images", {"nothing": 1.0})
-    assert {c.motions for c in draw.cases("images", 6, 5)} == {"standard"}
+    assert by_hand == [c.motions == "by_hand" for c in draw.cases("images", 18, 5)]
 
 
 def test_every_level_of_scatter_meets_every_strength_and_kind_of_motion() -> None:
