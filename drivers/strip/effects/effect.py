@@ -51,7 +51,8 @@ class Effect:
 
     `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
     gives, for a strip, values of the switch from just visible in ten runs to as large as
-    laboratories report; `looks_like` names effects that no run of a fold tells from this one.
+    laboratories report, one of the other sign among them where the two sides act unlike;
+    `looks_like` names effects that no run of a fold tells from this one.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Effect:
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
-        """Values of the switch to screen `strip` at, small to large, within the switch's range."""
+        """Values of the switch to screen `strip` at, within the switch's range."""
         switch = self.parameters[0]
         span = UNKNOWN if switch.null is not None else UNKNOWN[::-1]
         given = (share * switch.high for share in span)

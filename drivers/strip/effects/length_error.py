@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.SIZE,
     parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_apply,
-    typical=lambda _: (0.0005, 0.003),
+    typical=lambda _: (0.0005, -0.002, 0.003),  # too short it is taut, too long it buckles
     revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",
 )

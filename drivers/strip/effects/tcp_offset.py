@@ -22,6 +22,6 @@ EFFECT = Effect(
         Parameter("z", "m", low=-0.03, high=0.03),
     ),
     apply=_apply,
-    typical=lambda _: (0.0003, 0.003),
+    typical=lambda _: (0.0003, -0.002, 0.003),  # taut on one side, slack on the other
     revealed_by="a picture of the grip; slow folds of other heights",
 )

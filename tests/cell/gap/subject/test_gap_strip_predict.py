@@ -274,3 +274,13 @@ def test_what_sits_at_the_end_of_a_strip_that_turns_out_shorter_is_tried_there(
     beyond = residuals(plain, shorter | {"crease": np.array([0.3, 0.6])})
     for a, b in zip(at_end, beyond, strict=True):
         np.testing.assert_array_equal(a.mean, b.mean)
+
+
+@pytest.mark.parametrize("name", ["length_error", "tcp_offset"])
+def test_what_is_taut_on_one_side_and_buckles_on_the_other_is_tried_on_both(
+    plain: Strip, name: str
+) -> None:
+    (tried,) = (c for c in plain.scope.candidates if c.name == name)
+    for i in range(len(tried.parameters)):
+        sides = {np.sign(v[i]) for group in tried.probes for v in group}
+        assert {-1.0, 1.0} <= sides
