@@ -192,7 +192,7 @@ def _refit_singles(
     least = by.least * by.inefficiency
     fits = Fits((base,))
     promising = any(s.gain > least for s in screened.singles)
-    if not promising and not ranked_pairs(screened.known, 1, least):
+    if not (promising or fitted.gap or ranked_pairs(screened.known, 1, least)):
         return fits
     singles = [
         Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
