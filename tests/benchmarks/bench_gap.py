@@ -1,11 +1,12 @@
 """What fits of the gap workflow cost: processor and wall time, simulations, memory.
 
 python -m tests.benchmarks.bench_gap EXAM [--cases N] [--skip 0] [--only NAME,...] [--jobs 2]
-    [--profile FILE]
+    [--runs N] [--profile FILE]
 
-EXAM is the folder of an exam from the state. Each case is fitted in a process of its own, its
-kernels compiled before; a `lane-step` is one step of one simulated strip. With `--profile` a
-single case is fitted under cProfile by processor time, and the profile is written to FILE.
+EXAM is the folder of an exam from the state; of each case the first N runs are fitted, or all.
+Each case is fitted in a process of its own, its kernels compiled before; a `lane-step` is one step
+of one simulated strip. With `--profile` a single case is fitted under cProfile by processor time, and
+the profile is written to FILE.
 """
 
 import argparse
@@ -67,7 +68,7 @@ def main() -> int:
     costs = []
     for case in cases:
         with processes.Pool(1) as pool:
-            cost = pool.apply(_measured, (asked.exam, case, asked.jobs))
+            cost = pool.apply(_measured, (asked.exam, case, asked.jobs, asked.runs))
         sys.stdout.write(_line(case, cost))
         sys.stdout.flush()
         costs.append(cost)
@@ -85,21 +86,23 @@ def _cases(asked: argparse.Namespace) -> list[Case]:
     return made[asked.skip :][: asked.cases]
 
 
-def _measured(exam: Path, case: Case, jobs: int) -> Cost:
+def _measured(exam: Path, case: Case, jobs: int, runs: int | None) -> Cost:
     """Cost of the fit of a case, in this process."""
     tally = Tally()
     strip_simulation.simulate_all = tally
     wall, processor = time.perf_counter(), time.process_time()
-    verdict = _fitted(exam, case, jobs)
+    verdict = _fitted(exam, case, jobs, runs)
     wall, processor = time.perf_counter() - wall, time.process_time() - processor
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return Cost(processor, wall, tally.motions, tally.steps, memory, _said(verdict))
 
 
-def _fitted(exam: Path, case: Case, jobs: int) -> Verdict:
+def _fitted(exam: Path, case: Case, jobs: int, runs: int | None) -> Verdict:
+    """The verdict on the first `runs` of a case, or all."""
+    folders = sorted(path for path in (exam / "runs" / case.name).iterdir() if path.is_dir())
     strip = find_configs(None).folder / "strips" / f"{case.strip}.yaml"
     with TemporaryDirectory() as name:
-        return fit([exam / "runs" / case.name], strip, Path(name), jobs=jobs)
+        return fit(folders[:runs], strip, Path(name), jobs=jobs)
 
 
 def _said(verdict: Verdict) -> str:
@@ -140,7 +143,7 @@ def _summed(costs: Sequence[Cost]) -> None:
 def _profiled(case: Case, asked: argparse.Namespace) -> None:
     """The functions of one fit by the processor time that they took themselves."""
     profile = cProfile.Profile(time.process_time)
-    verdict = profile.runcall(_fitted, asked.exam, case, asked.jobs)
+    verdict = profile.runcall(_fitted, asked.exam, case, asked.jobs, asked.runs)
     profile.dump_stats(asked.profile)
     sys.stdout.write(f"{case.name}: {_said(verdict)}; profile in {asked.profile}\n")
 
@@ -152,6 +155,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--skip", type=int, default=0)
     parser.add_argument("--only", default="", help="ends of the names of cases")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--runs", type=int, default=None, help="of each case, the first so many")
     parser.add_argument("--profile", type=Path, default=None)
     return parser.parse_args()
 

@@ -10,6 +10,7 @@ from cell.gap.subject.subject import Run
 from drivers.strip.rod.motions import GripperPath
 
 NEAR = np.array([5e-4, 5e-4, 0.005])  # m, m, rad between two paths; arms repeat within a fifth
+AT_ONCE = 1e-3  # s between the beginnings of two paths
 
 
 def replicated(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
@@ -33,11 +34,12 @@ def _same(longer: Fold, fold: Fold) -> bool:
     if longer.comparison.run.contact_height != fold.comparison.run.contact_height:
         return False
     first, second = longer.way.path, fold.way.path
-    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > 1e-3:
+    if first.hanging != second.hanging or abs(first.t[0] - second.t[0]) > AT_ONCE:
         return False
     return _near(first, second) and _near(longer.lifted_path.path, fold.lifted_path.path)
 
 
 def _near(longer: GripperPath, path: GripperPath) -> bool:
+    """Whether the poses of `path` are within NEAR of those of `longer` at the same times."""
     other = np.stack([np.interp(path.t, longer.t, c) for c in longer.poses.T], axis=1)
     return bool((np.abs(path.poses - other) < NEAR).all())
