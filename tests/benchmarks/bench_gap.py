@@ -5,8 +5,8 @@ python -m tests.benchmarks.bench_gap EXAM [--cases N] [--skip 0] [--only NAME,..
 
 EXAM is the folder of an exam from the state; of each case the first N runs are fitted, or all.
 Each case is fitted in a process of its own, its kernels compiled before; a `lane-step` is one step
-of one simulated strip. With `--profile` a single case is fitted under cProfile by processor time, and
-the profile is written to FILE.
+of one simulated strip. With `--profile` a single case is fitted under cProfile by processor time,
+and the profile is written to FILE.
 """
 
 import argparse

@@ -1,0 +1,43 @@
+"""Which effects are refitted, and when none is."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from cell.gap import investigate
+from cell.gap.selection.score import Score
+
+LEAST = 5.0  # nats
+
+
+def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list[str]:
+    """The effects that are refitted where the screen expects `gain` of one and little of pairs."""
+    asked: list[str] = []
+
+    def fit_scores(_simulate: Any, _base: Any, scores: list[Score], _known: Any) -> list[Any]:
+        asked.extend(s.names[0] for s in scores)
+        return []
+
+    scale = SimpleNamespace(least=LEAST, inefficiency=1.0)
+    monkeypatch.setattr(investigate, "likelihood_scale", lambda _models: scale)
+    monkeypatch.setattr(investigate, "ranked_pairs", lambda *_: [])
+    monkeypatch.setattr(investigate, "exhausted", lambda _fits: True)
+    monkeypatch.setattr(investigate.search, "fit_scores", fit_scores)
+    subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
+    base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
+    fitted: Any = SimpleNamespace(base=base, gap=gap)
+    screened: Any = SimpleNamespace(known=None, singles=(Score(("seam",), gain, {}),))
+    investigate._refit_singles(subject, fitted, screened, lambda _asked: [])
+    return asked
+
+
+def test_where_the_base_leaves_a_gap_effects_of_which_the_screen_expects_little_are_refitted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert refitted(monkeypatch, gain=0.5 * LEAST, gap=True) == ["seam"]
+    assert refitted(monkeypatch, gain=2.0 * LEAST, gap=False) == ["seam"]
+
+
+def test_where_it_leaves_none_they_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert refitted(monkeypatch, gain=0.5 * LEAST, gap=False) == []
