@@ -199,6 +199,7 @@ def _refit_singles(
         for s in screened.singles[: search.SINGLES]
     ]
     fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
+    fits = fits.merged(search.other_sign(simulate, fits, singles))
     if not exhausted(fits):
         fits = fits.merged(search.shape_parameters(simulate, fits))
     return fits

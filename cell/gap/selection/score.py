@@ -15,8 +15,8 @@ class Score:
     the values of the probes that gain most as they are: an effect with a threshold does nothing
     below it, so that a share of a probe is no start. `mirrored` is a start of the other sign, of an
     effect that has a place: elsewhere it may do with one sign what it does here with the other.
-    `after` is a fit whose values and effects
-    are kept to begin with. `secants` (N, parameters) by name are whitened, at null.
+    `after` is a fit whose values and effects are kept to begin with. `secants` (N, parameters) by
+    name are whitened, at null.
     """
 
     names: tuple[str, ...]

@@ -197,20 +197,21 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
         if whole > most and all(choice):
             most, tried = whole, values
     tried = tried if most > WORTH * best.gain else None
-    mirrored = _other_sign(members[0].candidate, best) if len(members) == 1 else None
+    mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
     return replace(best, tried=tried, mirrored=mirrored, secants=secants)
 
 
-def _other_sign(candidate: Candidate, best: Score) -> dict[str, Array] | None:
-    """Values of the other sign for an effect with a place, off the bounds; None where it has no
-    place, or physics fixes the sign.
+def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
+    """Values of an effect with a place where it gains most with the other sign than in `best`;
+    None where it has no place, or gains with one sign alone.
     """
-    places, value = _shapes(candidate), best.start.get(candidate.name)
-    if value is None or best.linear or not places.any():
+    name, null = p.candidate.name, p.candidate.null[0]
+    if name not in best.start or not _shapes(p.candidate).any():
         return None
-    low, high = (0.5 * (end + candidate.null) for end in _ends(candidate))
-    other = np.where(places, value, np.clip(2.0 * candidate.null - value, low, high))
-    return None if np.allclose(other[~places], candidate.null[~places]) else {candidate.name: other}
+    mixed = [_mixed(known, (p,), (group,))[0] for group in range(1, len(p.groups))]
+    sign = np.sign(best.start[name][0] - null)
+    others = [score for score in mixed if sign * (score.start[name][0] - null) < 0.0]
+    return max(others, key=lambda score: score.gain).start if others else None
 
 
 def _mixed(

@@ -139,6 +139,25 @@ def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> lis
     return [e for e, g in zip(begun, gains, strict=False) if g >= min(HOPE * most, most)]
 
 
+def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[Validated]:
+    """The best single effect fitted to the end, and so from a start of the other sign if `scores`
+    know one: what is stiffer here may be what is softer beside it, on another base.
+    """
+    singles, base = fits.of_size(1), fits.base.estimate
+    known = {s.names: s.mirrored for s in scores if s.mirrored is not None}
+    start = known.get(tuple(singles[0].model.names)) if singles else None
+    if start is None:
+        return []
+    fit, model = singles[0].estimate, singles[0].model
+    begin = Point(model.joined(base.shared, start), base.point.local)
+    tasks = [
+        refit(model, fit.evidence, fit.point, fit.jacobians),
+        refit(model, fit.evidence, begin),
+    ]
+    found = best(run_all(simulate, tasks))
+    return run_all(simulate, [validate(found)])
+
+
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
     """Free the optional shape parameters of the best models; keep those that gain significantly."""
     by = fits.scale

@@ -10,7 +10,15 @@ from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
 from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
-from cell.gap.subject.strip.simulation import FINE, HashedModel, HashedPath, Job, Simulation
+from cell.gap.subject.strip.simulation import (
+    FINE,
+    FINER,
+    HashedModel,
+    HashedPath,
+    Job,
+    SimulatedMotion,
+    Simulation,
+)
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
@@ -18,6 +26,7 @@ from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
 
 TRUSTED = 2.0  # times the change that a finer rod makes: another engine, or a strip, is so far off
+DOUBTED = 1.0  # floors rms over a fold that a finer rod changes: a still finer one decides
 MOST = 20.0  # floors: a larger change is no matter of the grain but of another fold
 LIFTED = 0.03  # m of travel in which a strip leaves the desk
 STEEP = 0.5  # of its height, by which a grip may be drawn in meanwhile and not push
@@ -71,7 +80,7 @@ def prepared(
     """
     folds = [_fold(run.measured, strip, floors) for run in runs]
     nominal = [f.drive(HashedModel.of(describe(strip, index=f.index))) for f in folds]
-    about = surroundings(folds, nominal, coarse, Simulation(FINE, jobs), scatter)
+    about = surroundings(folds, nominal, coarse, jobs, scatter)
     local = tuple(e.parameter for e in scatter)
     return [
         _run(run, fold, here, local)
@@ -95,24 +104,53 @@ def surroundings(
     folds: Sequence[Fold],
     drives: Sequence[Job],
     coarse: Simulation,
-    fine: Simulation,
+    jobs: int,
     scatter: Sequence[RunEffect],
 ) -> list[Surroundings]:
     """The surroundings of each of `drives`, the models of which go through `folds`."""
     moved = [f.drive(HashedModel.of(e.changed(job.model, e.step)))
              for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
-    shown, exact = coarse([*drives, *moved]), fine(drives)
+    shown = coarse([*drives, *moved])
+    grains = _grains(folds, drives, shown[: len(folds)], jobs)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = MOST * fold.comparison.layout.samples.floor
         rough = fold.comparison(job.model, shown[i]).mean
-        finer = _within(rough - fold.comparison(job.model, exact[i]).mean, limit)
+        finer = _within(grains[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):
             there = fold.comparison(moved[k].model, shown[len(folds) + k]).mean
             slopes[e.name] = frozen(_within(there - rough, limit) / e.step)
         found.append(Surroundings(frozen(finer), slopes, job.model.mechanics.length))
     return found
+
+
+def _grains(
+    folds: Sequence[Fold],
+    drives: Sequence[Job],
+    shown: Sequence[SimulatedMotion | None],
+    jobs: int,
+) -> list[Array]:
+    """What the coarse rod shows more than a fine one, per sample (n,) of each fold.
+
+    Where that is much, steps half as long decide: an end that slips, or a strip that is pushed,
+    may take another way in a single grain.
+    """
+    rough = [f.comparison(j.model, m).mean for f, j, m in zip(folds, drives, shown, strict=True)]
+    floors = [fold.comparison.layout.samples.floor for fold in folds]
+    grains = [np.zeros_like(each) for each in rough]
+    asked = list(range(len(folds)))
+    for resolution in (FINE, FINER):
+        exact = Simulation(resolution, jobs)([drives[i] for i in asked])
+        for i, motion in zip(asked, exact, strict=True):
+            grains[i] = rough[i] - folds[i].comparison(drives[i].model, motion).mean
+        asked = [i for i in asked if _rms(grains[i] / floors[i]) > DOUBTED]
+    return grains
+
+
+def _rms(values: Array) -> float:
+    """Root mean square of what is not lost."""
+    return float(np.sqrt(np.mean(np.nan_to_num(values) ** 2)))
 
 
 def _run(run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]) -> Run:

@@ -40,6 +40,8 @@ class Resolution:
 
 
 COARSE, FINE = Resolution(100, 0.005, 1e-4), Resolution(200, 0.0025, 1e-4)
+FINER = Resolution(200, 0.00125, 1e-4)
+"""For what the fine rod shows far otherwise than the coarse one."""
 ROUGH = Resolution(100, 0.01, 1e-4)
 """For responses alone: half the cost, and a few percent off where nothing jumps."""
 

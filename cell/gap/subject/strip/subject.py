@@ -22,7 +22,6 @@ from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import (
     COARSE,
-    FINE,
     ROUGH,
     SELDOM,
     HashedModel,
@@ -137,8 +136,7 @@ class Strip:
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs, with what a finer rod shows otherwise at these values, and slopes there."""
         folds, drives = self._driven(requests)
-        fine = Simulation(FINE, self._jobs)
-        about = surroundings(folds, drives, self._simulation, fine, self._scatter)
+        about = surroundings(folds, drives, self._simulation, self._jobs, self._scatter)
         return [
             corrected(request.run, fold, here)
             for request, fold, here in zip(requests, folds, about, strict=True)
