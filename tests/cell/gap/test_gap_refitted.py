@@ -24,6 +24,7 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     monkeypatch.setattr(investigate, "ranked_pairs", lambda *_: [])
     monkeypatch.setattr(investigate, "exhausted", lambda _fits: True)
     monkeypatch.setattr(investigate.search, "fit_scores", fit_scores)
+    monkeypatch.setattr(investigate.search, "other_sign", lambda *_: [])
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
     fitted: Any = SimpleNamespace(base=base, gap=gap)

@@ -1,0 +1,98 @@
+"""An effect with a place is tried with either sign, each where it gains most with it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from cell.gap.fitting.gauss_newton import Estimate, refit
+from cell.gap.fitting.model import Model, Point, evidence
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.tasks import run_all, run_one
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.search import other_sign
+from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
+from drivers.types import Array
+from tests.cell.gap.test_gap_engine import Curves, T
+from tests.cell.gap.test_gap_robust import validated
+
+PLACES = (0.15, 0.35, 0.55, 0.75)
+
+
+def lump(t: Array, place: float) -> Array:
+    return np.exp(-(((t - place) / 0.08) ** 2))
+
+
+class Lumps(Curves):
+    """Curves that may have a lump, up or down, at a place."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        least = -5.0 if self.signed else 0.0
+        parameters = (
+            Parameter("size", "m", 0.0, least, 5.0, 1e-3, 1.0),
+            Parameter("place", "m", 0.5, 0.0, 1.0, 1e-3, 1.0, shape=True),
+        )
+        probes = tuple(((0.1, place),) for place in PLACES)
+        found = Candidate("lump", "there is a lump", "strip", parameters, probes)
+        return Scope(whole.base, (found,), whole.quantities)
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = []
+        for q in requests:
+            _, y = q.run.content
+            simulated = q.base[0] + q.base[1] * T + q.local[0]
+            for size, place in q.effects.values():
+                simulated = simulated + size * lump(T, place)
+            found.append(Residuals(y - simulated, (y - simulated) ** 2))
+        return found
+
+
+def two_sided(signed: bool = True) -> Lumps:
+    """Down at 0.56, and less up at 0.34: a lump up is a local optimum."""
+    return Lumps(lambda t, _s, _i: -0.3 * lump(t, 0.56) + 0.2 * lump(t, 0.34), signed=signed)
+
+
+def at(subject: Lumps, *start: float) -> Estimate:
+    scope, runs = subject.scope, evidence(subject.runs)
+    model = Model(scope.base, scope.candidates if start else ())
+    begin = Point(np.array([0.2, 0.5, *start]), runs.start())
+    return run_one(subject.simulate, refit(model, runs, begin))
+
+
+def screened(subject: Lumps) -> Score:
+    base = at(subject)
+    probes = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
+    return ranked(table(projection(base), probes))[0]
+
+
+def test_the_other_sign_begins_where_it_gains_most() -> None:
+    score = screened(two_sided())
+    assert score.mirrored is not None
+    signs = {float(np.sign(v["lump"][0])): v["lump"][1] for v in (score.start, score.mirrored)}
+    assert signs == {-1.0: pytest.approx(0.55), 1.0: pytest.approx(0.35)}
+
+
+def test_where_one_sign_alone_is_possible_there_is_no_other() -> None:
+    assert screened(two_sided(signed=False)).mirrored is None
+
+
+def test_a_local_optimum_of_one_sign_is_left_for_the_other() -> None:
+    subject = two_sided()
+    wrong = at(subject, 0.1, 0.35)
+    assert wrong.shared[2] > 0.0
+    fits = Fits(tuple(validated(e, subject) for e in (at(subject), wrong)))
+    score = Score(("lump",), 0.0, {}, mirrored={"lump": np.array([-0.1, 0.55])})
+    (found,) = other_sign(subject.simulate, fits, [score])
+    size, place = found.estimate.shared[2:]
+    assert size < -0.2 and place == pytest.approx(0.56, abs=0.02)
+    assert found.estimate.objective < wrong.objective
+
+
+def test_without_a_start_of_the_other_sign_nothing_is_fitted() -> None:
+    subject = two_sided()
+    fits = Fits((validated(at(subject), subject),))
+    assert other_sign(subject.simulate, fits, []) == []
