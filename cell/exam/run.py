@@ -1,10 +1,12 @@
 """An exam carried out: keys sealed, runs made, verdicts sealed off, scores in the ledger."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cell.exam.case import Case
+from cell.exam.case import Case, Kind
 from cell.exam.cases.answer_key import seal, sources
 from cell.exam.progress import Progress, quiet
 from cell.exam.run_case import Examined, Maker, Steps, failed, made_by_tier
@@ -30,7 +32,8 @@ def run_exam(
     What is scored already, by the same engine and scorer, is skipped, and runs are kept while
     their case stays the same; `again` judges anew. A case that fails is an entry with its
     reason, tried again at the next start. No case begins once `interrupted`; from the keyboard
-    all end at once (KeyboardInterrupt), and what is finished is kept.
+    all end at once (KeyboardInterrupt), and what is finished is kept. Kinds are carried out side
+    by side, so that an exam that ends early has seen all of them.
     """
     ledger, now = Ledger(folder / LEDGER), sources()
     for case in cases:
@@ -41,7 +44,10 @@ def run_exam(
     total, done = len(cases), len(cases) - len(left)
     progress(done, total, "")
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
-        parts = [Examined(n, folder, Path(workdirs), now, steps, make, again) for n in named]
+        parts = [
+            Examined(case.name, folder, Path(workdirs), now, steps, make, again)
+            for case in spread(left)
+        ]
         for name, result in _carried_out(parts, jobs):
             case = named[name]
             entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
@@ -52,6 +58,17 @@ def run_exam(
             if interrupted():
                 break
     return ledger.of(cases)
+
+
+def spread(cases: Sequence[Case]) -> list[Case]:
+    """The cases in an order in which every kind is spread evenly over the whole."""
+    of_kind = Counter(case.kind for case in cases)
+    seen: Counter[Kind] = Counter()
+    places = []
+    for case in cases:
+        places.append((seen[case.kind] + 0.5) / of_kind[case.kind])
+        seen[case.kind] += 1
+    return [case for _, case in sorted(zip(places, cases, strict=True), key=itemgetter(0))]
 
 
 def said(entry: Entry) -> str:

@@ -4,13 +4,14 @@ import json
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from cell.exam.case import Case
+from cell.exam.case import Case, Kind
 from cell.exam.cases.answer_key import Sources, opened, seal
-from cell.exam.run import LEDGER, run_exam
+from cell.exam.run import LEDGER, run_exam, spread
 from cell.exam.run_case import VERDICTS, made
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
@@ -148,6 +149,18 @@ def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
     for stiffness in (1.0, 1.0, 1.2):
         made(case("a", "nothing", {}, stiffness=stiffness), tmp_path / "a", make)
     assert asked == [1.0, 1.2]
+
+
+def test_an_exam_that_ends_early_has_seen_every_kind_in_its_share() -> None:
+    kinds: dict[str, Kind] = {"n": "nothing", "s": "single", "p": "pair"}
+    drawn = "n" * 8 + "s" * 8 + "p" * 4
+    cases = [case(f"{i:02d}", kinds[k], {}) for i, k in enumerate(drawn)]
+    order = spread(cases)
+    assert sorted(c.name for c in order) == [c.name for c in cases]
+    assert Counter(c.kind for c in order[:10]) == {"nothing": 4, "single": 4, "pair": 2}
+    for kind in kinds.values():
+        own = [c.name for c in order if c.kind == kind]
+        assert own == sorted(own)
 
 
 def test_what_depends_on_another_engine_is_not_the_same() -> None:
