@@ -27,7 +27,7 @@ def exam(
         typer.Option(help="From the state, through images, or six cases from the state."),
     ] = "small",
     cases: Annotated[
-        int | None, typer.Option(min=1, help="Cases [default: 300, 60 through images, 6 small].")
+        int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
     repeats: Annotated[

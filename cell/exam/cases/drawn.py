@@ -12,7 +12,7 @@ from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
 
 DRAWN = "drawn.json"
-USUAL = {"state": 300, "images": 60, "small": 6}
+USUAL = {"state": 300, "images": 90, "small": 6}
 
 
 def load_or_draw(
