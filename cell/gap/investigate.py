@@ -221,6 +221,11 @@ def _refit_further(
 
     if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
+    progress("refit other single effects", 0.4)
+    others = [s for s in screened.singles[: search.LOOKED] if fits.of(frozenset(s.names)) is None]
+    fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.FURTHER))
+    if exhausted(fits):
+        return fits
     progress("refit pairs", 0.45)
     screened_pairs = ranked_pairs(screened.known, search.SIFTED)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.PAIRS)

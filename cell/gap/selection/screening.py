@@ -186,19 +186,26 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     """
     best = Score(tuple(p.candidate.name for p in members), 0.0, {})
     secants = {p.candidate.name: p.secants for p in members}
-    most, tried = 0.0, None
+    most, tried, probes = 0.0, None, None
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         if -bound <= best.gain and -bound <= max(most, WORTH * best.gain):
             break
         found, whole, values = _mixed(known, members, choice)
         if found.gain > best.gain:
-            best = found
+            best, probes = found, values
         if whole > most and all(choice):
             most, tried = whole, values
-    tried = tried if most > WORTH * best.gain else None
+    if most <= WORTH * best.gain:
+        tried = probes if any(_has_threshold(p) for p in members) else None
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
     return replace(best, tried=tried, mirrored=mirrored, secants=secants)
+
+
+def _has_threshold(p: Probed) -> bool:
+    """Whether an effect does nothing near its null, and something farther off."""
+    near, *far = (np.abs(response).max(initial=0.0) for response in p.responses)
+    return bool(near < DEAD <= max(far, default=0.0))
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:

@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("height", "m", low=-0.02, high=0.02),),
     apply=_apply,
-    typical=lambda _: (0.0005, 0.003),
+    typical=lambda _: (0.0005, -0.002, 0.003),
     revealed_by="the desk touched again with the gripper; folds of other heights",
 )

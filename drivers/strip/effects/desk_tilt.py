@@ -21,6 +21,6 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("angle", "rad", low=-0.2, high=0.2),),
     apply=_apply,
-    typical=lambda _: (0.003, 0.02),
+    typical=lambda _: (0.003, -0.01, 0.02),
     revealed_by="a spirit level; the strip turned by 180 degrees",
 )

@@ -19,6 +19,6 @@ EFFECT = Effect(
     stage=Stage.BOUNDARY,
     parameters=(Parameter("angle", "rad", low=-0.5, high=0.5),),
     apply=_apply,
-    typical=lambda _: (0.01, 0.05),
+    typical=lambda _: (0.01, -0.03, 0.05),
     revealed_by="a picture of the gripper; folds with a short hanging part",
 )
