@@ -276,8 +276,10 @@ def test_what_sits_at_the_end_of_a_strip_that_turns_out_shorter_is_tried_there(
         np.testing.assert_array_equal(a.mean, b.mean)
 
 
-@pytest.mark.parametrize("name", ["length_error", "tcp_offset"])
-def test_what_is_taut_on_one_side_and_buckles_on_the_other_is_tried_on_both(
+@pytest.mark.parametrize(
+    "name", ["length_error", "tcp_offset", "gripper_tilt", "desk_height", "desk_tilt"]
+)
+def test_what_is_taut_or_free_on_one_side_and_pressed_on_the_other_is_tried_on_both(
     plain: Strip, name: str
 ) -> None:
     (tried,) = (c for c in plain.scope.candidates if c.name == name)

@@ -1,0 +1,65 @@
+"""An effect that does nothing up to a threshold is fitted from beyond it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from cell.gap.fitting.projection import projection
+from cell.gap.fitting.tasks import run_all
+from cell.gap.selection.score import Score
+from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.search import fit_scores
+from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
+from tests.cell.gap.test_gap_engine import SPEEDS, Curves, T, bump, fitted
+
+THRESHOLD, PROBES = 0.5, (0.3, 1.0, 3.0)
+
+
+class Slipping(Curves):
+    """Curves with a bump as high as an effect is beyond its threshold."""
+
+    @property
+    def scope(self) -> Scope:
+        whole = super().scope
+        size = Parameter("size", "m", 0.0, 0.0, 5.0, 1e-3, 1.0)
+        slip = Candidate("slip", "it slips", "strip", (size,), tuple(((p,),) for p in PROBES))
+        return Scope(whole.base, (slip,), whole.quantities)
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        found = []
+        for q in requests:
+            condition, y = q.run.content
+            simulated = q.base[0] + q.base[1] * T + q.local[0]
+            for (size,) in q.effects.values():
+                simulated = simulated + slipped(size) * bump(T, SPEEDS[condition], 0)
+            found.append(Residuals(y - simulated, (y - simulated) ** 2))
+        return found
+
+
+def slipped(size: float) -> float:
+    return max(0.0, size - THRESHOLD)
+
+
+def screened(size: float) -> tuple[Slipping, Score]:
+    subject = Slipping(lambda t, s, i: slipped(size) * bump(t, s, i))
+    base = fitted(subject)
+    probes = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
+    return subject, ranked(table(projection(base), probes))[0]
+
+
+def test_a_share_of_a_probe_below_the_threshold_is_not_the_only_start() -> None:
+    _, score = screened(0.6)
+    assert score.start["slip"][0] < THRESHOLD
+    assert score.tried is not None
+    assert score.tried["slip"][0] > THRESHOLD
+
+
+@pytest.mark.parametrize("size", [0.55, 0.6, 0.9, 2.0])
+def test_what_slips_a_little_beyond_its_threshold_is_found(size: float) -> None:
+    subject, score = screened(size)
+    (found,) = fit_scores(
+        subject.simulate, fitted(subject), [score], list(subject.scope.candidates)
+    )
+    assert found.estimate.shared[2] == pytest.approx(size, abs=0.02)
+    assert np.mean(np.concatenate(found.estimate.residuals) ** 2) < 1.5
