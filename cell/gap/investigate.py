@@ -208,7 +208,7 @@ def _refit_singles(
 def _refit_further(
     subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
 ) -> Fits:
-    """Larger models beside the single effects, where these leave something to find."""
+    """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
 
     def tried(fits: Fits, scores: Sequence[Score]) -> Fits:

@@ -16,7 +16,6 @@ from cell.gap.subject.strip.simulation import (
     HashedModel,
     HashedPath,
     Job,
-    SimulatedMotion,
     Simulation,
 )
 from cell.gap.subject.subject import Parameter, Residuals, Run, Samples
@@ -111,32 +110,29 @@ def surroundings(
     moved = [f.drive(HashedModel.of(e.changed(job.model, e.step)))
              for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
     shown = coarse([*drives, *moved])
-    grains = _grains(folds, drives, shown[: len(folds)], jobs)
+    about = zip(folds, drives, shown[: len(folds)], strict=True)
+    rough = [fold.comparison(job.model, motion).mean for fold, job, motion in about]
+    grains = _grains(folds, drives, rough, jobs)
     found = []
     for i, (fold, job) in enumerate(zip(folds, drives, strict=True)):
         limit = MOST * fold.comparison.layout.samples.floor
-        rough = fold.comparison(job.model, shown[i]).mean
         finer = _within(grains[i], limit)
         slopes = {}
         for k, e in enumerate(scatter, start=i * len(scatter)):
             there = fold.comparison(moved[k].model, shown[len(folds) + k]).mean
-            slopes[e.name] = frozen(_within(there - rough, limit) / e.step)
+            slopes[e.name] = frozen(_within(there - rough[i], limit) / e.step)
         found.append(Surroundings(frozen(finer), slopes, job.model.mechanics.length))
     return found
 
 
 def _grains(
-    folds: Sequence[Fold],
-    drives: Sequence[Job],
-    shown: Sequence[SimulatedMotion | None],
-    jobs: int,
+    folds: Sequence[Fold], drives: Sequence[Job], rough: Sequence[Array], jobs: int
 ) -> list[Array]:
-    """What the coarse rod shows more than a fine one, per sample (n,) of each fold.
+    """What the coarse rod shows, `rough`, less what a fine one does, per sample (n,) of a fold.
 
     Where that is much, steps half as long decide: an end that slips, or a strip that is pushed,
     may take another way in a single grain.
     """
-    rough = [f.comparison(j.model, m).mean for f, j, m in zip(folds, drives, shown, strict=True)]
     floors = [fold.comparison.layout.samples.floor for fold in folds]
     grains = [np.zeros_like(each) for each in rough]
     asked = list(range(len(folds)))

@@ -43,8 +43,7 @@ def grains(monkeypatch: pytest.MonkeyPatch, finer: float) -> tuple[list[Array], 
     monkeypatch.setattr(prepare, "Simulation", simulation)
     folds = [folded("slips"), folded("lies")]
     drives: Any = [SimpleNamespace(of=of, model=None) for of in ("slips", "lies")]
-    shown: Any = [("slips", 0.0), ("lies", 0.0)]
-    return prepare._grains(folds, drives, shown, 1), asked
+    return prepare._grains(folds, drives, [np.zeros(2), np.zeros(2)], 1), asked
 
 
 @pytest.mark.parametrize("finer", [0.1 * FLOOR, 1.1 * ASTRAY])
