@@ -27,7 +27,7 @@ Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
-VERSION = "27"  # of the engine: another one starts anew
+VERSION = "28"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:

@@ -64,14 +64,14 @@ def investigate(
         screened = _screened(subject, fitted, screened.probed)
         begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
         fits = _refit_singles(subject, fitted, screened, simulate, begun)
-    fits = _refit_further(subject, fits, screened, simulate, progress)
+    fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     better = search.better_base(simulate, fits)
     if better is not None:
         progress("begin anew from a better base", 0.5)
         fitted = _judged_base(subject, better, fitted.scatter, simulate, rng)
         screened = _screen(subject, fitted, simulate)
         fits = _refit_singles(subject, fitted, screened, simulate)
-        fits = _refit_further(subject, fits, screened, simulate, progress)
+        fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     progress("judge", 0.8)
     choice = chosen(subject, simulate, fits)
     judged = judge(subject, choice, simulate, whole, rng)
@@ -206,7 +206,12 @@ def _refit_singles(
 
 
 def _refit_further(
-    subject: Subject, fits: Fits, screened: Screened, simulate: Simulate, progress: Progress
+    subject: Subject,
+    fitted: Fitted,
+    fits: Fits,
+    screened: Screened,
+    simulate: Simulate,
+    progress: Progress,
 ) -> Fits:
     """Other single effects and then larger models, where the best leave something to find."""
     base, candidates = fits.base.estimate, subject.scope.candidates
@@ -219,12 +224,15 @@ def _refit_further(
         known = search.with_shape_parameters(candidates, fits)
         return tried(fits, search.extended(simulate, fits, size, known, screened.probed))
 
-    if len(fits.models) == 1 or exhausted(fits) or not _leaves_more(fits, anywhere=True):
+    if len(fits.models) == 1 or exhausted(fits):
+        return fits
+    unnamed = fitted.gap and not choose(fits).accepted.model.effects
+    if not unnamed and not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit other single effects", 0.4)
     others = [s for s in screened.singles[: search.LOOKED] if fits.of(frozenset(s.names)) is None]
     fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.FURTHER))
-    if exhausted(fits):
+    if exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
     screened_pairs = ranked_pairs(screened.known, search.SIFTED)

@@ -20,7 +20,9 @@ Columns = NDArray[np.int64]
 FARTHEST = 3.0  # times a probe to which its response is extrapolated
 WORTH = 0.3  # of the best mix's gain, from which a probe as it is is a start
 ALIKE = 1e-10  # share of its square by which a response must differ from another
+STEEP = 0.3  # of what a probe does for its size: an effect that does less near null has a threshold
 DEAD = 1e-6  # whitened response below which an effect changes nothing
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,9 +205,12 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
 
 
 def _has_threshold(p: Probed) -> bool:
-    """Whether an effect does nothing near its null, and something farther off."""
-    near, *far = (np.abs(response).max(initial=0.0) for response in p.responses)
-    return bool(near < DEAD <= max(far, default=0.0))
+    """Whether an effect does far less near its null, for its size, than farther off."""
+    near, *far = (
+        float(np.linalg.norm(response[:, 0])) / max(abs(group[0][0] - p.candidate.null[0]), TINY)
+        for group, response in zip(p.groups, p.responses, strict=True)
+    )
+    return bool(near < STEEP * max(far, default=0.0))
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:

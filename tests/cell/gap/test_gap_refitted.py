@@ -42,3 +42,37 @@ def test_where_the_base_leaves_a_gap_effects_of_which_the_screen_expects_little_
 
 def test_where_it_leaves_none_they_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     assert refitted(monkeypatch, gain=0.5 * LEAST, gap=False) == []
+
+
+@pytest.mark.parametrize(("gap", "named"), [(True, False), (False, False), (True, True)])
+def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
+    monkeypatch: pytest.MonkeyPatch, *, gap: bool, named: bool
+) -> None:
+    asked: list[str] = []
+
+    def shortlist(_simulate: Any, _base: Any, scores: list[Score], *_: Any) -> list[Score]:
+        asked.extend(s.names[0] for s in scores)
+        return []
+
+    effects = ("seam",) if named else ()
+    accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
+    monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
+    monkeypatch.setattr(investigate, "exhausted", lambda _fits: False)
+    monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
+    monkeypatch.setattr(investigate.search, "shortlist", shortlist)
+    monkeypatch.setattr(investigate.search, "fit_scores", lambda *_: [])
+    monkeypatch.setattr(investigate.search, "with_shape_parameters", lambda *_: [])
+    fits: Any = SimpleNamespace(
+        models=(None, None),
+        base=SimpleNamespace(estimate=None),
+        of=lambda names: names == {"seam"} or None,
+        merged=lambda _more: fits,
+    )
+    singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
+    fitted: Any = SimpleNamespace(gap=gap)
+    screened: Any = SimpleNamespace(singles=singles)
+    subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
+    investigate._refit_further(
+        subject, fitted, fits, screened, lambda _asked: [], lambda _stage, _share: None
+    )
+    assert asked == (["crease"] if gap and not named else [])

@@ -13,7 +13,7 @@ from cell.gap.selection.search import fit_scores
 from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
 from tests.cell.gap.test_gap_engine import SPEEDS, Curves, T, bump, fitted
 
-THRESHOLD, PROBES = 0.5, (0.3, 1.0, 3.0)
+THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
 
 class Slipping(Curves):
@@ -38,7 +38,8 @@ class Slipping(Curves):
 
 
 def slipped(size: float) -> float:
-    return max(0.0, size - THRESHOLD)
+    """Hardly anything up to the threshold: ends creep before they slip."""
+    return CREEP * size + max(0.0, size - THRESHOLD)
 
 
 def screened(size: float) -> tuple[Slipping, Score]:
