@@ -47,18 +47,23 @@ def exam(
     again: Annotated[
         bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
     ] = False,
+    ledger: Annotated[
+        Path | None,
+        typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl]."),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
     ] = None,
     beside: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder of another exam, to report on the same page; repeatable."),
+        typer.Option(help="Folder or ledger of another exam, for the same page; repeatable."),
     ] = None,
     as_json: Json = False,
 ) -> None:
     """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
 
-    What is finished is kept in OUT: an exam that was interrupted goes on where it stopped.
+    What is finished is kept in OUT: an exam that was interrupted goes on where it stopped, on
+    another machine if LEDGER goes with it.
     """
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
@@ -68,13 +73,15 @@ def exam(
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     with _going_on(out), _progress(quiet=as_json) as shown:
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, shown)
-        entries = run_exam(wanted, out, jobs=wide, progress=shown, steps=steps, again=again)
+        entries = run_exam(
+            wanted, out, jobs=wide, progress=shown, steps=steps, again=again, ledger=ledger
+        )
     if only_make:
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
     command = _command(tier, len(wanted), seed, repeats, kind)
-    others = [entry for folder in beside or () for entry in _kept(folder)]
+    others = [entry for place in beside or () for entry in _kept(place)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
 
@@ -95,15 +102,18 @@ def _command(tier: str, count: int, seed: int, repeats: int, kind: str | None) -
     return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 
-def _kept(folder: Path) -> "tuple[Entry, ...]":
-    """The entries of an exam that was carried out in `folder`."""
+def _kept(place: Path) -> "tuple[Entry, ...]":
+    """The entries of another exam: `place` is its folder or its ledger."""
     from cell.exam.run import LEDGER
     from cell.exam.scoring.results import Ledger
     from drivers.errors import ConfigurationError
 
-    if not (folder / LEDGER).is_file():
-        raise ConfigurationError(f"--beside: {folder} holds no {LEDGER}; name an exam's folder")
-    return Ledger(folder / LEDGER).entries
+    path = place if place.is_file() else place / LEDGER
+    if not path.is_file():
+        raise ConfigurationError(
+            f"--beside: {place} holds no {LEDGER}; name an exam's folder or ledger"
+        )
+    return Ledger(path).entries
 
 
 def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:

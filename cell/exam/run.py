@@ -26,8 +26,10 @@ def run_exam(
     steps: Steps = "all",
     again: bool = False,
     make: Maker = made_by_tier,
+    ledger: Path | None = None,
 ) -> tuple[Entry, ...]:
-    """The entries of `cases`, `jobs` of them side by side in processes; kept in `folder`.
+    """The entries of `cases`, `jobs` of them side by side in processes; kept in `folder`, and in
+    the file `ledger` if there is one.
 
     What is scored already, by the same engine and scorer, is skipped, and runs are kept while
     their case stays the same; `again` judges anew. A case that fails is an entry with its
@@ -35,11 +37,11 @@ def run_exam(
     all end at once (KeyboardInterrupt), and what is finished is kept. Kinds are carried out side
     by side, so that an exam that ends early has seen all of them.
     """
-    ledger, now = Ledger(folder / LEDGER), sources()
+    kept, now = Ledger(ledger or folder / LEDGER), sources()
     for case in cases:
         seal(case, folder)
     anew = again or steps == "make"
-    left = [c for c in cases if anew or not ledger.finished(c.name, now.entry(c))]
+    left = [c for c in cases if anew or not kept.finished(c.name, now.entry(c))]
     named = {case.name: case for case in left}
     total, done = len(cases), len(cases) - len(left)
     progress(done, total, "")
@@ -52,12 +54,12 @@ def run_exam(
             case = named[name]
             entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
             if entry.state != "made":
-                ledger.put(entry)
+                kept.put(entry)
             done += 1
             progress(done, total, f"{name}: {said(entry)}")
             if interrupted():
                 break
-    return ledger.of(cases)
+    return kept.of(cases)
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:

@@ -207,6 +207,19 @@ def test_an_exam_that_is_finished_is_only_reported(
     assert (kept / "exam-state.png").is_file()
 
 
+def test_an_exam_goes_on_by_the_ledger_that_it_is_given(
+    kept: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Ledger, "finished", lambda ledger, name, _: name in ledger._known)
+    ledger = tmp_path_factory.mktemp("elsewhere") / "state-7.jsonl"
+    (kept / LEDGER).rename(ledger)
+    asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
+    done = CliRunner().invoke(app, [*asked, "--ledger", str(ledger)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("2 of 2 right")
+    assert not (kept / LEDGER).exists()
+
+
 def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
     asked = ["gap", "exam", "--out", str(tmp_path), "--only-make", "--only-judge"]
     done = CliRunner().invoke(app, asked)
@@ -221,8 +234,10 @@ def test_two_exams_share_a_page(
     last = entries()[-1]
     Ledger(other / LEDGER).put(last)
     asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
-    done = CliRunner().invoke(app, [*asked, "--beside", str(other)])
-    assert done.exit_code == 0, done.output
-    assert last.case.name in (kept / "exam.md").read_text(encoding="utf-8")
+    for place in (other, other / LEDGER):
+        done = CliRunner().invoke(app, [*asked, "--beside", str(place)])
+        assert done.exit_code == 0, done.output
+        assert last.case.name in (kept / "exam.md").read_text(encoding="utf-8")
+        (kept / "exam.md").unlink()
     refused = CliRunner().invoke(app, [*asked, "--beside", str(kept / KEYS)])
     assert isinstance(refused.exception, ConfigurationError)
