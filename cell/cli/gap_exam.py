@@ -19,6 +19,14 @@ if TYPE_CHECKING:
 INTERRUPTED = 130  # exit code
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
+KeptIn = Annotated[
+    Path | None, typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl].")
+]
+Beside = Annotated[
+    list[Path] | None,
+    typer.Option(help="Folder or ledger of another exam, for the same page; repeatable."),
+]
+
 
 def exam(
     out: Annotated[Path | None, typer.Option(help=OUT_HELP)] = None,
@@ -47,17 +55,11 @@ def exam(
     again: Annotated[
         bool, typer.Option("--again", help="Judge anew what OUT already holds; runs are kept.")
     ] = False,
-    ledger: Annotated[
-        Path | None,
-        typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl]."),
-    ] = None,
+    ledger: KeptIn = None,
     report: Annotated[
         Path | None, typer.Option(help="The report, as Markdown [default: OUT/exam.md].")
     ] = None,
-    beside: Annotated[
-        list[Path] | None,
-        typer.Option(help="Folder or ledger of another exam, for the same page; repeatable."),
-    ] = None,
+    beside: Beside = None,
     as_json: Json = False,
 ) -> None:
     """Hide causes in plants, let the workflow find them, and hold its verdicts against the key.
