@@ -108,9 +108,13 @@ class Curves:
             condition, y = q.run.content
             simulated = q.base[0] + q.base[1] * T + q.local[0]
             for name, values in q.effects.items():
-                simulated = simulated + values[0] * LAWS[name](T, SPEEDS[condition], 0)
+                simulated = simulated + self.added(name, values, SPEEDS[condition])
             found.append(Residuals(y - simulated, (y - simulated) ** 2))
         return found
+
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        """What the effect `name` adds to a curve (60,), with its `values`."""
+        return values[0] * LAWS[name](T, speed, 0)
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         return [request.run for request in requests]

@@ -1,7 +1,5 @@
 """An effect with a place is tried with either sign, each where it gains most with it."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import other_sign
-from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
+from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T
 from tests.cell.gap.test_gap_robust import validated
@@ -41,15 +39,9 @@ class Lumps(Curves):
         found = Candidate("lump", "there is a lump", "strip", parameters, probes)
         return Scope(whole.base, (found,), whole.quantities)
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        found = []
-        for q in requests:
-            _, y = q.run.content
-            simulated = q.base[0] + q.base[1] * T + q.local[0]
-            for size, place in q.effects.values():
-                simulated = simulated + size * lump(T, place)
-            found.append(Residuals(y - simulated, (y - simulated) ** 2))
-        return found
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        size, place = values
+        return size * lump(T, place)
 
 
 def two_sided(signed: bool = True) -> Lumps:

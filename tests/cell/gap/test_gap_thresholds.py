@@ -1,7 +1,5 @@
 """An effect that does nothing up to a threshold is fitted from beyond it."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import pytest
 
@@ -10,8 +8,9 @@ from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import probe, ranked, table
 from cell.gap.selection.search import fit_scores
-from cell.gap.subject.subject import Candidate, Parameter, Request, Residuals, Scope
-from tests.cell.gap.test_gap_engine import SPEEDS, Curves, T, bump, fitted
+from cell.gap.subject.subject import Candidate, Parameter, Scope
+from drivers.types import Array
+from tests.cell.gap.test_gap_engine import Curves, T, bump, fitted
 
 THRESHOLD, PROBES, CREEP = 0.5, (0.3, 1.0, 3.0), 0.02
 
@@ -26,15 +25,8 @@ class Slipping(Curves):
         slip = Candidate("slip", "it slips", "strip", (size,), tuple(((p,),) for p in PROBES))
         return Scope(whole.base, (slip,), whole.quantities)
 
-    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
-        found = []
-        for q in requests:
-            condition, y = q.run.content
-            simulated = q.base[0] + q.base[1] * T + q.local[0]
-            for (size,) in q.effects.values():
-                simulated = simulated + slipped(size) * bump(T, SPEEDS[condition], 0)
-            found.append(Residuals(y - simulated, (y - simulated) ** 2))
-        return found
+    def added(self, name: str, values: Array, speed: float) -> Array:
+        return slipped(values[0]) * bump(T, speed, 0)
 
 
 def slipped(size: float) -> float:
