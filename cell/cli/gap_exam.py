@@ -74,7 +74,7 @@ def exam(
     steps = _steps(make=only_make, judge=only_judge)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     with _going_on(out), _progress(quiet=as_json) as shown:
-        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, shown)
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, shown, wide)
         entries = run_exam(
             wanted, out, jobs=wide, progress=shown, steps=steps, again=again, ledger=ledger
         )

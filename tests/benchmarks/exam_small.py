@@ -11,13 +11,14 @@ from cell.exam.cases.draw import cases
 from cell.exam.report.page import GOOD
 from cell.exam.run import run_exam
 
-COUNT, SEED, LEAST = 6, 0, 5
+COUNT, SEED, LEAST, JOBS = 6, 0, 5, 2
 
 
 def main() -> int:
     """Draw, make, judge, and tell."""
     with TemporaryDirectory() as folder:
-        entries = run_exam(cases("state", COUNT, SEED), Path(folder), jobs=2, progress=_told)
+        drawn = cases("state", COUNT, SEED, jobs=JOBS)
+        entries = run_exam(drawn, Path(folder), jobs=JOBS, progress=_told)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     good = sum(result in GOOD for result in results)
     sys.stdout.write(f"{good} of {COUNT} right\n")

@@ -1,6 +1,7 @@
 """Cases drawn by chance: what is hidden, where it sits, how strong it is, on which strip."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +15,7 @@ from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.from_model import BY, MOTIONS, based
 from cell.exam.runs.through_images import refusal
 from cell.gap.subject.strip.ways import way_of
+from cell.parallel import workers
 from cell.record.header import Sigma
 from drivers.errors import Fault
 from drivers.strip.effects import registry
@@ -43,23 +45,43 @@ OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
 
+@dataclass(frozen=True, slots=True)
+class _Draw:
+    """Case `i` of the exam of `seed`, the one with this `number` of its kind; not drawn yet."""
+
+    tier: Tier
+    kind: Kind
+    i: int
+    number: int
+    seed: int
+
+    def case(self) -> Case:
+        """The case; raises Fault where nothing can be as strong as it must."""
+        drawn = _case(self.tier, self.kind, self.i, self.number, self.seed)
+        return drawn.model_copy(update={"scatter": _scattered(self.number)})
+
+
 def cases(
-    tier: Tier, count: int, seed: int, only: Kind | None = None, progress: Progress = quiet
+    tier: Tier,
+    count: int,
+    seed: int,
+    only: Kind | None = None,
+    progress: Progress = quiet,
+    jobs: int = 1,
 ) -> list[Case]:
-    """`count` cases, of one kind `only` or of all in their shares; the same for the same seed.
+    """`count` cases, of one kind `only` or of all in their shares, `jobs` drawn at a time in
+    processes; the same for the same seed.
 
     `progress` is told of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
-    number = dict.fromkeys(kinds, 0)
-    found = []
-    for i, kind in enumerate(kinds):
-        case = _case(tier, kind, i, number[kind], seed)
-        level = _scattered(number[kind])
-        found.append(case.model_copy(update={"scatter": level}))
-        number[kind] += 1
-        if len(found) * 10 // count > i * 10 // count:
-            progress(len(found), count, "cases drawn")
+    draws = [_Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
+    found: list[Case] = []
+    with workers(jobs) as pool:
+        for case in pool.map(_Draw.case, draws):
+            found.append(case)
+            if len(found) * 10 // count > (len(found) - 1) * 10 // count:
+                progress(len(found), count, "cases drawn")
     return found
 
 

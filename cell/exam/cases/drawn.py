@@ -23,8 +23,10 @@ def load_or_draw(
     repeats: int = 1,
     kind: Kind | None = None,
     progress: Progress = quiet,
+    jobs: int = 1,
 ) -> tuple[Case, ...]:
-    """The cases of a tier: those that `folder` holds for the same request, else drawn now.
+    """The cases of a tier: those that `folder` holds for the same request, else drawn now,
+    `jobs` at a time.
 
     From the state each motion is made `repeats` times; with a `kind` all cases are of that. Raises
     ConfigurationError where the folder holds another exam or cannot be written, for repeats through
@@ -44,7 +46,7 @@ def load_or_draw(
         from cell.exam.cases.draw import cases
 
         of: Tier = "images" if tier == "images" else "state"
-        drawn = cases(of, wanted, seed, kind, progress)
+        drawn = cases(of, wanted, seed, kind, progress, jobs)
         found = tuple(c.model_copy(update={"repeats": repeats}) for c in drawn)
         _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
         return found

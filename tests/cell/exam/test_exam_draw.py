@@ -40,5 +40,5 @@ def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> N
         assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
 
 
-def test_the_same_seed_draws_the_same_cases() -> None:
-    assert cases("state", 3, 5) == cases("state", 3, 5)
+def test_the_same_seed_draws_the_same_cases_however_many_at_a_time() -> None:
+    assert cases("state", 3, 5) == cases("state", 3, 5, jobs=2)
