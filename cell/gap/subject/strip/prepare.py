@@ -145,8 +145,8 @@ def _grains(
 
 
 def _rms(values: Array) -> float:
-    """Root mean square of what is not lost."""
-    return float(np.sqrt(np.mean(np.nan_to_num(values) ** 2)))
+    """Root mean square of what is not lost; 0 of a run that broke off before its first sample."""
+    return float(np.linalg.norm(np.nan_to_num(values)) / np.sqrt(max(len(values), 1)))
 
 
 def _run(run: MeasuredRun, fold: Fold, about: Surroundings, local: tuple[Parameter, ...]) -> Run:

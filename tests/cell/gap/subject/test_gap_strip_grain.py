@@ -14,21 +14,21 @@ FLOOR = 1e-3
 ASTRAY, STEADY = 8 * FLOOR, 0.5 * FLOOR  # what the fine rod shows of two folds
 
 
-def folded(of: str) -> Any:
-    """A fold of two samples, of which a motion shows its own name and value."""
+def folded(of: str, samples: int = 2) -> Any:
+    """A fold of so many samples, of which a motion shows its own name and value."""
 
     def compared(_model: object, motion: tuple[str, float]) -> Any:
         assert motion[0] == of
-        return SimpleNamespace(mean=np.full(2, motion[1]))
+        return SimpleNamespace(mean=np.full(samples, motion[1]))
 
-    samples = SimpleNamespace(floor=np.full(2, FLOOR))
-    return SimpleNamespace(
-        comparison=type("", (), {"__call__": lambda _, *a: compared(*a),
-                                 "layout": SimpleNamespace(samples=samples)})(),
-    )  # fmt: skip
+    layout = SimpleNamespace(samples=SimpleNamespace(floor=np.full(samples, FLOOR)))
+    comparison = type("", (), {"__call__": lambda _, *a: compared(*a), "layout": layout})
+    return SimpleNamespace(comparison=comparison())
 
 
-def grains(monkeypatch: pytest.MonkeyPatch, finer: float) -> tuple[list[Array], list[Any]]:
+def grains(
+    monkeypatch: pytest.MonkeyPatch, finer: float, samples: int = 2
+) -> tuple[list[Array], list[Any]]:
     """Grains of a fold that goes astray and of a steady one, and what was simulated."""
     asked: list[Any] = []
     shows = {FINE: {"slips": ASTRAY, "lies": STEADY}, FINER: {"slips": finer, "lies": 0.0}}
@@ -41,9 +41,9 @@ def grains(monkeypatch: pytest.MonkeyPatch, finer: float) -> tuple[list[Array], 
         return simulated
 
     monkeypatch.setattr(prepare, "Simulation", simulation)
-    folds = [folded("slips"), folded("lies")]
+    folds = [folded("slips", samples), folded("lies", samples)]
     drives: Any = [SimpleNamespace(of=of, model=None) for of in ("slips", "lies")]
-    return prepare._grains(folds, drives, [np.zeros(2), np.zeros(2)], 1), asked
+    return prepare._grains(folds, drives, [np.zeros(samples), np.zeros(samples)], 1), asked
 
 
 @pytest.mark.parametrize("finer", [0.1 * FLOOR, 1.1 * ASTRAY])
@@ -54,3 +54,10 @@ def test_where_the_fine_rod_goes_another_way_a_finer_one_decides(
     assert asked == [(FINE, ["slips", "lies"]), (FINER, ["slips"])]
     assert slips == pytest.approx(-finer)
     assert lies == pytest.approx(-STEADY)
+
+
+def test_a_run_that_broke_off_before_its_first_sample_asks_for_no_finer_rod(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, asked = grains(monkeypatch, 0.0, samples=0)
+    assert asked == [(FINE, ["slips", "lies"]), (FINER, [])]
