@@ -1,1 +1,1 @@
-"""Camera calibration and perception: from pixels to the cell frame."""
+"""Camera calibration: from pixels to the cell frame."""

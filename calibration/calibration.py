@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from calibration.homography import Homography, Viewpoint, viewpoint
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
 from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 from drivers.settings import Settings, load
 from drivers.types import Array
 
@@ -132,7 +132,7 @@ def calibrated(
         landmarks=landmarks,
         accepted_anyway=tuple(accepted_anyway),
     )
-    return _signed(unsigned).calibration("calibration")
+    return _sign(unsigned).calibration("calibration")
 
 
 def changed(calibration: Calibration, **facts: Any) -> Calibration:
@@ -150,17 +150,10 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
 
     The old file, if any, stays until the new one is complete.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    file = _file(calibration)
-    try:
+    content = yaml.safe_dump(_file(calibration).content(), sort_keys=False)
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("w", encoding="utf-8") as stream:
-            yaml.safe_dump(file.content(), stream, sort_keys=False)
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(path)
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+        replace_file(path, content.encode())
 
 
 def load_calibration(path: Path) -> Calibration:
@@ -181,10 +174,10 @@ def _file(calibration: Calibration) -> CalibrationFile:
         locks=dict(calibration.locks),
         **facts,
     )
-    return _signed(unsigned)
+    return _sign(unsigned)
 
 
-def _signed(file: CalibrationFile) -> CalibrationFile:
+def _sign(file: CalibrationFile) -> CalibrationFile:
     return file.model_copy(update={"id": _identity(file.content())})
 
 

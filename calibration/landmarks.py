@@ -124,7 +124,7 @@ def camera_shift(
 ) -> CameraShift:
     """Shift of the landmarks in an image (h, w, 3) of the hand at rest at the same pose."""
     grey = _grey(frame.image)
-    found = [(mark, _found(grey, mark)) for mark in landmarks.marks]
+    found = [(mark, _find(grey, mark)) for mark in landmarks.marks]
     tips = [_moved_mm(m, at, lens, homography) for m, at in found if m.kind == "tip" and at]
     desk = [_moved_mm(m, at, lens, homography)[1] for m, at in found if m.kind == "desk" and at]
     x, z = tips[0] if tips else (float("nan"), float("nan"))
@@ -156,7 +156,7 @@ def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark
     return marks
 
 
-def _found(grey: Image, mark: Landmark) -> tuple[float, float] | None:
+def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     """Shift (u, v) [px] at which the landmark is found again, or None."""
     patch = mark.patch()
     reach_u = REACH if mark.kind == "tip" else 0  # a level line says nothing of sideways motion

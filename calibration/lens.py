@@ -1,19 +1,26 @@
-"""Lens model: pinhole with Brown distortion, calibrated from views of a ChArUco board."""
+"""Lens model: pinhole with Brown distortion, fitted to views of a ChArUco board; its files in the
+formats of ROS (camera_info YAML) and OpenCV."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import cv2
 import numpy as np
+import yaml
 from pydantic import Field
 
 from drivers.errors import ConfigurationError
-from drivers.settings import Settings
+from drivers.files import read_text, replace_file, writing
+from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
 CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3
+FOCAL = 0.1, 100.0  # of the image's longer side: from a fisheye to a telescope
+DISTORTION = 100.0
+LARGEST = 20_000  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +100,39 @@ def _check_inside(points: Array, size: tuple[int, int]) -> None:
         )
 
 
+def checked_lens(lens: Lens, origin: str) -> Lens:
+    """`lens`, if a camera can have it; else a ConfigurationError that names `origin`.
+
+    Focal lengths must be finite and of the order of the image, its centre near the image, the
+    distortion finite and bounded.
+    """
+    sides = np.array([lens.width, lens.height], dtype=np.float64)
+    focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
+    low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
+    if sides.max() > LARGEST:
+        reason = (
+            f"image_width, image_height: are {lens.width} x {lens.height} px, at most {LARGEST}"
+        )
+    elif not ((focal >= low) & (focal <= high)).all():
+        reason = (
+            f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed "
+            f"{low:.0f} to {high:.0f} px for this image"
+        )
+    elif not ((centre >= -sides) & (centre <= 2.0 * sides)).all():
+        reason = (
+            f"camera_matrix: the centre is u {centre[0]:g}, v {centre[1]:g} px, far outside of an "
+            f"image of {lens.width} x {lens.height} px"
+        )
+    elif not (np.abs(lens.distortion) <= DISTORTION).all():
+        worst = lens.distortion[np.argmax(~(np.abs(lens.distortion) <= DISTORTION))]
+        reason = (
+            f"distortion_coefficients: hold {worst:g}, allowed -{DISTORTION:g} to {DISTORTION:g}"
+        )
+    else:
+        return lens
+    raise ConfigurationError(f"{origin}: {reason}; calibrate the camera again")
+
+
 Positive = Annotated[int, Field(gt=0)]
 
 
@@ -143,13 +183,80 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """The lens; matrices of a wrong shape are a ConfigurationError that names `origin`."""
+        """The lens; matrices of a wrong shape, or numbers of no lens, are a ConfigurationError that
+        names `origin`.
+        """
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"
         )
-        return Lens(self.image_width, self.image_height, matrix, frozen(distortion.ravel()))
+        lens = Lens(self.image_width, self.image_height, matrix, frozen(distortion.ravel()))
+        return checked_lens(lens, origin)
 
     def content(self) -> dict[str, Any]:
         """Plain mapping for YAML or JSON."""
         return self.model_dump(mode="json")
+
+
+OPENCV = "!!opencv-matrix"  # a tag of OpenCV's files, which no other reader of YAML knows
+NODES = ("image_width", "image_height", "camera_matrix", "distortion_coefficients")
+COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
+
+
+def write_camera_info(lens: Lens, name: str, path: Path) -> None:
+    """Write `lens` of the camera `name` as ROS camera_info; ConfigurationError where it cannot."""
+    content = yaml.safe_dump(CameraFile.of(lens, name).content(), sort_keys=False)
+    with writing(path):
+        replace_file(path, content.encode())
+
+
+def write_opencv(lens: Lens, path: Path) -> None:
+    """Write `lens` as cv2.FileStorage does; ConfigurationError where it cannot be written."""
+    kind = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    store = cv2.FileStorage("", kind)
+    store.write("image_width", lens.width)
+    store.write("image_height", lens.height)
+    store.write("camera_matrix", np.array(lens.matrix))
+    store.write("distortion_coefficients", np.array(lens.distortion)[None])
+    with writing(path):
+        replace_file(path, store.releaseAndGetString().encode())
+
+
+def read_lens(path: Path) -> Lens:
+    """The lens in a ROS or OpenCV file, distinguished by the tag of its matrices.
+
+    A missing or broken file, or another model than plumb bob, is a ConfigurationError.
+    """
+    text = read_text(path)
+    if OPENCV in text:
+        return _read_opencv(path, text)
+    return load(path, CameraFile).lens(str(path))
+
+
+def _read_opencv(path: Path, text: str) -> Lens:
+    try:
+        store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        missing = [name for name in NODES if store.getNode(name).empty()]
+        if missing:
+            raise ConfigurationError(f"{path}: {missing[0]}: is missing; add it")
+        width, height = (int(store.getNode(name).real()) for name in NODES[:2])
+        matrix, distortion = (np.array(store.getNode(name).mat()) for name in NODES[2:])
+        store.release()
+    except (cv2.error, SystemError):  # OpenCV's parser raises the one inside of the other
+        raise ConfigurationError(
+            f"{path}: cannot be read as a file of OpenCV; write it with cv2.FileStorage"
+        ) from None
+    return _check(path, (width, height), matrix.astype(np.float64), distortion.ravel())
+
+
+def _check(path: Path, size: tuple[int, int], matrix: Array, distortion: Array) -> Lens:
+    if matrix.shape != (3, 3):
+        raise ConfigurationError(f"{path}: camera_matrix: must be 3 x 3 numbers")
+    if len(distortion) not in COEFFICIENTS:
+        raise ConfigurationError(
+            f"{path}: distortion_coefficients: are {len(distortion)} numbers, allowed are 4 or 5 "
+            "(plumb bob); calibrate with this model"
+        )
+    if min(size) <= 0:
+        raise ConfigurationError(f"{path}: image_width, image_height: must be positive")
+    return checked_lens(Lens(*size, frozen(matrix), frozen([*distortion, 0.0][:5])), str(path))

@@ -1,1 +1,49 @@
-"""The application: what an operator types, the orchestrator, its monitors and its record."""
+"""The application: what an operator types, the orchestrator, its monitors and its record.
+
+`import cell` offers the functions of `cell.api`; they are imported when one is used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cell.api import (
+        effects,
+        export_runs,
+        fit_gap,
+        fold,
+        import_runs,
+        list_runs,
+        observe,
+        read_calibration,
+        read_run,
+        read_strip,
+        read_verdict,
+        table,
+    )
+
+__all__ = (
+    "effects",
+    "export_runs",
+    "fit_gap",
+    "fold",
+    "import_runs",
+    "list_runs",
+    "observe",
+    "read_calibration",
+    "read_run",
+    "read_strip",
+    "read_verdict",
+    "table",
+)
+
+
+def __getattr__(name: str) -> Any:
+    """A function of `cell.api`; AttributeError for any other name."""
+    if name not in __all__:
+        raise AttributeError(f"module 'cell' has no attribute {name!r}")
+    return getattr(importlib.import_module("cell.api"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -26,15 +26,21 @@ def _run() -> int | str | None:
     except SystemExit as end:
         return end.code
     except CellError as error:
-        return _said(error)
+        return _show(error)
+    except ModuleNotFoundError as error:
+        from cell.extras import FEATURES, missing_library
+        from drivers.errors import Unexpected
+
+        known = error.name in FEATURES
+        return _show(missing_library(str(error.name)) if known else Unexpected(error))
     except Exception as error:  # noqa: BLE001  an edge: an operator is not shown a traceback
         from drivers.errors import Unexpected
 
-        return _said(Unexpected(error))
+        return _show(Unexpected(error))
     return 0
 
 
-def _said(error: CellError) -> int:
+def _show(error: CellError) -> int:
     sys.stdout.flush()
     sys.stderr.write(f"cell: {error}\n")
     return error.exit_code

@@ -1,5 +1,6 @@
 """Wall clock for runs on hardware; the twin's clock is `drivers.twin.clock`."""
 
+import os
 import time
 
 
@@ -27,3 +28,16 @@ class WallClock:
         remaining = time_s - self.now()
         if remaining > 0:
             time.sleep(remaining)
+
+
+def take_priority(priority: int) -> bool:
+    """Give this thread real-time `priority`, 1 to 99; False where this user may not have it.
+
+    Threads and processes that it starts are ordinary again.
+    """
+    try:
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except PermissionError:
+        return False
+    return True

@@ -1,6 +1,8 @@
 """Expected errors of the cell: one root class, one exit code each."""
 
 import traceback
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +71,12 @@ class Unsupported(CellError):
 
     def __init__(self, engine: str, part: str) -> None:
         super().__init__(f"the {engine} cannot simulate {part}; use the other engine")
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """The known name that is nearest to `name`, as an aside in an error; empty where none is."""
+    near = get_close_matches(name, list(known), n=1)
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def _again(kind: type[CellError], arguments: tuple[Any, ...]) -> CellError:

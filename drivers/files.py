@@ -1,13 +1,22 @@
-"""Reading of input files: regular files only, of bounded size, refused in one line."""
+"""The door of all files: reading only what is regular and of bounded size, writing whole files that
+follow no link, locks on folders.
+"""
 
+import errno
+import fcntl
 import os
 import stat
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from io import FileIO
 from pathlib import Path
 
 from drivers.errors import ConfigurationError
 
 MEGABYTE = 1_000_000
 TEXT = 200_000  # bytes of a file that a person writes, with much room
+PATIENCE, GLANCE = 10.0, 0.02  # s for another command to finish; between looks whether it has
 KINDS = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFCHR: "a device",
@@ -57,3 +66,130 @@ def _check_kind(path: Path, found: os.stat_result) -> None:
         raise ConfigurationError(
             f"{path}: cannot be read: is {KINDS[kind]}, must be a regular file"
         )
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new, empty file beside `path`, of a name that nobody knows, for a writer that wants a name.
+
+    It takes the place of `path` once the block ends well: a reader sees the old file or the new
+    one, and a link at `path` is replaced, not followed. Raises OSError where that is not possible.
+    """
+    scratch = path.with_name(f".{os.urandom(6).hex()}.part")
+    new_file(scratch).close()
+    try:
+        yield scratch
+        with scratch.open("rb") as written:
+            os.fsync(written.fileno())
+        scratch.replace(path)
+    except BaseException:
+        scratch.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Replace the file at `path` by `content`, whole and on disk, as `replacing` does."""
+    with replacing(path) as scratch, scratch.open("wb") as file:
+        file.write(content)
+
+
+@contextmanager
+def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
+    """Refuse, in one line with a `remedy`, a `place` at which the block cannot write.
+
+    Raises ConfigurationError for an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        text = f"{place}: cannot be written: {error.strerror or error}"
+        raise ConfigurationError(f"{text}; {remedy}" if remedy else text) from None
+
+
+def new_file(path: Path) -> FileIO:
+    """A file at `path` that was not there before, open for writing without a buffer.
+
+    Raises OSError where something is there, be it a link that leads nowhere.
+    """
+    return path.open("xb", buffering=0)
+
+
+def own_file(path: Path) -> None:
+    """Make sure that a regular file stands at `path`, for a writer that opens it by name.
+
+    Raises OSError where a link, a pipe or another special file stands there.
+    """
+    os.close(_open_to_write(path, os.O_WRONLY))
+
+
+def append_line(path: Path, line: bytes) -> None:
+    """Add `line` to the file at `path`, on disk on return; OSError where that is not possible, as
+    for `own_file`. A line that does not fit is taken back.
+    """
+    with open(_open_to_write(path, os.O_WRONLY | os.O_APPEND), "wb", buffering=0) as file:
+        end = os.fstat(file.fileno()).st_size
+        try:
+            write_all(file, line)
+            os.fsync(file.fileno())
+        except OSError:
+            os.ftruncate(file.fileno(), end)
+            raise
+
+
+def write_all(file: FileIO, content: bytes | memoryview) -> None:
+    """Write all of `content`, repeating partial writes; raises OSError when the system refuses."""
+    rest = memoryview(content)
+    while rest:
+        rest = rest[file.write(rest) or 0 :]
+
+
+def sync_folder(folder: Path) -> None:
+    """Flush the directory entries of `folder` to disk."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+@contextmanager
+def lock_folders(folders: Iterable[Path]) -> Iterator[None]:
+    """Keep other commands out of `folders` while files in them are read, changed and written.
+
+    A lock of the folder itself: it leaves no file, and ends with the process. Raises
+    ConfigurationError where another holds it for longer than PATIENCE, or a folder cannot be read.
+    """
+    with ExitStack() as held:
+        for folder in sorted({folder.resolve() for folder in folders}):  # in one order for all
+            try:
+                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+            except OSError as error:
+                raise ConfigurationError(f"{folder}: cannot be read: {error.strerror}") from None
+            held.callback(os.close, handle)
+            _lock(handle, folder)
+        yield
+
+
+def _lock(handle: int, folder: Path) -> None:
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise ConfigurationError(
+                    f"{folder}: another command has been changing files here for {PATIENCE:g} s; "
+                    "let it finish"
+                ) from None
+            time.sleep(GLANCE)
+
+
+def _open_to_write(path: Path, flags: int) -> int:
+    flags |= os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+    handle = os.open(path, flags, 0o666)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(errno.EINVAL, "is not a regular file", str(path))
+    return handle

@@ -69,7 +69,7 @@ class MotionLimits(Settings):
                 )
 
 
-def _ordered(span: tuple[float, float]) -> tuple[float, float]:
+def _order(span: tuple[float, float]) -> tuple[float, float]:
     if span[0] >= span[1]:
         raise ValueError(f"needs low < high, found [{span[0]:g}, {span[1]:g}]")
     return span
@@ -83,9 +83,9 @@ Turned = Annotated[float, Field(ge=-2 * pi, le=2 * pi)]
 class Workspace(Settings):
     """Allowed box of the gripper: [low, high] of x, z [m] and pitch [rad], cell frame."""
 
-    x: Annotated[tuple[Along, Along], AfterValidator(_ordered)] = (-0.15, 0.85)
-    z: Annotated[tuple[Above, Above], AfterValidator(_ordered)] = (-0.01, 0.5)
-    pitch: Annotated[tuple[Turned, Turned], AfterValidator(_ordered)] = (-0.2, pi + 0.2)
+    x: Annotated[tuple[Along, Along], AfterValidator(_order)] = (-0.15, 0.85)
+    z: Annotated[tuple[Above, Above], AfterValidator(_order)] = (-0.01, 0.5)
+    pitch: Annotated[tuple[Turned, Turned], AfterValidator(_order)] = (-0.2, pi + 0.2)
 
     @property
     def low(self) -> tuple[float, float, float]:

@@ -198,7 +198,7 @@ class MotionProfile:
         straight = not any(self._velocity) and not any(self._acceleration)
         change = [g - p for g, p in zip(goal, self._position, strict=True)] if straight else _STILL
         _limit(order, self._limits, change)
-        order.max_velocity = _shared(order.max_velocity, change)
+        order.max_velocity = _share(order.max_velocity, change)
         if gently:
             far = (abs(g - p) for g, p in zip(goal, self._position, strict=True))
             order.max_acceleration = [
@@ -276,11 +276,11 @@ def _limit(order: Any, limits: MotionLimits, change: Numbers) -> None:
     Ruckig leaves the straight line where one axis alone would allow a shorter profile.
     """
     order.max_velocity = [axis.velocity for axis in limits.axes]
-    order.max_acceleration = _shared([axis.acceleration for axis in limits.axes], change)
-    order.max_jerk = _shared([axis.jerk for axis in limits.axes], change)
+    order.max_acceleration = _share([axis.acceleration for axis in limits.axes], change)
+    order.max_jerk = _share([axis.jerk for axis in limits.axes], change)
 
 
-def _shared(limits: Numbers, change: Numbers) -> Numbers:
+def _share(limits: Numbers, change: Numbers) -> Numbers:
     sizes = [abs(c) if abs(c) > NOTHING else 0.0 for c in change]
     if not any(sizes):
         return limits

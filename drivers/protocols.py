@@ -20,7 +20,7 @@ class Clock(Protocol):
 class Arm(Protocol):
     """A gripper point that moves in the plane of the strip, in the cell frame.
 
-    The arm's driver owns the 1 kHz servo. Methods return at once; `state().moving` tells whether a
+    The arm's driver owns the 1 kHz servo. Methods return at once; `state().moving` says whether a
     motion is under way. Raises `Fault` when the robot refuses or has stopped by itself.
     """
 

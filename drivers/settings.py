@@ -1,18 +1,37 @@
 """Base of all settings, and reading of YAML and JSON files with errors in one line."""
 
 import json
+import operator
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
 from drivers.files import TEXT, read_text
 from drivers.yaml_loader import BoundedLoader
 
 SCHEMA = 1
+BOUNDS = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}
+COMPARED = {"ge": operator.ge, "gt": operator.gt, "le": operator.le, "lt": operator.lt}
+OUT_OF_RANGE = {"greater_than_equal", "greater_than", "less_than_equal", "less_than"}
+SMALLER = {"m": "mm", "s": "ms", "m/s": "mm/s", "kg/m^2": "g/m^2"}  # a thousandth
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a field, given in `Annotated`, for the errors of values beyond its bounds."""
+
+    name: str
+
+
+Metres = Annotated[float, Unit("m")]
+Seconds = Annotated[float, Unit("s")]
+Speed = Annotated[float, Unit("m/s")]
 
 
 class Settings(BaseModel):
@@ -26,7 +45,11 @@ S = TypeVar("S", bound=BaseModel)
 
 def read_yaml(path: Path) -> dict[str, Any]:
     """Mapping in a YAML file; a missing, broken or non-mapping file is a ConfigurationError."""
-    text = read_text(path)
+    return parse_yaml(read_text(path), str(path))
+
+
+def parse_yaml(text: str, path: str) -> dict[str, Any]:
+    """Mapping in YAML `text`, named `path` in the ConfigurationError where it holds none."""
     try:
         content = yaml.load(text, BoundedLoader)  # noqa: S506  a safe loader, bounded besides
     except yaml.YAMLError as error:
@@ -99,21 +122,51 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
 def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
     key = ".".join(str(part) for part in item["loc"]) or "file"
     if item["type"] == "extra_forbidden":
-        allowed = ", ".join(_keys(model, item["loc"][:-1]))
-        return f"{origin}: {key}: unknown key; allowed here: {allowed or 'none'}"
+        known = _keys(model, item["loc"][:-1])
+        meant = suggestion(str(item["loc"][-1]), known)
+        return f"{origin}: {key}: unknown key{meant}; allowed here: {', '.join(known) or 'none'}"
     if item["type"] == "missing":
         return f"{origin}: {key}: is missing; add it"
+    if item["type"] in OUT_OF_RANGE:
+        return f"{origin}: {key}: {_out_of_range(item, _field(model, item['loc']))}"
     reason = str(item["msg"]).removeprefix("Value error, ")
     return f"{origin}: {key}: {reason[:1].lower()}{reason[1:]} (found {item['input']!r:.60})"
 
 
+def _out_of_range(item: dict[str, Any], field: FieldInfo | None) -> str:
+    """A number beyond the bounds of its field, the bounds, and the value in the unit that is meant
+    where a thousandth of it fits.
+    """
+    value, parts = item["input"], [] if field is None else field.metadata
+    unit = next((f" {part.name}" for part in parts if isinstance(part, Unit)), "")
+    bounds = {name: getattr(part, name) for part in parts for name in BOUNDS if hasattr(part, name)}
+    bounds = bounds or {name: item["ctx"][name] for name in BOUNDS if name in item["ctx"]}
+    words = " and ".join(f"{BOUNDS[name]} {bound:g}{unit}" for name, bound in bounds.items())
+    said = f"is {value:g}{unit}, must be {words}"
+    small = SMALLER.get(unit.strip())
+    if small and all(COMPARED[name](value / 1e3, bound) for name, bound in bounds.items()):
+        said += f"; if {value:g} is in {small}, write {value / 1e3:g}"
+    return said
+
+
 def _keys(model: type[BaseModel], place: tuple[Any, ...]) -> list[str]:
+    inner = _model(model, place)
+    fields = {} if inner is None else inner.model_fields
+    return sorted(field.alias or name for name, field in fields.items())
+
+
+def _field(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
+    """The field at `place`; None for an item of a list or a mapping."""
+    inner = _model(model, place[:-1])
+    return None if inner is None else inner.model_fields.get(place[-1])
+
+
+def _model(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
     current: Any = model
     for part in place:
         field = getattr(current, "model_fields", {}).get(part)
         current = field.annotation if field is not None else None
-    fields = getattr(current, "model_fields", {})
-    return sorted(field.alias or name for name, field in fields.items())
+    return current if hasattr(current, "model_fields") else None
 
 
 def _yaml_place(error: yaml.YAMLError) -> str:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes
+from drivers.files import MEGABYTE, read_bytes, replace_file, writing
 from drivers.settings import Settings, parse
 
 WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
@@ -37,13 +37,9 @@ class Checkpoint(Settings):
 def load_checkpoint(path: FilePath) -> Checkpoint:
     """The checkpoint at `path`; one line of ConfigurationError when it is missing or broken."""
     try:
-        if path.exists() and not path.is_dir():
-            read_bytes(path, MEGABYTE)  # no pipe, no device, nothing vast
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: checkpoint cannot be read: {error.strerror}; name another or train one"
-        ) from None
+        content: Any = json.loads(read_bytes(path, MEGABYTE))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
     except (ValueError, RecursionError):
         raise ConfigurationError(
             f"{path}: checkpoint is corrupt: not JSON; restore the file or train one"
@@ -58,11 +54,5 @@ def load_checkpoint(path: FilePath) -> Checkpoint:
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
     """Write `checkpoint` to `path` atomically; ConfigurationError where that fails."""
     content = checkpoint.model_dump(by_alias=True)
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room or name another folder"
-        ) from None
+    with writing(path, "make room or name another folder"):
+        replace_file(path, (json.dumps(content, indent=1) + "\n").encode())

@@ -46,12 +46,17 @@ class Planned:
     def __init__(self, strips: Sequence[StripFile] = ()) -> None:
         self.rises: Array = np.zeros(0)
         self._strips = tuple(strips)
-        self._known: tuple[tuple[StripFile, ...], float] | None = None
+        self._aim = 0.0
+        self._known: tuple[tuple[StripFile, ...], float, float] | None = None
         self._paths = Paths([])
+
+    def correct(self, seen: float, unseen: float) -> None:
+        """Plan for the displacement in the rod that becomes 0 in truth: minus both biases [m]."""
+        self._aim = -seen - unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Plan, unless already planned; see `Policy.reset`, and `plan` for its errors."""
-        asked = (self._strips or (strip,), speed)
+        asked = (self._strips or (strip,), speed, self._aim)
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
         rises = self.rises if self._strips else np.repeat(self.rises, count)
@@ -100,24 +105,25 @@ class Paths:
         )
 
 
-def plan(strips: Sequence[StripFile], speed: float) -> Array:
-    """Rises (n,) [m] of the triangles on which the rod folds `strips` with d = 0 at `speed` [m/s].
+def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
+    """Rises (n,) [m] of the triangles on which the rod folds `strips` with d = `aim` [m] at `speed`
+    [m/s].
 
     Two rounds over all strips in one batch: coarse, then fine around the zero. The grippers move as
     in a fold, with its lift and its limited acceleration. Raises ConfigurationError where no path
-    reaches d = 0.
+    reaches d = `aim`.
     """
     motions = Motions(strips[0], speed)
     length = strips[0].length
     tried = np.round(COARSE / STEP).astype(int)
     coarse = np.tile(tried, (len(strips), 1))
-    d = _displacements(strips, motions, coarse)
+    d = _displacements(strips, motions, coarse) - aim
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
     rough = _zeros(coarse, d)
     fine = (np.round(rough)[:, None] + FINE).astype(int)
-    close = _displacements(strips, motions, fine)
-    found = np.where(_bracketed(close), _zeros(fine, close), rough)
+    close = _displacements(strips, motions, fine) - aim
+    found = np.where(_bracket(close), _zeros(fine, close), rough)
     return found * STEP * length
 
 
@@ -200,7 +206,7 @@ def _check(strip: StripFile, d: Array) -> None:
         )
 
 
-def _bracketed(d: Array) -> NDArray[np.bool_]:
+def _bracket(d: Array) -> NDArray[np.bool_]:
     """Which rows of the displacements `d` (n, m) hold both signs: beside the zero that the far ones
     promised, those of the close rises say nothing.
     """

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path as FilePath
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
 from policies.catalogue import entries
 from policies.policy import Policy
 
@@ -26,7 +26,10 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
     if name.startswith(MOTION) and checkpoint is None:
         return _motion(name)
     if name not in entries():
-        raise ConfigurationError(f"policy: unknown name {name!r}; allowed: {', '.join(entries())}")
+        raise ConfigurationError(
+            f"policy: unknown name {name!r}{suggestion(name, entries())}; "
+            f"allowed: {', '.join(entries())}"
+        )
     if checkpoint is not None and not entries()[name].learned:
         learned = ", ".join(sorted(n for n, entry in entries().items() if entry.learned))
         raise ConfigurationError(f"checkpoint: {name} has no weights; allowed only for: {learned}")
@@ -36,13 +39,13 @@ def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool =
 
 
 def _motion(name: str) -> Policy:
-    from policies.scripted import Scripted
-    from policies.standard import STANDARD
+    from policies.experiments.scripted import Scripted
+    from policies.experiments.standard import STANDARD
 
     wanted = name.removeprefix(MOTION)
     led = re.fullmatch(BY_HAND + r"(\d+)-(\d+)", wanted)
     if led is not None:
-        from policies.by_hand import by_hand
+        from policies.experiments.by_hand import by_hand
 
         seed, number = map(int, led.groups())
         return Scripted(name, lambda length, _speed: by_hand(length, seed, number))

@@ -142,10 +142,10 @@ class _Loop:
         """Move as decided until the next decision; returns whether every fold has ended."""
         if self._ended(decision):
             return True
-        self._advance(self._led(decision))
+        self._advance(self._lead(decision))
         return False
 
-    def _led(self, decision: Decision) -> Array:
+    def _lead(self, decision: Decision) -> Array:
         """Poses (substeps, n, 3) of the grippers while they turn into the decided directions."""
         heading = np.stack([np.cos(decision.direction), np.sin(decision.direction)], axis=-1)
         wanted = decision.speed[:, None] * heading

@@ -74,7 +74,7 @@ IMAGES = Sensing(
     wild=0.002,
     delay_error=0.002,
 )
-"""Images of the twin (`python -m tests.benchmarks.measure_sensing`)."""
+"""Images of the twin (`cell study perception`)."""
 TRAINING = replace(
     IMAGES, delay=(0.0, 0.06), wild=0.01, dropped=(0.0, 0.5), delay_error=0.005, factor=(0.5, 6.0)
 )
@@ -97,13 +97,13 @@ class Draws:
 
     def normal(self, *shape: int) -> Array:
         """Standard normal (n, *shape)."""
-        return self._tiled(self._rng.normal(size=(self._size, *shape)))
+        return self._tile(self._rng.normal(size=(self._size, *shape)))
 
     def uniform(self, low: float, high: float) -> Array:
         """Uniform (n,) over [low, high)."""
-        return self._tiled(self._rng.uniform(low, high, size=self._size))
+        return self._tile(self._rng.uniform(low, high, size=self._size))
 
-    def _tiled(self, values: Array) -> Array:
+    def _tile(self, values: Array) -> Array:
         return np.concatenate([values] * self._groups)
 
 
@@ -165,7 +165,7 @@ class Eye:
 
     def look(self, time: float, points: Array) -> Observation:
         """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
-        shown = self._kept(self._spoiled(time))
+        shown = self._kept(self._spoil(time))
         return Observation(
             time=np.full(len(points), time),
             x=points[:, 0],
@@ -178,7 +178,7 @@ class Eye:
             profile_confidence=np.ones(len(points) if self._points else 0),
         )
 
-    def _spoiled(self, time: float) -> Shown:
+    def _spoil(self, time: float) -> Shown:
         """The newest image of each strip, with its noise."""
         near = (self._newest + self._back) % len(self._recent)
         far = (near + 1) % len(self._recent)
@@ -188,13 +188,13 @@ class Eye:
         state = true[:, :STATE] + self._bias + noise
         profile = true[:, STATE:].reshape(len(true), self._points, 2)
         if self._points:
-            profile = self._blurred(profile)
+            profile = self._blur(profile)
         if self._sensing.wild > 0:
             wild = self._draws.uniform(0.0, 1.0) < self._sensing.wild
             state[:, CONTACT] += wild * self._draws.normal() * self._sensing.wild_size
         return Shown(time - self._delay, state, profile)
 
-    def _blurred(self, profile: Array) -> Array:
+    def _blur(self, profile: Array) -> Array:
         """Profiles with noise on all points but the last one, which the arm measures."""
         noise = self._draws.normal(self._points, 2) * self._sensing.profile_sigma
         noise = noise * self._factor[:, None, None] + self._shift

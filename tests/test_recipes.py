@@ -1,30 +1,40 @@
 """The recipes of runbooks/architecture.md, each followed once from outside the package."""
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import cell.exam.causes
+import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
-import policies.catalogue
+from cell.cli.options import policy_names as typed_policies
+from cell.config.drivers import arms, cameras
 from cell.config.places import BESIDE, find_configs
+from cell.config.settings import DriverChoice
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import check_calibrated, open_cell
 from cell.exam.causes import cause_of, causes
+from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.scope import candidate
+from cell.gap.subject.subject import Request
 from cell.orchestrator import monitors
 from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
-from drivers.errors import Fault
+from drivers.errors import ConfigurationError, Fault
 from drivers.protocols import Camera, Clock
+from drivers.settings import parse
 from drivers.strip.describe import load_strip
-from drivers.strip.effects import registry
+from drivers.strip.effects import check_effects, registry
 from drivers.types import Frame
 from policies.catalogue import entries
 from policies.registry import make_policy, policy_names
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.cell.orchestrator.test_orchestrator_stops import phases
+from tests.support.mechanisms import PRESCRIBED, make_arm
 from tests.support.plain_cell import plain_bench
 
 STRIP = """
@@ -61,6 +71,35 @@ EFFECT = Effect(
     apply=_apply,
     revealed_by="a slow fold",
     typical=lambda _: (0.1, 0.5),
+)
+'''
+
+MECHANISM_EFFECT = '''
+"""A magnet that holds a joint where it is."""
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, per_joint
+
+
+def _parameters(mechanism):
+    return per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
+
+
+def law(q, v, load, p, at):
+    return -p[at] * np.sin(q)
+
+
+EFFECT = Effect(
+    name="magnet",
+    sentence="a magnet holds a joint",
+    of="model",
+    expressed="force",
+    source="a dipole in a field",
+    parameters=_parameters,
+    keys=1,
+    law=law,
+    revealed_by="slow motion",
 )
 '''
 
@@ -104,14 +143,25 @@ CAUSE = Leaning
 '''
 
 
+OF_MECHANISMS = (
+    cell.gap.subject.mechanism.effects.registry,
+    cell.gap.subject.mechanism.effects.torques,
+)
+
+
 @pytest.fixture
-def beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder beside the packages; what they found before is forgotten, and again afterwards."""
-    scanned = (registry, entries, causes)
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Where packages of somebody else are installed; what was found before is forgotten, and again
+    afterwards.
+    """
+    scanned = (registry, entries, causes, arms, cameras, *OF_MECHANISMS)
     for found in scanned:
         found.cache_clear()
+    monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
     monkeypatch.undo()
+    for name in [name for name in sys.modules if name.startswith("own_")]:
+        del sys.modules[name]
     for found in scanned:
         found.cache_clear()
 
@@ -124,6 +174,16 @@ def only(beside: Path, monkeypatch: pytest.MonkeyPatch, package, name: str, text
     monkeypatch.setattr(package, "__path__", [*package.__path__, str(folder)])
 
 
+def install(place: Path, kind: str, name: str, text: str, object_name: str) -> None:
+    """A package of one module whose entry point names its `object_name`, as pip leaves it."""
+    (place / f"own_{name}.py").write_text(text, encoding="utf-8")
+    facts = place / f"own_{name}-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: own-{name}\nVersion: 1.0\n")
+    line = f"[folding_cell.{kind}]\n{name} = own_{name}:{object_name}\n"
+    (facts / "entry_points.txt").write_text(line)
+
+
 def test_a_strip_is_a_file(tmp_path: Path) -> None:
     (tmp_path / "strips").mkdir()
     (tmp_path / "strips" / "felt.yaml").write_text(STRIP, encoding="utf-8")
@@ -133,9 +193,9 @@ def test_a_strip_is_a_file(tmp_path: Path) -> None:
     assert configs.strip("felt").length == 0.5
 
 
-def test_an_effect_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(beside, monkeypatch, drivers.strip.effects, "wetness", EFFECT)
-    path = beside / "felt.yaml"
+def test_an_effect_is_a_package_of_one_file(installed: Path) -> None:
+    install(installed, "effects", "wetness", EFFECT, "EFFECT")
+    path = installed / "felt.yaml"
     path.write_text(STRIP.replace("effects: {}", "effects: {wetness: {share: 0.5}}"))
     strip = load_strip(path)
     wet = drivers.strip.describe.describe(strip).mechanics.linear_density
@@ -144,17 +204,57 @@ def test_an_effect_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert [float(group[0][0]) for group in tried.probes] == [0.1, 0.5]
 
 
-def test_a_policy_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(beside, monkeypatch, policies.catalogue, "raised", POLICY)
+def test_an_effect_of_a_mechanism_is_a_file(
+    installed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    only(installed, monkeypatch, cell.gap.subject.mechanism.effects, "magnet", MECHANISM_EFFECT)
+    file, runs = make_arm(installed / "arm", 2, content=PRESCRIBED, span=0.5)
+    arm = open_mechanism(file, find_runs([runs]))
+    run, base = arm.runs[0], np.array([p.start for p in arm.scope.base])
+    plain, magnet = arm.simulate(
+        [Request(run, base, e, np.zeros(0)) for e in ({}, {"magnet": np.array([0.5, 0.0])})]
+    )
+    assert "magnet" in {c.name for c in arm.scope.candidates}
+    assert np.abs(magnet.mean - plain.mean).max() > 0.01
+
+
+def test_a_policy_is_a_package_of_one_file(installed: Path) -> None:
+    install(installed, "policies", "raised", POLICY, "ENTRY")
+    assert "raised" in typed_policies()
     assert "raised" in policy_names()
     policy = make_policy("raised")
     assert policy.path(0.6).points[:, 1].max() == pytest.approx(0.36)
 
 
-def test_a_cause_is_a_file(beside: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    only(beside, monkeypatch, cell.exam.causes, "leaning", CAUSE)
+def test_a_cause_is_a_package_of_one_file(installed: Path) -> None:
+    install(installed, "causes", "leaning", CAUSE, "CAUSE")
     cause = cause_of("leaning", {"sag": 0.01})
     assert cause.moved(np.zeros(3), 0.0) == pytest.approx([0.0, -0.01, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("wet", "EFFECT = 1", "is of int, must be of Effect"),
+        ("wet", "import nothing_of_that_name", "cannot be imported: No module named"),
+        ("wet", "OTHER = 1", "cannot be imported"),
+        ("seam", "EFFECT = 1", "this name is taken"),
+    ],
+)
+def test_a_broken_package_is_named(installed: Path, name: str, text: str, said: str) -> None:
+    install(installed, "effects", name, text, "EFFECT")
+    with pytest.raises(ConfigurationError, match=f"effects: {name} of package own-{name}.*{said}"):
+        registry()
+
+
+def test_an_effect_beside_the_installed_package_is_said_to_be_none_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drivers/strip/effects").mkdir(parents=True)
+    Path("drivers/strip/effects/wetness.py").write_text(EFFECT)
+    with pytest.raises(ConfigurationError, match=r"run `pip install -e \.` here"):
+        check_effects({"wetness": {"share": 0.5}}, "felt.yaml", of="strip")
 
 
 def test_a_monitor_is_an_entry_of_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,6 +287,34 @@ class StuckCamera:
 
     def close(self) -> None:
         """Nothing to let go of."""
+
+
+CAMERA = '''
+"""A camera whose images never change."""
+
+from dataclasses import replace
+
+from cell.config.drivers import Driver
+
+DRIVER = Driver("own_stuck:with_stuck_camera")
+
+
+def with_stuck_camera(devices, settings):
+    return replace(devices, camera_identity=f"stuck in {settings.name}")
+'''
+
+
+def test_a_driver_is_a_package_of_one_file(installed: Path) -> None:
+    install(installed, "cameras", "stuck", CAMERA, "DRIVER")
+    settings, lying = find_configs(BESIDE).cell(), load_strip(BESIDE / "strips" / "denim.yaml")
+    stuck = parse({"camera": "stuck"}, DriverChoice, "cell.yaml: drivers")
+    with pytest.raises(ConfigurationError, match=r"arm: must be one of twin, fci \(found 'stuck'"):
+        parse({"arm": "stuck"}, DriverChoice, "cell.yaml: drivers")
+    settings = settings.model_copy(update={"drivers": stuck})
+    with pytest.raises(ConfigurationError, match="camera stuck needs one"):
+        check_calibrated(settings, DeviceSelection())
+    devices = open_cell(settings, lying, DeviceSelection(), calibrating=True)
+    assert devices.camera_identity == f"stuck in {settings.name}"
 
 
 def test_a_driver_is_a_class_behind_a_seam(monkeypatch: pytest.MonkeyPatch) -> None:

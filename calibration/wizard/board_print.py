@@ -1,13 +1,15 @@
 """Printable PDF of the board and the pointer's disc, in true size."""
 
+from io import BytesIO, FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
-from calibration.board_settings import DICTIONARY, BoardSettings
+from calibration.board import DICTIONARY, BoardSettings
 from drivers.errors import ConfigurationError
+from drivers.files import new_file, write_all, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,19 +52,28 @@ def board_figures(settings: BoardSettings) -> "tuple[Figure, Figure]":
 
 
 def print_board(settings: BoardSettings, path: Path) -> str:
-    """Write the board as a PDF of true size and return the sheet's name; ConfigurationError where
-    it cannot be written.
+    """Write the board as a PDF of true size to the new file `path`; returns the sheet's name.
+
+    Raises ConfigurationError where it cannot be written, or something is there already.
     """
     from matplotlib.backends.backend_pdf import PdfPages
 
-    figures = board_figures(settings)
-    try:
-        with PdfPages(path) as pages:
-            for figure in figures:
-                pages.savefig(figure)
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    figures, content = board_figures(settings), BytesIO()
+    with PdfPages(content) as pages:
+        for figure in figures:
+            pages.savefig(figure)
+    with writing(path), _new(path) as file:
+        write_all(file, content.getvalue())
     return paper(settings)[0]
+
+
+def _new(path: Path) -> FileIO:
+    try:
+        return new_file(path)
+    except FileExistsError:
+        raise ConfigurationError(
+            f"{path}: is there already, and nothing is overwritten; name a new file"
+        ) from None
 
 
 def _page(width: float, height: float) -> tuple["Figure", Any]:

@@ -1,4 +1,4 @@
-"""Coverage of the views of a board, gate by gate."""
+"""The views of the board that are required, and the coverage of those that were taken."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,77 @@ from math import acos, degrees, pi
 import cv2
 import numpy as np
 
-from calibration.board_view import BoardView
+from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
 from drivers.types import Array
+
+SMALL = 0.05  # share of the image within which a place is called the middle
+FLAT = 0.05  # rad under which a lean is not spoken of
+
+
+@dataclass(frozen=True, slots=True)
+class WantedView:
+    """A required view of the board, given by its image.
+
+    `x`, `y` are its centre as fractions of the image, from the left and from the top, `size` its
+    width as a fraction of the image's. Facing the camera at zero angles [rad]: `tilt` leans its top
+    away, `turn` its right edge, `roll` turns it clockwise.
+    """
+
+    x: float
+    y: float
+    size: float
+    tilt: float = 0.0
+    turn: float = 0.0
+    roll: float = 0.0
+
+    def __str__(self) -> str:
+        place = f"{_along(self.y, 'high', 'low')} {_along(self.x, 'left', 'right')}".split()
+        where = " and ".join(word for word in place if word != "middle") or "the middle"
+        leans = [
+            _lean(self.tilt, "top away", "top nearer"),
+            _lean(self.turn, "right edge away", "right edge nearer"),
+            _lean(self.roll, "turned clockwise", "turned anticlockwise"),
+        ]
+        how = ", ".join(lean for lean in leans if lean) or "facing the camera"
+        return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
+
+
+def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
+    """Thirteen views: five places, four leans, four leans with roll; `sizes` far and near.
+
+    `lean` [rad] is the largest tilt.
+    """
+    far, near = sizes
+    right, left, high, low = 0.84, 0.16, 0.27, 0.73
+    return (
+        WantedView(0.5, 0.5, near),
+        WantedView(left, high, near, 0.5 * lean, 0.5 * lean),
+        WantedView(right, low, near, -0.5 * lean, -0.5 * lean),
+        WantedView(left, low, far, -0.5 * lean, 0.5 * lean),
+        WantedView(right, high, far, 0.5 * lean, -0.5 * lean),
+        WantedView(0.6, 0.5, far, tilt=lean, roll=0.1),
+        WantedView(0.4, 0.5, far, tilt=-lean, roll=-0.1),
+        WantedView(0.65, 0.5, near, turn=lean, roll=0.1),
+        WantedView(0.35, 0.5, near, turn=-lean, roll=-0.1),
+        WantedView(right, 0.5, near, 0.8 * lean, 0.8 * lean, 0.2),
+        WantedView(left, 0.5, near, -0.8 * lean, -0.8 * lean, -0.2),
+        WantedView(0.5, high, near, 0.8 * lean, -0.8 * lean, 0.3),
+        WantedView(0.5, low, near, -0.8 * lean, 0.8 * lean, -0.3),
+    )
+
+
+def _along(share: float, low: str, high: str) -> str:
+    if abs(share - 0.5) <= SMALL:
+        return "middle"
+    return low if share < 0.5 else high
+
+
+def _lean(angle: float, positive: str, negative: str) -> str:
+    if abs(angle) < FLAT:
+        return ""
+    return f"{positive if angle > 0 else negative} by {degrees(abs(angle)):.0f} deg"
+
 
 CELLS = (4, 3)  # of the image, over which the corners must spread
 GUESS = 2.0  # focal length over image width, before any is known
@@ -52,27 +120,14 @@ class Gate:
         """Whether enough is covered."""
         return self.have >= self.need
 
+    @property
+    def ratio(self) -> str:
+        """`have` of `need` in figures, whole ones where views are counted."""
+        digits = 0 if self.unit else 2
+        return f"{self.have:.{digits}f} of {self.need:.{digits}f}"
+
     def __str__(self) -> str:
-        number = "d" if self.unit == "views" else ".2f"
-        have = f"{int(self.have):{number}}" if self.unit == "views" else f"{self.have:{number}}"
-        need = f"{int(self.need):{number}}" if self.unit == "views" else f"{self.need:{number}}"
-        return f"{self.name}: {have} of {need} {self.unit}".rstrip() + f"; {self.advice}"
-
-
-@dataclass(frozen=True, slots=True)
-class CoverageNeeds:
-    """Requirements of the gates: ranges of x, y, size, skew, leaning views and
-    their angle [rad].
-    """
-
-    x: float
-    y: float
-    size: float
-    skew: float
-    cells: float
-    views: int
-    tilted: float
-    tilted_views: int
+        return f"{self.name}: {self.ratio} {self.unit}".rstrip() + f"; {self.advice}"
 
 
 def guessed_lens(size: tuple[int, int]) -> Lens:
@@ -104,12 +159,11 @@ def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
     )
 
 
-def coverage(
-    views: Sequence[BoardView], outline: Array, lens: Lens, needs: CoverageNeeds
-) -> tuple[Gate, ...]:
-    """Every gate, for `views` of a board with the outer corners `outline` (4, 2) [m]."""
-    seen = [placement(view, outline, lens) for view in views]
+def coverage(views: Sequence[BoardView], lens: Lens, needs: BoardSettings) -> tuple[Gate, ...]:
+    """Every gate for `views` of the board, through `lens`."""
+    seen = [placement(view, needs.outline(), lens) for view in views]
     tilt, turn = (np.array([getattr(p, name) for p in seen]) for name in ("tilt", "turn"))
+    x, y, size = (_range([getattr(p, name) for p in seen]) for name in ("x", "y", "size"))
     angle = f"by {degrees(needs.tilted):.0f} deg or more"
 
     def leaning(name: str, angles: Array) -> Gate:
@@ -117,17 +171,15 @@ def coverage(
         return Gate(name, count, needs.tilted_views, "views", f"lean {name} {angle}")
 
     return (
-        Gate("x", _range([p.x for p in seen]), needs.x, "", "show it far left and far right"),
-        Gate("y", _range([p.y for p in seen]), needs.y, "", "show it high and low"),
-        Gate("size", _range([p.size for p in seen]), needs.size, "", "show it nearer and farther"),
-        Gate(
-            "skew", max((p.skew for p in seen), default=0.0), needs.skew, "", "lean a corner away"
-        ),
+        Gate("x", x, needs.range_x, "", "show it far left and far right"),
+        Gate("y", y, needs.range_y, "", "show it high and low"),
+        Gate("size", size, needs.range_size, "", "show it nearer and farther"),
+        Gate("skew", max([p.skew for p in seen] or [0.0]), needs.skew, "", "lean a corner away"),
         leaning("its top away", tilt),
         leaning("its top nearer", -tilt),
         leaning("its right edge away", turn),
         leaning("its right edge nearer", -turn),
-        Gate("image", _cells(views, lens), needs.cells, "", "bring corners to the image's edges"),
+        Gate("image", _cells(views, lens), needs.covered, "", "bring corners to the image's edges"),
         Gate("views", float(len(views)), needs.views, "views", "show more"),
     )
 

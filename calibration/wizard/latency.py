@@ -1,19 +1,21 @@
 """Camera latency from steps of the arm: positions in images compared with the arm's own."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
 from pydantic import Field
-from scipy.optimize import minimize_scalar
+from scipy.optimize import least_squares, minimize_scalar
 
 from calibration.homography import Homography
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
+from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
+SURE = 6.0  # sigma by which a drift must be seen
 NAN = float("nan")
 MOVING = 0.02  # m/s from which a moment says something about time
 COARSE = 0.005  # s between the latencies that are tried first
@@ -46,23 +48,27 @@ class SeenStep:
 
 
 @dataclass(frozen=True, slots=True)
-class LatencyVerdict:
+class LatencyVerdict(Verdict):
     """How much earlier than its stamp an image shows the world [s], and why it is refused.
 
     `apart` [s] is the difference between two halves of the images, `misfit_mm` the rms distance
     between image and arm at the best latency, `images` the number taken in motion.
     """
 
-    latency: float
-    apart: float
-    misfit_mm: float
-    images: int
-    reasons: tuple[str, ...]
+    latency: float = NAN
+    apart: float = NAN
+    misfit_mm: float = NAN
+    images: int = 0
 
-    @property
-    def passed(self) -> bool:
-        """Whether the latency may be used."""
-        return not self.reasons
+    def lines(self, speed: float) -> list[Line]:
+        """The latency with its effect at `speed` [m/s], or why it is refused."""
+        if self.reasons:
+            return self.bad_lines()
+        late = round(1e3 * self.latency, 1) + 0.0  # never minus nothing
+        text = f"images show the world {late:+.1f} ms before their stamps, halves "
+        text += f"agree within {1e3 * self.apart:.1f} ms; taken back: at {speed:.2f} m/s this "
+        text += f"would be {1e3 * abs(self.latency) * speed:.1f} mm"
+        return [grade_line(1e3 * self.apart, 2.0, 5.0, text)]
 
 
 class LatencySteps:
@@ -129,7 +135,7 @@ def latency_verdict(
 ) -> LatencyVerdict:
     """The verdict on images `seen` while the arm was at `arm` (n, 3) stamp [s], x, z [m]."""
     if len(arm) < 2 or not seen:
-        return LatencyVerdict(NAN, NAN, NAN, 0, ("no step of the arm was seen; step again",))
+        return LatencyVerdict(reasons=("no step of the arm was seen; step again",))
     stamps = np.array([step.stamp for step in seen])
     places = homography.to_plane(lens.undistort(np.array([step.pixel for step in seen])))
     inside = (stamps > arm[0, 0] + settings.most) & (stamps < arm[-1, 0])
@@ -138,12 +144,35 @@ def latency_verdict(
     moving = int((speed > MOVING).sum())
     if moving < settings.images:
         reason = f"{moving} images show the pointer under way, {settings.images} are needed"
-        return LatencyVerdict(NAN, NAN, NAN, moving, (f"{reason}; step again, uncover it",))
+        return LatencyVerdict(images=moving, reasons=(f"{reason}; step again, uncover it",))
     latency, misfit = _best(arm, stamps, along, settings.most)
     halves = [_best(arm, stamps[k::2], along[k::2], settings.most)[0] for k in (0, 1)]
-    verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving, ())
-    return LatencyVerdict(
-        latency, verdict.apart, verdict.misfit_mm, moving, _reasons(verdict, settings)
+    verdict = LatencyVerdict(latency, abs(halves[0] - halves[1]), 1e3 * misfit, moving)
+    found = _drift(arm, stamps, along, latency, settings) or _defects(verdict, settings)
+    return replace(verdict, reasons=found)
+
+
+def _drift(
+    arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
+) -> tuple[str, ...]:
+    """A latency that changes evenly over the steps: two clocks that do not run alike."""
+    since = stamps - stamps.mean()
+
+    def errors(unknown: Array) -> Array:
+        shown = stamps - (unknown[0] + unknown[1] * since)
+        return np.asarray(along - np.interp(shown, arm[:, 0], arm[:, 1]) - unknown[2])
+
+    found = least_squares(errors, (latency, 0.0, 0.0), loss="cauchy", f_scale=5e-4, x_scale="jac")
+    left = errors(found.x)
+    sigma = float(np.sqrt(np.mean(left**2) * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
+    lasted = float(np.ptp(stamps))
+    drift = float(found.x[1]) * lasted
+    if abs(drift) <= settings.uncertainty or abs(found.x[1]) < SURE * sigma:
+        return ()
+    return (
+        f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over {lasted:.0f} "
+        f"s (allowed {1e3 * settings.uncertainty:.0f} ms): the two do not run by one clock; stamp "
+        "images by the machine's monotonic clock",
     )
 
 
@@ -164,21 +193,15 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
     return float(found.x), float(found.fun)
 
 
-def _reasons(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
-    reasons = []
-    if abs(verdict.latency) > settings.most:
-        reasons.append(
-            f"the latency is {1e3 * verdict.latency:.0f} ms, believed are "
-            f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"
-        )
-    if verdict.apart > settings.uncertainty:
-        reasons.append(
-            f"two halves of the images differ by {1e3 * verdict.apart:.1f} ms in latency, allowed "
-            f"{1e3 * settings.uncertainty:.1f} ms; step again, check that the frame rate is steady"
-        )
-    if verdict.misfit_mm > settings.misfit_mm:
-        reasons.append(
-            f"image and arm are {verdict.misfit_mm:.1f} mm apart in motion, allowed "
-            f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"
-        )
-    return tuple(reasons)
+def _defects(verdict: LatencyVerdict, settings: LatencySettings) -> tuple[str, ...]:
+    return reasons(
+        (abs(verdict.latency) > settings.most,
+         f"the latency is {1e3 * verdict.latency:.0f} ms, believed are "
+         f"{1e3 * settings.most:.0f} ms; check the clock of the camera's stamps"),
+        (verdict.apart > settings.uncertainty,
+         f"two halves of the images differ by {1e3 * verdict.apart:.1f} ms in latency, allowed "
+         f"{1e3 * settings.uncertainty:.1f} ms; step again, check that the frame rate is steady"),
+        (verdict.misfit_mm > settings.misfit_mm,
+         f"image and arm are {verdict.misfit_mm:.1f} mm apart in motion, allowed "
+         f"{settings.misfit_mm:.1f} mm; fasten the pointer, shorten the exposure"),
+    )  # fmt: skip

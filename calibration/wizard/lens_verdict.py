@@ -1,46 +1,124 @@
-"""Verdict on a lens calibration: the lens, two halves of the views compared,
-reasons for failure.
-"""
+"""Verdict on a lens calibration: the lens, two halves of the views compared, how flat the board is,
+reasons for failure."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from calibration.board_settings import BoardSettings
-from calibration.board_view import BoardView
+from calibration.board import BoardSettings, BoardView
 from calibration.lens import MINIMUM_VIEWS, Lens, LensFit, fit_lens
-from calibration.wizard.coverage import CoverageNeeds, coverage
+from calibration.wizard.coverage import coverage
+from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
+STEP = 1e-4  # m, difference for the derivative along the board's normal
+CAMERA = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
+
+
+@dataclass(frozen=True, slots=True)
+class Bow:
+    """A board's bow: peak to peak out of its plane over the pattern, and one sigma of it [mm]."""
+
+    height_mm: float
+    sigma_mm: float
+
+
+def bow(views: Sequence[BoardView], lens: Lens, outline: Array) -> Bow:
+    """The bow of the board in `views`, seen through `lens`, which was fitted to a flat one.
+
+    `outline` (4, 2) [m] are the corners of its pattern.
+
+    One Gauss-Newton step of the whole bundle, in which the board gains the heights
+    a x^2 + b y^2 + c x y: what they explain of the corners' errors, beyond what lens and poses
+    could, is the board's. x, y from its middle over half its length.
+    """
+    shared, own, errors = [], [], []
+    middle, reach = _frame(outline)
+    for view in views:
+        error, camera, pose, height = _linearise(view, lens)
+        shape = _shape(view.board, middle, reach)
+        shared.append(np.hstack([camera, height * np.repeat(shape, 2, axis=0)]))
+        own.append(pose)
+        errors.append(error)
+    # what a pose explains is taken out view by view; lens and bow remain
+    rest = [(s - p @ _solution(p, s), e - p @ _solution(p, e))
+            for s, p, e in zip(shared, own, errors, strict=True)]  # fmt: skip
+    a, b = np.vstack([r[0] for r in rest]), np.concatenate([r[1] for r in rest])
+    scale = np.linalg.norm(a, axis=0)
+    inverse = np.linalg.inv((a / scale).T @ (a / scale))
+    found = inverse @ (a / scale).T @ b / scale
+    freedom = max(len(b) - 6 * len(views) - len(found), 1)
+    noise = float(np.sum((b - a @ found) ** 2)) / freedom
+    spread = (noise * inverse / np.outer(scale, scale))[-3:, -3:]
+    everywhere = _shape(_grid(outline), middle, reach)
+    heights = everywhere @ found[-3:]
+    across = everywhere[np.argmax(heights)] - everywhere[np.argmin(heights)]
+    sigma = float(np.sqrt(across @ spread @ across))
+    return Bow(1e3 * float(np.ptp(heights)), 1e3 * sigma)
+
+
+def _frame(outline: Array) -> tuple[Array, float]:
+    """Middle (2,) and half the longer side [m] of a pattern with corners (4, 2)."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    return 0.5 * (low + high), 0.5 * float((high - low).max())
+
+
+def _grid(outline: Array) -> Array:
+    """Nine points (9, 2): corners, sides and middle of a pattern."""
+    x, y = np.linspace(outline.min(axis=0), outline.max(axis=0), 3).T
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _shape(board: Array, middle: Array, reach: float) -> Array:
+    """Heights (n, 3) of the three bows at points (n, 2) or (n, 3) of the board."""
+    x, y = ((board[:, :2] - middle) / reach).T
+    return np.stack([x * x, y * y, x * y], axis=1)
+
+
+def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]:
+    """Errors (2n,) of the corners [px], and their derivatives by camera (2n, 8), pose (2n, 6) and
+    height off the board's plane (2n, 1).
+    """
+    board = np.asarray(view.board, dtype=np.float64)
+    _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
+    seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
+    raised = board + np.array([0.0, 0.0, STEP])
+    lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
+    error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
+    height = (lifted - seen).reshape(-1, 1) / STEP
+    return error, slopes[:, CAMERA], slopes[:, :6], height
+
+
+def _solution(by: Array, values: Array) -> Array:
+    return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
+
+
+SURE = 4.0  # sigma by which a bow must be seen
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
-class LensVerdict:
+class LensVerdict(Verdict):
     """The lens fit, the difference between two independent halves of the views, and the reasons for
     failure.
 
     `split` is their relative difference in focal length; `bend_px` the largest difference of their
     distortion over the image after the best plane homography is removed, and `bend_mm` that at the
-    board's distance. `per_view` is the rms [px] of the image with that number.
+    board's distance. `per_view` is the rms [px] of the image with that number, `bow` how far the
+    board is bent.
     """
 
-    fit: LensFit | None
-    split: float
-    bend_px: float
-    bend_mm: float
-    views: int
-    per_view: Mapping[int, float]
-    reasons: tuple[str, ...]
-
-    @property
-    def passed(self) -> bool:
-        """Whether the lens may be used."""
-        return self.fit is not None and not self.reasons
+    fit: LensFit | None = None
+    split: float = NAN
+    bend_px: float = NAN
+    bend_mm: float = NAN
+    views: int = 0
+    per_view: Mapping[int, float] = field(default_factory=dict)
+    bow: Bow | None = None
 
 
 def lens_verdict(
@@ -57,80 +135,95 @@ def lens_verdict(
     ordered = [views[number] for number in numbers]
     if size is None or len(ordered) < 2 * MINIMUM_VIEWS:
         reason = f"{len(ordered)} views, at least {2 * MINIMUM_VIEWS} are needed; show more"
-        return LensVerdict(None, NAN, NAN, NAN, len(ordered), {}, (reason,))
+        return LensVerdict(views=len(ordered), reasons=(reason,))
     try:
-        fit = _fit(ordered, size)
-        one, other = (_fit(ordered[start::2], size).lens for start in (0, 1))
+        fit = fit_views(ordered, size)
+        one, other = (fit_views(ordered[start::2], size).lens for start in (0, 1))
     except ConfigurationError as error:
-        return LensVerdict(None, NAN, NAN, NAN, len(ordered), {}, (str(error),))
+        return LensVerdict(views=len(ordered), reasons=(str(error),))
     focal = float(fit.lens.matrix[0, 0])
     split = abs(float(one.matrix[0, 0] - other.matrix[0, 0])) / focal
     bend = _bend(one, other)
     depth = float(np.median([view.depth(fit.lens) for view in ordered]))
-    reasons = [*_uncovered(ordered, fit.lens, settings), *_misfits(fit, split, settings)]
-    reasons += _length(length, settings)
+    bent = bow(ordered, fit.lens, settings.outline())
+    gates = coverage(ordered, fit.lens, settings)
+    causes = _bow_reasons(bent, settings)
+    found = (
+        *causes,
+        *(str(gate) for gate in gates if not gate.passed),
+        *(() if causes else _lens_reasons(fit, split, settings)),  # a cause brings them along
+        *_length_reasons(length, settings),
+    )
     per_view = dict(sorted(zip(numbers, fit.per_view.tolist(), strict=True)))
     bend_mm = 1e3 * bend * depth / focal
-    return LensVerdict(fit, split, bend, bend_mm, len(ordered), per_view, tuple(reasons))
+    return LensVerdict(fit, split, bend, bend_mm, len(ordered), per_view, bent, reasons=found)
 
 
-def needs(settings: BoardSettings) -> CoverageNeeds:
-    """The coverage that the views must reach."""
-    return CoverageNeeds(
-        x=settings.range_x,
-        y=settings.range_y,
-        size=settings.range_size,
-        skew=settings.skew,
-        cells=settings.covered,
-        views=settings.views,
-        tilted=settings.tilted,
-        tilted_views=settings.tilted_views,
-    )
+def lens_lines(verdict: LensVerdict) -> tuple[Line, ...]:
+    """Lines of the verdict on a session with the board."""
+    lines = []
+    if verdict.fit is not None:
+        lens = verdict.fit.lens
+        focal, (u, v) = lens.matrix[0, 0], lens.matrix[:2, 2]
+        halves = "two halves of the views bend the image alike within "
+        halves += f"{verdict.bend_mm:.2f} mm at the board, and differ by "
+        halves += f"{100 * verdict.split:.2f} % in focal length"
+        lines = [
+            Line(Level.PLAIN, f"{verdict.views} views, corners {verdict.fit.rms:.2f} px off (rms)"),
+            Line(Level.PLAIN,
+                 f"focal length {focal:.0f} px, principal point {u:.0f}, {v:.0f} px"),
+            grade_line(verdict.bend_mm, 0.3, 1.0, halves),
+        ]  # fmt: skip
+    last = verdict.last_line("next, `cell calibrate homography`",
+                             "mend what is said above and go on")  # fmt: skip
+    return (*lines, *verdict.bad_lines(), last)
 
 
-def _uncovered(views: Sequence[BoardView], lens: Lens, settings: BoardSettings) -> list[str]:
-    gates = coverage(views, settings.outline(), lens, needs(settings))
-    return [str(gate) for gate in gates if not gate.passed]
+def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
+    """The lens from `views` of the board in images of `size` [px]; as `fit_lens`."""
+    return fit_lens([view.board for view in views], [view.image for view in views], size)
 
 
-def _misfits(fit: LensFit, split: float, settings: BoardSettings) -> list[str]:
+def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
+    """A board that is not flat, which makes the focal length wrong by percents and little else."""
+    return reasons(
+        (found.height_mm > max(settings.bow_mm, SURE * found.sigma_mm),
+         f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
+         f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
+    )  # fmt: skip
+
+
+def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
     """Defects of the lens itself."""
-    reasons = []
-    if fit.rms > settings.rms:
-        reasons.append(
-            f"corners are {fit.rms:.2f} px off, allowed {settings.rms:.2f}; "
-            "hold the board still and flat"
-        )
-    if split > settings.split:
-        reasons.append(
-            f"two halves of the views differ by {100 * split:.1f} % in focal length, allowed "
-            f"{100 * settings.split:.1f} %; tilt the board more"
-        )
     lens = fit.lens
     off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
-    if off > OFF_CENTRE:
-        reasons.append(
-            f"the principal point lies {100 * off:.0f} % of the image off its centre, allowed "
-            f"{100 * OFF_CENTRE:.0f} %; check width and height of the images, tilt the board more"
-        )
-    return reasons
+    return reasons(
+        (fit.rms > settings.rms,
+         f"corners are {fit.rms:.2f} px off, allowed {settings.rms:.2f}; "
+         "hold the board still and flat"),
+        (split > settings.split,
+         f"two halves of the views differ by {100 * split:.1f} % in focal length, allowed "
+         f"{100 * settings.split:.1f} %; tilt the board more"),
+        (off > OFF_CENTRE,
+         f"the principal point lies {100 * off:.0f} % of the image off its centre, allowed "
+         f"{100 * OFF_CENTRE:.0f} %; check width and height of the images, tilt the board more"),
+    )  # fmt: skip
 
 
-def _length(length: float | None, settings: BoardSettings) -> list[str]:
+def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str, ...]:
     """Difference between the ruler and the stated squares, which images cannot reveal."""
     stated = settings.width
     if length is None:
-        return [
+        return (
             "no length of the board was measured; lay a ruler along its long side and state the "
-            f"length of {settings.columns} squares, {1e3 * stated:.1f} mm as configured"
-        ]
-    if abs(length / stated - 1.0) <= settings.length:
-        return []
-    return [
-        f"{settings.columns} squares measure {1e3 * length:.1f} mm, configured are "
-        f"{1e3 * stated:.1f} mm, {100 * (stated / length - 1.0):+.1f} %; state boards.square: "
-        f"{length / settings.columns:.5f} or print the board at 100 %"
-    ]
+            f"length of {settings.columns} squares, {1e3 * stated:.1f} mm as configured",
+        )
+    return reasons(
+        (abs(length / stated - 1.0) > settings.length,
+         f"{settings.columns} squares measure {1e3 * length:.1f} mm, configured are "
+         f"{1e3 * stated:.1f} mm, {100 * (stated / length - 1.0):+.1f} %; state boards.square: "
+         f"{length / settings.columns:.5f} or print the board at 100 %")
+    )  # fmt: skip
 
 
 def _bend(one: Lens, other: Lens) -> float:
@@ -143,7 +236,3 @@ def _bend(one: Lens, other: Lens) -> float:
     between, _ = cv2.findHomography(there, here, 0)
     mapped: Array = np.column_stack([there, np.ones(len(there))]) @ between.T
     return float(np.hypot(*(mapped[:, :2] / mapped[:, 2:] - here).T).max())
-
-
-def _fit(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
-    return fit_lens([view.board for view in views], [view.image for view in views], size)

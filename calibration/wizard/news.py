@@ -3,27 +3,65 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Generic, TypeVar
 
-from calibration.board_views import ToldView
-from calibration.touched_points import ToldTouch
-from calibration.wizard.coverage import Gate
+from calibration.board import BoardView
+from calibration.wizard.coverage import Gate, WantedView
 from calibration.wizard.latency import LatencySteps
-from calibration.wizard.touch_fit import Touched
-from calibration.wizard.wanted_view import WantedView
-from drivers.types import Frame, Pose
+from calibration.wizard.touches import Touched
+from drivers.types import Array, Frame, Pose
+
+Seen = TypeVar("Seen")
+Taken = TypeVar("Taken")
+
+
+@dataclass(frozen=True, slots=True)
+class Result(Generic[Seen, Taken]):
+    """What became of one image: its `number`, what was `seen` in it, what was accepted (`taken`) or
+    the reason why it was `refused`. `waits` means that the next image decides.
+    """
+
+    number: int
+    seen: Seen | None
+    taken: Taken | None
+    refused: str | None
+    waits: bool = False
+
+    def text(self, kind: str, taken: str) -> str:
+        """The result for the operator, empty while it waits."""
+        if self.refused is None and self.waits:
+            return ""
+        return f"{kind} {self.number}: {self.refused or taken}"
+
+
+ViewResult = Result[BoardView, BoardView]
+TouchResult = Result[Array, Touched]  # seen: the disc's centre (2,) [px]
 
 
 @dataclass(frozen=True, slots=True)
 class ViewNews:
-    """Progress with the board: which view is `wanted` and `why`, the result
-    `told` last, the coverage.
-    """
+    """Progress with the board: which view is `wanted` and `why`, the coverage, the last result."""
 
     wanted: WantedView | None
     why: str
     gates: tuple[Gate, ...]
     frame: Frame | None = None
-    told: ToldView | None = None
+    result: ViewResult | None = None
+
+    @property
+    def title(self) -> str:
+        """What is being calibrated."""
+        return "the lens, from a board"
+
+    @property
+    def request(self) -> str:
+        """What the operator does next."""
+        return "nothing: all is covered" if self.wanted is None else f"show the board {self.wanted}"
+
+    @property
+    def answer(self) -> str:
+        """Text about the newest image; empty where there is nothing to say."""
+        return "" if self.result is None else self.result.text("image", "taken")
 
 
 class Stage(StrEnum):
@@ -37,8 +75,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TouchNews:
-    """Progress with the pointer: which pose of the `plan` is `wanted` and `why`, the result `told`
-    last.
+    """Progress with the pointer: which pose of the `plan` is `wanted` and `why`, the last result.
 
     `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose.
     """
@@ -50,12 +87,34 @@ class TouchNews:
     why: str
     frame: Frame | None = None
     pose: Pose | None = None
-    told: ToldTouch | None = None
+    result: TouchResult | None = None
     steps: LatencySteps | None = None
 
+    @property
+    def title(self) -> str:
+        """What is being calibrated."""
+        return f"the map to the plane: {self.stage}"
 
-Watcher = Callable[[ViewNews | TouchNews], None]
+    @property
+    def request(self) -> str:
+        """What the arm does next."""
+        return "nothing" if self.wanted is None else f"the arm goes to {_place(self.wanted)}"
+
+    @property
+    def answer(self) -> str:
+        """Text about the newest image; empty where there is nothing to say."""
+        again = " again" if self.stage is Stage.AGAIN else ""
+        touched = "" if self.pose is None else f"touched{again} at {_place(self.pose)}"
+        return "" if self.result is None else self.result.text("point", touched)
 
 
-def nobody(_: ViewNews | TouchNews) -> None:
+News = ViewNews | TouchNews
+Watcher = Callable[[News], None]
+
+
+def nobody(_: News) -> None:
     """An observer that ignores everything."""
+
+
+def _place(pose: Pose) -> str:
+    return f"x {1e3 * pose.x:.0f}, z {1e3 * pose.z:.0f} mm"

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping, Sequence
 import cv2
 import numpy as np
 
-from calibration.board_view import BoardView
+from calibration.board import BoardView
 from calibration.homography import Homography
 from calibration.lens import Lens
-from calibration.wizard.touch_fit import Touched
 from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touches import Touched
 from drivers.types import Array, Image
 
 ENLARGED = 300.0  # times by which errors are drawn longer than they are
@@ -25,14 +25,14 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[int, float]) -> Image:
     """`image` (h, w, 3) with every corner of all views, which shows the coverage."""
-    drawn = _dimmed(image)
+    drawn = _dim(image)
     for view in views:
         for corner in view.image:
             cv2.circle(drawn, _at(corner), 2, FITTED, -1, LINE)
     words = (
         f"{len(per_view)} views; corners off by up to {max(per_view.values(), default=0):.2f} px"
     )
-    return _titled(drawn, (words,))
+    return _title(drawn, (words,))
 
 
 def touches_picture(
@@ -41,7 +41,7 @@ def touches_picture(
     """`image` (h, w, 3) with every touched point and its error, `ENLARGED` times; outliers are
     crossed.
     """
-    drawn = _dimmed(image)
+    drawn = _dim(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}
     for touched in touches:
@@ -61,7 +61,7 @@ def touches_picture(
         f"held out: {verdict.residual_mm:.2f} mm rms, {verdict.worst_mm:.2f} mm at worst; "
         f"halves agree within {verdict.halves_mm:.2f} mm",
     )
-    return _titled(drawn, words)
+    return _title(drawn, words)
 
 
 def _error(
@@ -78,13 +78,13 @@ def _error(
     cv2.arrowedLine(drawn, _at(touched.pixel), _at(end), colour, 2, LINE, tipLength=0.25)
 
 
-def _titled(drawn: Image, lines: Sequence[str]) -> Image:
+def _title(drawn: Image, lines: Sequence[str]) -> Image:
     for k, line in enumerate(lines):
         cv2.putText(drawn, line, (18, 30 + 26 * k), FONT, 0.62, WHITE, 1, LINE)
     return drawn
 
 
-def _dimmed(image: Image) -> Image:
+def _dim(image: Image) -> Image:
     return np.asarray(image * 0.55, dtype=np.uint8)
 
 

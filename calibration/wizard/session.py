@@ -1,27 +1,33 @@
 """A calibration session as a folder: settings, images, measurements, verdict."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import cv2
-import numpy as np
 import yaml
 from pydantic import ConfigDict, Field
 
-from calibration.board_settings import BoardSettings
+from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.touch_settings import TouchSettings
 from calibration.wizard.latency import LatencySettings
+from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
+from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
-from drivers.settings import Settings, load, parse
+from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
+from drivers.pictures import read_picture
+from drivers.settings import Settings, load, parse, read_json
 from drivers.types import Image
 
+MEASURED = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
+SIDE = 16_384  # px
 SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
 LATENCY, PICTURE = "latency.json", "picture.png"
 FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
+Side = Annotated[int, Field(gt=0, le=SIDE)]
 
 
 class Session(Settings):
@@ -37,13 +43,21 @@ class Session(Settings):
     kind: Kind
     date: str
     camera: str
-    image: tuple[int, int]
+    image: tuple[Side, Side]
     locks: dict[str, int] = Field(default_factory=dict)
-    length: float | None = None
+    length: float | None = Field(None, gt=0, le=10)
     lens: CameraFile | None = None
     boards: BoardSettings = BoardSettings()
     touches: TouchSettings = TouchSettings()
     latency: LatencySettings = LatencySettings()
+
+
+def new_session(
+    kind: Kind, camera: str, image: tuple[int, int], locks: dict[str, int], **facts: Any
+) -> Session:
+    """A session that begins now, of images of width and height `image` [px]."""
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Session(schema=1, kind=kind, date=date, camera=camera, image=image, locks=locks, **facts)
 
 
 class Row(Settings):
@@ -69,37 +83,71 @@ class Row(Settings):
 
 
 class SessionFolder:
-    """Writes a session as it goes, so that nothing is lost when it stops."""
+    """An observer that writes a session as it goes, so that nothing is lost when it stops, and
+    passes the news on to `watch`. `newest` are the last news with an image.
+    """
 
-    def __init__(self, folder: Path, session: Session) -> None:
+    def __init__(self, folder: Path, session: Session, watch: Watcher = nobody) -> None:
         """Create `folder`, which must be new or empty; one that cannot be written is a
         ConfigurationError.
         """
         self.folder = folder
+        self.newest: News | None = None
         self._count = 0
-        try:
+        self._watch = watch
+        with writing(folder):
             (folder / IMAGES).mkdir(parents=True)
-        except OSError as error:
-            raise ConfigurationError(f"{folder}: cannot be written: {error.strerror}") from None
-        self.describe(session)
+        write_yaml(folder / SESSION, session.model_dump(mode="json", by_alias=True))
 
-    def describe(self, session: Session) -> None:
-        """Write session.yaml, again when more is known."""
-        write_yaml(self.folder / SESSION, session.model_dump(mode="json", by_alias=True))
+    def __call__(self, news: News) -> None:
+        """Write what was measured in the image of the news, and the image where it counts."""
+        if news.frame is not None:
+            self.newest = news
+        if isinstance(news, TouchNews) and news.steps is not None:
+            seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
+            content = {"arm": news.steps.arm.tolist(), "seen": seen}
+            _write(self.folder / LATENCY, (json.dumps(content) + "\n").encode())
+        elif news.frame is not None and (row := _row(news)) is not None:
+            taken = news.result is not None and news.result.taken is not None
+            self.add(row, news.frame.image if taken else None)
+        self._watch(news)
 
     def add(self, row: Row, image: Image | None = None) -> None:
-        """Add a row; with its `image` (height, width, 3) where it was accepted."""
+        """Add a row; with its `image` (height, width, 3) where it was accepted.
+
+        Raises ConfigurationError where it cannot be written.
+        """
         if image is not None:
             name = f"{IMAGES}/{self._count:04d}.png"
             self._count += 1
             write_image(self.folder / name, image)
             row = row.model_copy(update={"image": name})
-        with (self.folder / ROWS).open("a", encoding="utf-8") as stream:
-            stream.write(row.model_dump_json(exclude_defaults=True) + "\n")
+        line = row.model_dump_json(exclude_defaults=True) + "\n"
+        with writing(self.folder / ROWS, "make room"):
+            append_line(self.folder / ROWS, line.encode())
 
-    def keep(self, name: str, content: Mapping[str, Any]) -> None:
-        """Write `content` as JSON."""
-        (self.folder / name).write_text(json.dumps(content) + "\n", encoding="utf-8")
+
+def _row(news: News) -> Row | None:
+    """What the newest image shows, None without a result."""
+    if news.result is None:
+        return None
+    number, refused = news.result.number, news.result.refused
+    if isinstance(news, ViewNews):
+        view = news.result.seen
+        corners = [] if view is None else zip(view.ids, view.image, strict=True)
+        seen = tuple((int(i), float(u), float(v)) for i, (u, v) in corners)
+        return Row(number=number, refused=refused, corners=seen)
+    if news.pose is None:
+        return None
+    taken, centre = news.result.taken, news.result.seen
+    x, z = (news.pose.x, news.pose.z) if taken is None else map(float, taken.place)
+    return Row(
+        number=number,
+        refused=refused,
+        centre=None if centre is None else (float(centre[0]), float(centre[1])),
+        pose=(x, z, news.pose.pitch),
+        again=taken is not None and taken.again,
+    )
 
 
 def read_session(folder: Path, kind: Kind) -> Session:
@@ -119,61 +167,84 @@ def read_rows(folder: Path) -> Iterator[Row]:
     Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
     """
     path = folder / ROWS
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
+    lines = read_text(path, MEASURED).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
             content = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             if number == len(lines):
                 return
             raise ConfigurationError(f"{path}: line {number}: is not JSON; remove it") from None
         yield parse(content, Row, f"{path}: line {number}")
 
 
-def read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
-    """The image of a row (height, width, 3); missing, or not of `size` [px]: ConfigurationError."""
+def taken_images(
+    folder: Path, session: Session, without: Collection[int]
+) -> Iterator[tuple[Row, Image]]:
+    """Accepted rows with their images (height, width, 3), `without` the rows of these numbers.
+
+    Raises ConfigurationError for an image that is missing or not of the session's size.
+    """
+    for row in read_rows(folder):
+        if row.taken and row.number not in without:
+            yield row, _read_image(folder, row, session.image)
+
+
+def _read_image(folder: Path, row: Row, size: tuple[int, int]) -> Image:
     path = folder / str(row.image)
     if path.resolve().parent != (folder / IMAGES).resolve():
         raise ConfigurationError(f"{folder / ROWS}: image: {row.image} lies outside of {IMAGES}/")
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
-    if image is None:
-        raise ConfigurationError(f"{path}: is missing or no picture; leave it out by its number")
+    try:
+        image = read_picture(path)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{error}; or leave it out by its number") from None
     found = (image.shape[1], image.shape[0])
     if found != size:
         raise ConfigurationError(
             f"{path}: is {found[0]} x {found[1]} px, {folder / SESSION} says image: "
             f"[{size[0]}, {size[1]}]; width comes first"
         )
-    return np.asarray(image, dtype=np.uint8)
+    return image
 
 
-def read_latency(folder: Path) -> dict[str, Any]:
-    """Arm and image measurements during the steps: `arm` [[t, x, z]] and `seen` [[t, u, v]].
+class Steps(Settings):
+    """latency.json: `arm` [[t, x, z]] and `seen` [[t, u, v]] during the steps of the arm."""
 
-    Raises ConfigurationError for a file that cannot be read.
-    """
+    model_config = ConfigDict(extra="ignore")  # a program writes it
+
+    arm: tuple[tuple[float, float, float], ...] = ()
+    seen: tuple[tuple[float, float, float], ...] = ()
+
+
+def read_latency(folder: Path) -> Steps:
+    """The steps of the arm, none without the file; ConfigurationError where it cannot be read."""
     path = folder / LATENCY
     if not path.exists():
-        return {"arm": [], "seen": []}
+        return Steps()
+    return parse(read_json(path, MEASURED), Steps, str(path))
+
+
+def make_folder(folder: Path) -> None:
+    """Make `folder`, which --out names; ConfigurationError where that is not possible."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return {"arm": np.reshape(content["arm"], (-1, 3)), "seen": content["seen"]}
-    except (OSError, ValueError, KeyError, TypeError):
-        raise ConfigurationError(f"{path}: cannot be read as steps of the arm") from None
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"--out: {folder}: cannot be made: {error.strerror}") from None
 
 
 def write_image(path: Path, image: Image) -> None:
     """Write a picture (height, width, 3); ConfigurationError where it cannot be written."""
-    if not cv2.imwrite(str(path), image, FAST):
-        raise ConfigurationError(f"{path}: cannot be written; make room")
+    made, content = cv2.imencode(".png", image, FAST)
+    if not made:
+        raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
+    _write(path, content.tobytes())
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content`; a place that cannot be written is a ConfigurationError."""
-    try:
-        path.write_text(yaml.safe_dump(dict(content), sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    _write(path, yaml.safe_dump(dict(content), sort_keys=False).encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with writing(path, "make room"):
+        replace_file(path, content)

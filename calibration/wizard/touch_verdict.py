@@ -1,22 +1,27 @@
-"""Verdict on touched points: the map, its errors at held-out points, reasons for failure."""
+"""Verdicts on touched points: on the map that they make, and on a calibration already in use."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 import cv2
 import numpy as np
 
+from calibration.calibration import Calibration
 from calibration.homography import Homography, Rejected
 from calibration.lens import Lens
-from calibration.touch_settings import TouchSettings
-from calibration.wizard.touch_fit import Solved, Touched, solve
+from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.touches import Solved, Touched, TouchSettings, camera_move, solve
+from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 NAN = float("nan")
 HALF = 6  # points from which half a map is still worth comparing
+STEP = 0.01  # m, over which the map's orientation is looked at
 SHIFT = 2.0  # an error e of x lengthens one layer and shortens the other: d is off by 2 e
+LEAST = 3  # points that decide
+ANEW = "run `cell calibrate homography` again"
 
 
 class Grade(StrEnum):
@@ -28,34 +33,57 @@ class Grade(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class TouchVerdict:
+class TouchVerdict(Verdict):
     """The map, its errors [mm] at held-out points, and the reasons for failure.
 
     `residual_mm` is their rms; `halves_mm` the largest difference over the work area between two
     maps from independent halves of the points; `displacement_mm` the rms effect of the errors along
     x on the displacement. `errors_mm` is the distance of the point with that number, held out or
-    not; `rejected` names points that are left out, `wild` first touches that a second one replaced;
-    `reasons` is empty when `passed`.
+    not; `rejected` names points that are left out, `wild` first touches that a second one replaced.
     """
 
-    homography: Homography | None
-    residual_mm: float
+    homography: Homography | None = None
+    residual_mm: float = NAN
+    median_mm: float = NAN
+    worst_mm: float = NAN
+    halves_mm: float = NAN
+    displacement_mm: float = NAN
+    used: int = 0
+    held_out: int = 0
+    errors_mm: dict[int, float] = field(default_factory=dict)
+    rejected: tuple[Rejected, ...] = ()
+    wild: tuple[Rejected, ...] = ()
+    grade: Grade = Grade.REFUSED
+
+    def lines(self) -> list[Line]:
+        """Lines on the map and its points, worst news last."""
+        lines = []
+        if self.homography is not None:
+            lines = [
+                grade_line(self.worst_mm, 0.5, 1.0,
+                       f"{self.held_out} points that were not fitted are {self.residual_mm:.2f} mm "
+                       f"off (rms), half of them under {self.median_mm:.2f}, the worst "
+                       f"{self.worst_mm:.2f}"),
+                grade_line(self.halves_mm, 0.5, 1.5,
+                       f"two maps from halves of the points agree within {self.halves_mm:.2f} mm"),
+                grade_line(self.displacement_mm, 1.0, 2.0,
+                       f"this moves the displacement by {self.displacement_mm:.2f} mm (rms)"),
+            ]  # fmt: skip
+        lines += [Line(Level.FAIR, f"{p}; touched again, where it agrees") for p in self.wild]
+        lines += [Line(Level.FAIR, f"{point}; left out") for point in self.rejected]
+        return [*lines, *self.bad_lines()]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckVerdict(Verdict):
+    """Distance of each touched point, by its number, from where the calibration shows it [mm].
+
+    `median_mm` and `worst_mm` are NaN without points.
+    """
+
+    errors_mm: dict[int, float]
     median_mm: float
     worst_mm: float
-    halves_mm: float
-    displacement_mm: float
-    used: int
-    held_out: int
-    errors_mm: dict[int, float]
-    rejected: tuple[Rejected, ...]
-    wild: tuple[Rejected, ...]
-    reasons: tuple[str, ...]
-    grade: Grade
-
-    @property
-    def passed(self) -> bool:
-        """Whether the map may be used."""
-        return self.grade is not Grade.REFUSED
 
 
 def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> TouchVerdict:
@@ -64,10 +92,102 @@ def touch_verdict(touches: Sequence[Touched], lens: Lens, settings: TouchSetting
         solved = solve(touches, lens, settings)
     except ConfigurationError as error:
         decide = len({t.number for t in touches if t.held_out})
-        return TouchVerdict(
-            None, NAN, NAN, NAN, NAN, NAN, 0, decide, {}, (), (), (str(error),), Grade.REFUSED
+        return TouchVerdict(held_out=decide, reasons=(str(error),))
+    verdict = _verdict(solved, settings)
+    causes = _causes(touches, solved, settings)
+    if not causes:
+        return verdict
+    return replace(verdict, reasons=causes, grade=Grade.REFUSED)  # they bring all the others along
+
+
+def check_verdict(
+    touches: Sequence[Touched], calibration: Calibration, settings: TouchSettings
+) -> CheckVerdict:
+    """The verdict on `calibration` from `touches` that it was not made of."""
+    off = 1e3 * np.reshape([calibration.to_plane(t.pixel[None])[0] - t.place for t in touches],
+                           (-1, 2))  # fmt: skip
+    values = np.hypot(*off.T)
+    errors = {touched.number: float(each) for touched, each in zip(touches, values, strict=True)}
+    median = float(np.median(values)) if len(values) else NAN
+    worst = float(values.max()) if len(values) else NAN
+    if len(values) < LEAST:
+        few = f"{len(values)} points were touched, at least {LEAST} must decide; touch more"
+        return CheckVerdict(errors, median, worst, reasons=(few,))
+    causes = tuple(_shift(off, settings)) or reasons(
+        (worst > settings.worst_mm,
+         f"a point is {worst:.2f} mm off, allowed {settings.worst_mm:.2f}: the camera or the arm's "
+         f"base has moved, or the pointer is loose; {ANEW}"),
+        (median > settings.median_mm,
+         f"half of the points are more than {median:.2f} mm off, allowed {settings.median_mm:.2f}; "
+         f"{ANEW}"),
+    )  # fmt: skip
+    return CheckVerdict(errors, median, worst, reasons=causes)
+
+
+def touch_lines(
+    touches: TouchVerdict | None, latency: LatencyVerdict | None, speed: float
+) -> tuple[Line, ...]:
+    """Lines of the verdict on touches and steps; `speed` [m/s] is that of a fold."""
+    if touches is None:
+        return (Line(Level.BAD, "refused: nothing was touched"),)
+    missing = [Line(Level.BAD, "the latency was not measured")]
+    lines = [*touches.lines(), *(missing if latency is None else latency.lines(speed))]
+    if touches.passed and latency is not None and latency.passed:
+        level = Level.GOOD if touches.grade is Grade.GOOD else Level.FAIR
+        return (*lines, Line(level, f"{touches.grade}: this calibration may be used"))
+    return (*lines, Line(Level.BAD, "refused: mend what is said above and touch again"))
+
+
+def refusals(touches: TouchVerdict | None, latency: LatencyVerdict | None) -> tuple[str, ...]:
+    """Every reason to refuse a calibration from these parts."""
+    if touches is None:
+        return ("nothing was touched",)
+    late = ("the latency was not measured",) if latency is None else latency.reasons
+    return (*touches.reasons, *late)
+
+
+def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
+    """Lines of the verdict on an old calibration."""
+    lines = verdict.bad_lines()
+    if verdict.errors_mm:
+        text = f"half of {len(verdict.errors_mm)} touched points are under "
+        text += f"{verdict.median_mm:.2f} mm off, the worst {verdict.worst_mm:.2f}"
+        lines.insert(0, grade_line(verdict.worst_mm, 0.5, 1.0, text))
+    return (*lines, verdict.last_line("this calibration still holds", "it no longer holds"))
+
+
+def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
+    """A shift that all errors `off` (n, 2) [mm] share by more than a good map's error, and by more
+    than they differ: that is no loose pointer.
+    """
+    shared = np.median(off, axis=0)
+    apart = float(np.hypot(*(off - shared).T).max())
+    size = float(np.hypot(*shared))
+    if size > max(settings.good_mm, 2.0 * apart):
+        yield (
+            f"all points are seen {size:.1f} mm off in the same direction: the camera or the arm's "
+            f"base has moved since the calibration; fasten it, {ANEW}"
         )
-    return _verdict(solved, settings)
+
+
+def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
+    """What explains bad touches as a whole: a mirrored plane, or a camera that moved among them."""
+    middle = np.mean([touched.place for touched in touches], axis=0)
+    around = solved.homography.to_image(middle + STEP * np.array([(0, 0), (1, 0), (0, 1)]))
+    if np.linalg.det(around[1:] - around[0]) >= 0:
+        return (
+            "the touches are mirrored: x, z of the arm run in the image as seen from behind the "
+            "strip; check that the picture is not flipped, on which side the camera stands, and "
+            "the yaw of installation.mounting",
+        )
+    move = camera_move(touches, solved.lens, solved.homography, settings.good_mm)
+    if move is None:
+        return ()
+    return (
+        f"all points after number {move.after} are seen {move.shift_mm:.1f} mm elsewhere: the "
+        f"camera moved, as by a turn of {move.mrad:.1f} mrad, or the pointer slipped in the "
+        "fingers; fasten both and touch all points again",
+    )
 
 
 def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
@@ -87,11 +207,11 @@ def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
         errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
         rejected=tuple(solved.named(p) for p in sorted(left_out, key=lambda p: p.number)),
         wild=tuple(solved.named(p) for p in sorted(solved.wild, key=lambda p: p.number)),
-        reasons=(),
-        grade=Grade.GOOD,
     )
-    reasons = (*_reasons(verdict, settings), *_lacking(solved, settings))
-    return replace(verdict, reasons=reasons, grade=_grade(verdict, reasons, settings))
+    found = (*_map_reasons(verdict, settings), *_point_reasons(solved, settings))
+    clean = not verdict.rejected and verdict.residual_mm <= settings.good_mm
+    grade = Grade.REFUSED if found else Grade.GOOD if clean else Grade.USABLE
+    return replace(verdict, reasons=found, grade=grade)
 
 
 def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -> float:
@@ -113,63 +233,44 @@ def _halves_mm(points: Sequence[Touched], lens: Lens, settings: TouchSettings) -
     return float(np.hypot(*(there - 1e3 * area).T).max())
 
 
-def _reasons(verdict: TouchVerdict, settings: TouchSettings) -> list[str]:
+def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, ...]:
     """Defects of the map's numbers."""
-    reasons = []
-    if verdict.held_out < 3:
-        reasons.append(f"{verdict.held_out} held-out points, at least 3 must decide; touch more")
-    if verdict.worst_mm > settings.worst_mm:
-        reasons.append(
-            f"a held-out point is {verdict.worst_mm:.2f} mm off, allowed {settings.worst_mm:.2f}; "
-            "check that the pointer is tight and the camera has not moved"
-        )
-    if verdict.median_mm > settings.median_mm:
-        reasons.append(
-            f"half of the held-out points are more than {verdict.median_mm:.2f} mm off, allowed "
-            f"{settings.median_mm:.2f}; calibrate the lens again, with more tilt"
-        )
-    if verdict.halves_mm > settings.halves_mm:
-        reasons.append(
-            f"maps from two halves of the points differ by {verdict.halves_mm:.2f} mm, allowed "
-            f"{settings.halves_mm:.2f}; touch more points"
-        )
-    if len(verdict.rejected) > settings.rejected:
-        named = "; ".join(str(point) for point in verdict.rejected)
-        reasons.append(f"{named}; check that the pointer is tight, touch again")
-    return reasons
+    rejected = "; ".join(str(point) for point in verdict.rejected)
+    return reasons(
+        (verdict.held_out < LEAST,
+         f"{verdict.held_out} held-out points, at least {LEAST} must decide; touch more"),
+        (verdict.worst_mm > settings.worst_mm,
+         f"a held-out point is {verdict.worst_mm:.2f} mm off, allowed {settings.worst_mm:.2f}; "
+         "check that the pointer is tight and the camera has not moved"),
+        (verdict.median_mm > settings.median_mm,
+         f"half of the held-out points are more than {verdict.median_mm:.2f} mm off, allowed "
+         f"{settings.median_mm:.2f}; calibrate the lens again, with more tilt"),
+        (verdict.halves_mm > settings.halves_mm,
+         f"maps from two halves of the points differ by {verdict.halves_mm:.2f} mm, allowed "
+         f"{settings.halves_mm:.2f}; touch more points"),
+        (len(verdict.rejected) > settings.rejected,
+         f"{rejected}; check that the pointer is tight, touch again"),
+    )  # fmt: skip
 
 
-def _lacking(solved: Solved, settings: TouchSettings) -> list[str]:
+def _point_reasons(solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
     """Defects of the points themselves."""
-    reasons = []
     numbers = {p.number for p in (*solved.used, *solved.decide, *solved.off)}
-    if len(solved.wild) > settings.wild * len(numbers):
-        reasons.append(
-            f"{len(solved.wild)} of {len(numbers)} first touches were wild; the pointer is loose "
-            "or something else in the image looks like it; fasten it, cover bright discs"
-        )
-    if solved.stubborn:
-        named = ", ".join(str(p.number) for p in solved.stubborn)
-        reasons.append(
-            f"points {named} are off in the same way when touched again: the lens is wrong there "
-            "or the arm leaves the plane; calibrate the lens again, check the plane"
-        )
+    stubborn = ", ".join(str(p.number) for p in solved.stubborn)
     area = (settings.x_max - settings.x_min) * (settings.z_max - settings.z_min)
     places = np.array([p.place for p in solved.used], dtype=np.float32)
     share = float(cv2.contourArea(cv2.convexHull(places))) / area
-    if share < settings.spread:
-        reasons.append(
-            f"the points that agree enclose {100 * share:.0f} % of the work area, at least "
-            f"{100 * settings.spread:.0f} % are needed; touch its corners too"
-        )
-    return reasons
-
-
-def _grade(verdict: TouchVerdict, reasons: Sequence[str], settings: TouchSettings) -> Grade:
-    if reasons:
-        return Grade.REFUSED
-    clean = not verdict.rejected and verdict.residual_mm <= settings.good_mm
-    return Grade.GOOD if clean else Grade.USABLE
+    return reasons(
+        (len(solved.wild) > settings.wild * len(numbers),
+         f"{len(solved.wild)} of {len(numbers)} first touches were wild; the pointer is loose "
+         "or something else in the image looks like it; fasten it, cover bright discs"),
+        (bool(solved.stubborn),
+         f"points {stubborn} are off in the same way when touched again: the lens is wrong there "
+         "or the arm leaves the plane; calibrate the lens again, check the plane"),
+        (share < settings.spread,
+         f"the points that agree enclose {100 * share:.0f} % of the work area, at least "
+         f"{100 * settings.spread:.0f} % are needed; touch its corners too"),
+    )  # fmt: skip
 
 
 def _rms(values: Array) -> float:

@@ -9,12 +9,17 @@ from cell.cli.arm import home, jog, open_hand, park, register
 from cell.cli.benchmark import benchmark
 from cell.cli.calibrate import calibrate
 from cell.cli.camera import camera
+from cell.cli.doctor import doctor
 from cell.cli.fold import fold
 from cell.cli.gap import gap
-from cell.cli.record import report, viz
+from cell.cli.import_runs import export_runs, import_runs
+from cell.cli.learn import learn
+from cell.cli.observe import observe
+from cell.cli.record import note, report, viz
 from cell.cli.replay import replay
 from cell.cli.runs import runs
 from cell.cli.strips import strips
+from cell.cli.study import study
 from cell.cli.train import train
 from cell.cli.twin import twin
 
@@ -27,8 +32,14 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command()(fold)
+app.command()(doctor)
 app.command()(runs)
+app.command()(learn)
+app.command(name="import")(import_runs)
+app.command(name="export")(export_runs)
+app.command()(observe)
 app.command()(report)
+app.command()(note)
 app.command()(viz)
 app.command()(replay)
 app.command()(camera)
@@ -40,6 +51,7 @@ app.command(name="open")(open_hand)
 app.command()(register)
 app.add_typer(strips, name="strips")
 app.command()(benchmark)
+app.command()(study)
 app.add_typer(gap, name="gap")
 app.command()(train)
 app.add_typer(twin, name="twin")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.fold import ArmDriver
-from cell.cli.options import Configs
+from cell.cli.options import Arm, Configs, check_names
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -15,10 +14,13 @@ if TYPE_CHECKING:
     from cell.orchestrator.outcome import Outcome
 
 Strip = Annotated[str, typer.Option(help="Strip that lies, or will lie, on the desk.")]
-Arm = Annotated[ArmDriver | None, typer.Option(help="Arm driver.")]
 Quick = Annotated[bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")]
 Recover = Annotated[
     bool, typer.Option("--recover", help="Ask the robot to leave its reflex first.")
+]
+ResetTool = Annotated[
+    bool,
+    typer.Option("--reset-tool", help="Give the robot the Franka Hand without load as its tool."),
 ]
 
 
@@ -26,19 +28,22 @@ def home(
     strip: Strip = "denim",
     arm: Arm = None,
     recover: Recover = False,
+    reset_tool: ResetTool = False,
     full_speed: Quick = False,
     configs: Configs = None,
 ) -> None:
     """Bring the gripper over the strip's edge, in the posture from which a fold is followed."""
+    check_names(configs, strip)
+    from cell.arm import by_hand
     from cell.config.places import find_configs
-    from cell.operations import by_hand
 
     found = find_configs(configs)
     settings, choice = _allowed(found.cell(), arm, full_speed)
     lying = found.strip(strip)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
-        by_hand.go_joints(settings, by_hand.home_joints(settings, lying), share, recover)
+        joints = by_hand.home_joints(settings, lying)
+        by_hand.go_joints(settings, joints, share, recover=recover, reset_tool=reset_tool)
         sys.stdout.write("the arm is home\n")
         return
     _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, lying))))
@@ -48,13 +53,14 @@ def park(
     arm: Arm = None, recover: Recover = False, full_speed: Quick = False, configs: Configs = None
 ) -> None:
     """Fold the robot upright, out of the way; a twin of the cell's own just goes home."""
+    from cell.arm import by_hand
+    from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
-    from cell.operations import by_hand
-    from cell.operations.calibrate import NO_STRIP
 
     settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
     if _at_address(settings, choice):
-        by_hand.go_joints(settings, by_hand.PARKED, 1.0 if full_speed else 0.1, recover)
+        share = 1.0 if full_speed else 0.1
+        by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
         sys.stdout.write("the arm is parked\n")
         return
     _end(by_hand.by_hand(settings, choice, by_hand.to(by_hand.home_pose(settings, NO_STRIP))))
@@ -69,8 +75,8 @@ def jog(
     configs: Configs = None,
 ) -> None:
     """Move the gripper a little from where it is."""
+    from cell.arm import by_hand
     from cell.config.places import find_configs
-    from cell.operations import by_hand
 
     settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
     motion = by_hand.jog(x / 1e3, z / 1e3, radians(pitch))
@@ -79,8 +85,8 @@ def jog(
 
 def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     """Open the fingers."""
+    from cell.arm import by_hand
     from cell.config.places import find_configs
-    from cell.operations import by_hand
 
     settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed=False)
     _end(by_hand.by_hand(settings, choice, by_hand.opened))
@@ -88,15 +94,17 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
     """Find desk and fixed edge by three points that you touch with the closed fingers."""
+    check_names(configs, strip)
     import numpy as np
 
+    from cell.arm.by_hand import robot_task
+    from cell.arm.register import POINTS, mounting_from, write_mounting
     from cell.config.places import find_configs
-    from cell.operations.by_hand import robot_task
-    from cell.operations.register import POINTS, mounting_from, write_mounting
-    from drivers.arm.errands import hand_pose
 
     found = find_configs(configs)
     task, lying = robot_task(found.cell()), found.strip(strip)
+    from drivers.arm.errands import hand_pose
+
     touched = []
     for number, point in enumerate(POINTS, start=1):
         _ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
@@ -107,13 +115,13 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
 
 def _allowed(
-    settings: "CellFile", arm: ArmDriver | None, full_speed: bool
+    settings: "CellFile", arm: str | None, full_speed: bool
 ) -> "tuple[CellFile, DeviceSelection]":
     """Settings and selection, once the operator has agreed to the motion of a real robot."""
+    from cell.arm.real_robot import confirm, is_real, slowed
     from cell.devices.devices import DeviceSelection
-    from cell.operations.real_robot import confirm, is_real, slowed
 
-    choice = DeviceSelection(arm=arm and arm.value)
+    choice = DeviceSelection(arm=arm)
     if not is_real(settings, choice):
         return settings, choice
     confirm(settings, _ask)
@@ -121,7 +129,7 @@ def _allowed(
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
-    return (choice.arm or settings.drivers.arm) == "fci" and settings.fci.address is not None
+    return choice.arm_driver(settings).real and settings.fci.address is not None
 
 
 def _ask(question: str) -> str:

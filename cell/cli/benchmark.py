@@ -7,10 +7,11 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from cell.cli.options import Configs, Json
+from cell.cli.options import Cluster, Configs, Json, engine
 from cell.cli.table import wide_console
 
 INTERRUPTED = 130  # exit code
+LIMIT = 7200.0  # s of a part
 
 
 def benchmark(
@@ -23,6 +24,7 @@ def benchmark(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise; repeats use the next.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Parts measured side by side.")] = 1,
+    cluster: Cluster = None,
     out: Annotated[Path, typer.Option(help="Folder of the results.")] = Path("runs/benchmark"),
     runs: Annotated[
         Path | None, typer.Option(help="Folder in which folds are recorded [default: OUT/runs].")
@@ -45,23 +47,23 @@ def benchmark(
     """
     from rich.console import Console
 
-    from cell.benchmark.page import lines, write_main_picture, write_results
-    from cell.benchmark.run import benchmark as measure
-    from cell.benchmark.screen import Meter, show
-    from cell.benchmark.spec import BenchmarkSpec, split
+    from cell.campaign.progress import Meter
     from cell.config.places import find_configs
+    from cell.studies.benchmark.page import lines, write_main_picture, write_results
+    from cell.studies.benchmark.run import benchmark as measure
+    from cell.studies.benchmark.run import said
+    from cell.studies.benchmark.screen import show
+    from cell.studies.benchmark.spec import BenchmarkSpec, split
 
     found = find_configs(configs)
     spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
-    meter = Meter(Console(stderr=True))
+    by = engine(jobs, cluster, LIMIT)
+    place = runs or out / "runs"
     try:
-        results = measure(
-            spec, found, out, runs or out / "runs", jobs=jobs, again=again, watcher=meter
-        )
+        with Meter(Console(stderr=True), said) as meter:
+            results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
     except KeyboardInterrupt:
-        _interrupted(out)
-    finally:
-        meter.close()
+        _end_interrupted(out)
     page = write_results(results, out)
     if picture is not None:
         write_main_picture(results, picture)
@@ -72,6 +74,6 @@ def benchmark(
     sys.stdout.write(f"  {page}\n")
 
 
-def _interrupted(out: Path) -> NoReturn:
+def _end_interrupted(out: Path) -> NoReturn:
     sys.stderr.write(f"interrupted; what is finished is kept in {out}: the same command goes on\n")
     sys.exit(INTERRUPTED)

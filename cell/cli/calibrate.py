@@ -1,22 +1,59 @@
-"""`cell calibrate`: the twin's own calibration, and the wizards."""
+"""`cell calibrate`: the twin's own calibration, and the wizards `camera`, `homography`, `check`."""
 
+import json
+import math
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.calibrate_camera import calibrate_camera
-from cell.cli.calibrate_check import calibrate_check
-from cell.cli.calibrate_homography import calibrate_homography
-from cell.cli.options import Configs
+from cell.cli.options import Arm, Camera, Configs, Json
 
-calibrate = typer.Typer(
-    help="Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
-)
-calibrate.command(name="camera")(calibrate_camera)
-calibrate.command(name="homography")(calibrate_homography)
-calibrate.command(name="check")(calibrate_check)
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from calibration.wizard.lens_verdict import LensVerdict
+    from calibration.wizard.news import News, Watcher
+    from calibration.wizard.verdict import Line
+    from cell.calibrating.homography_wizard import TouchSession
+    from cell.calibrating.wizard_panel import WizardPanel
+    from cell.config.cell import CellFile
+    from cell.devices.devices import Devices
+    from cell.orchestrator.operator import Operator
+
+SESSIONS = Path("calibrations")
+FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
+
+
+class WizardViz(StrEnum):
+    """What happens with the Rerun recording of a calibration."""
+
+    SAVE = "save"
+    LIVE = "live"
+    OFF = "off"
+
+
+Out = Annotated[
+    Path | None,
+    typer.Option(help="Folder of this session, new [default: calibrations/TIME-CELL-KIND]."),
+]
+From = Annotated[
+    Path | None, typer.Option("--from", help="Solve the session in this folder again instead.")
+]
+Without = Annotated[
+    list[int] | None,
+    typer.Option(help="With --from: leave the image or point with this number out; repeatable."),
+]
+Interactive = Annotated[
+    bool, typer.Option("--interactive", help="Ask before each step on the twin too.")
+]
+Viz = Annotated[WizardViz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
+
+calibrate = typer.Typer(help=FIRST_LINE)
 
 
 @calibrate.callback(invoke_without_command=True)
@@ -29,14 +66,322 @@ def twin(
     if context.invoked_subcommand is not None:
         return
     from calibration.calibration import save_calibration
-    from cell.config.places import find_configs
-    from cell.operations.calibrate import calibrate_anew
-    from cell.operations.interrupt import Interrupt
+    from cell.calibrating.calibrate import calibrate_anew
+    from cell.orchestrator.interrupt import Interrupt
 
     with Interrupt() as interrupted:
-        made, path = calibrate_anew(find_configs(configs).cell(), interrupted)
+        made, path = calibrate_anew(_settings(configs), interrupted)
     if out is not None:
         save_calibration(made, out)
     sys.stdout.write(
         f"calibrated: {made.residual_mm:.2f} mm rms at points not used in the fit\n  {path}\n"
     )
+
+
+@calibrate.command(name="camera")
+def calibrate_camera(
+    print_to: Annotated[
+        Path | None, typer.Option("--print", help="Only write the board as a PDF of true size.")
+    ] = None,
+    measured: Annotated[
+        float | None,
+        typer.Option(help="Length of all columns of squares by a ruler [mm].", min=1.0),
+    ] = None,
+    camera: Camera = None,
+    out: Out = None,
+    again: From = None,
+    without: Without = None,
+    interactive: Interactive = False,
+    viz: Viz = WizardViz.SAVE,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Find the lens from views of a ChArUco board; says which view is wanted next, and why."""
+    from calibration.wizard.lens_verdict import lens_lines
+    from cell.calibrating.lens_wizard import calibrate_lens, lens_again
+
+    settings = _settings(configs)
+    if print_to is not None:
+        _print(settings, print_to)
+        return
+    if again is not None:
+        verdict, folder = lens_again(again, without or (), out), out or again
+    else:
+        folder = _session_folder(out, settings.name, "camera")
+        devices = _open(settings, "twin", camera)  # no arm is needed
+        if measured is None and devices.aids is None:
+            words = f"length of {settings.boards.columns} squares by a ruler [mm]"
+            measured = typer.prompt(words, type=float)
+        length = None if measured is None else measured / 1e3
+        with sitting(folder, "camera", viz) as at:
+            operator = at.operator(devices, interactive=interactive)
+            verdict = calibrate_lens(
+                settings, devices, folder, operator, at.watch, length, at.interrupted
+            ).verdict
+    if as_json:
+        _print_json(_lens_facts(verdict) | {"folder": str(folder)})
+    else:
+        _print_lines(lens_lines(verdict))
+        sys.stdout.write(f"  {folder}\n")
+    sys.exit(0 if verdict.passed else 1)
+
+
+@calibrate.command(name="homography")
+def calibrate_homography(
+    lens: Annotated[
+        Path | None,
+        typer.Option(help="Lens file of ROS or OpenCV [default: the newest in calibrations/]."),
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="Touch the poses of this file, an edited poses.yaml.")
+    ] = None,
+    accept_anyway: Annotated[
+        bool,
+        typer.Option("--accept-anyway", help="Take a refused calibration; every run then says so."),
+    ] = False,
+    arm: Arm = None,
+    camera: Camera = None,
+    out: Out = None,
+    again: From = None,
+    without: Without = None,
+    interactive: Interactive = False,
+    viz: Viz = WizardViz.SAVE,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Find the map to the plane and the latency from touches of the gripper's tip."""
+    from calibration.lens import read_lens
+    from cell.calibrating import homography_wizard as wizard
+    from cell.calibrating.lens_wizard import newest_lens
+
+    settings = _settings(configs)
+    if again is not None:
+        found = wizard.homography_again(
+            again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
+        )
+    else:
+        folder = _session_folder(out, settings.name, "homography")
+        devices = _open(settings, arm, camera)
+        seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
+        plan = None if poses is None else wizard.read_poses(poses)
+        with sitting(folder, "homography", viz) as at:
+            found = wizard.calibrate_homography(
+                settings,
+                devices,
+                seen_through,
+                folder,
+                at.operator(devices, interactive=interactive),
+                at.watch,
+                plan=plan,
+                accept_anyway=accept_anyway,
+                interrupted=at.interrupted,
+            )
+    if as_json:
+        _print_json(_touch_facts(found))
+    else:
+        _print_touches(found, settings.fold.speed)
+    sys.exit(0 if found.calibration is not None else 1)
+
+
+@calibrate.command(name="check")
+def calibrate_check(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="calibration.yaml [default: the one that folds use]."),
+    ] = None,
+    arm: Arm = None,
+    camera: Camera = None,
+    interactive: Interactive = False,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Touch a few points again: does the calibration still hold?"""
+    from calibration.calibration import load_calibration
+    from calibration.wizard.touch_verdict import check_lines
+    from cell.calibrating.calibrate import calibration_of
+    from cell.calibrating.homography_wizard import check_calibration
+
+    settings = _settings(configs)
+    with _terminal() as at:
+        calibration = load_calibration(file) if file else calibration_of(settings, at.panel.ask)
+        devices = _open(settings, arm, camera)
+        operator = at.operator(devices, interactive=interactive)
+        verdict = check_calibration(
+            settings, devices, calibration, operator, at.watch, at.interrupted
+        )
+    if as_json:
+        errors = {str(number): error for number, error in verdict.errors_mm.items()}
+        facts = {"calibration": calibration.id, "passed": verdict.passed, "errors_mm": errors}
+        worst = {"median_mm": verdict.median_mm, "worst_mm": verdict.worst_mm}
+        _print_json(facts | worst | {"reasons": list(verdict.reasons)})
+    else:
+        _print_lines(check_lines(verdict))
+    sys.exit(0 if verdict.passed else 1)
+
+
+class Sitting:
+    """A wizard at work: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
+
+    def __init__(self, panel: "WizardPanel", interrupted: "Callable[[], bool]") -> None:
+        self.panel = panel
+        self.watch: Watcher = panel
+        self.interrupted = interrupted
+
+    def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
+        """Who answers at the terminal."""
+        from cell.calibrating.keyboard import operator_of
+
+        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
+
+
+@contextmanager
+def _terminal() -> Iterator[Sitting]:
+    """A terminal with the panel, single keys and Ctrl-C."""
+    from rich.console import Console
+
+    from cell.calibrating.keyboard import single_keys
+    from cell.calibrating.wizard_panel import WizardPanel
+    from cell.orchestrator.interrupt import Interrupt
+
+    panel = WizardPanel(Console(stderr=True))
+    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
+        yield Sitting(panel, interrupted)
+
+
+@contextmanager
+def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
+    """A wizard's terminal; unless `viz` is off, everything is drawn into wizard.rrd too.
+
+    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
+    """
+    from cell.orchestrator.interrupt import Interrupted
+
+    try:
+        with _terminal() as at:
+            if viz is WizardViz.OFF:
+                yield at
+                return
+            from cell.report.viz.wizard import watched
+
+            folder.mkdir(parents=True, exist_ok=True)
+            with watched(folder, live=viz is WizardViz.LIVE) as screen:
+
+                def both(news: "News") -> None:
+                    at.panel(news)
+                    screen(news)
+
+                at.watch = both
+                yield at
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted(_remainder(folder, kind)) from None
+
+
+def _remainder(folder: Path, kind: str) -> str:
+    """What an interrupted session leaves, and how to go on with it."""
+    from calibration.wizard.session import ROWS, read_rows
+
+    taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS).is_file() else 0
+    if taken == 0:
+        return f"interrupted; nothing was taken yet; {folder} may be deleted"
+    return (
+        f"interrupted; {taken} images are kept in {folder}: "
+        f"`cell calibrate {kind} --from {folder}` solves them"
+    )
+
+
+def _settings(configs: Path | None) -> "CellFile":
+    from cell.config.places import find_configs
+
+    return find_configs(configs).cell()
+
+
+def _session_folder(out: Path | None, cell: str, kind: str) -> Path:
+    """The folder given by --out, or a new one named by time; an existing one is refused."""
+    from datetime import UTC, datetime
+
+    from drivers.errors import ConfigurationError
+
+    if out is None:
+        return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"
+    if out.exists() and any(out.iterdir() if out.is_dir() else [out]):
+        raise ConfigurationError(f"--out: {out} is there already; name a new folder")
+    return out
+
+
+def _open(settings: "CellFile", arm: str | None, camera: str | None) -> "Devices":
+    """The cell's devices for a calibration, without a strip."""
+    from cell.calibrating.calibrate import NO_STRIP
+    from cell.devices.devices import DeviceSelection
+    from cell.devices.open import open_cell
+
+    choice = DeviceSelection(arm, camera)
+    return open_cell(settings, NO_STRIP, choice, calibrating=True)
+
+
+def _print(settings: "CellFile", path: Path) -> None:
+    from calibration.wizard.board_print import print_board
+
+    sheet = print_board(settings.boards, path)
+    sys.stdout.write(
+        f"{path}: print it on {sheet} at 100 %, glue it on something flat; all "
+        f"{settings.boards.columns} squares must measure {1e3 * settings.boards.width:.1f} mm\n"
+    )
+
+
+def _lens_facts(verdict: "LensVerdict") -> dict[str, Any]:
+    return {
+        "passed": verdict.passed,
+        "views": verdict.views,
+        "rms_px": None if verdict.fit is None else verdict.fit.rms,
+        "halves_mm": None if verdict.fit is None else verdict.bend_mm,
+        "reasons": list(verdict.reasons),
+    }
+
+
+def _print_touches(found: "TouchSession", speed: float) -> None:
+    from calibration.wizard.touch_verdict import touch_lines
+
+    _print_lines(touch_lines(found.touches, found.latency, speed))
+    made = found.calibration
+    if made is None:
+        sys.stdout.write("not accepted; --accept-anyway takes it, and every run will say so\n")
+    elif found.folder is None:
+        sys.stdout.write("name a folder with --out to keep it\n")
+    else:
+        if made.accepted_anyway:
+            sys.stdout.write("accepted in spite of this; every run will say so\n")
+        path = (found.folder / "calibration.yaml").resolve()
+        sys.stdout.write(f"to use it, in cell.yaml\n  calibration: {path}\n")
+
+
+def _touch_facts(found: "TouchSession") -> dict[str, Any]:
+    from calibration.wizard.touch_verdict import refusals
+
+    keys = ("residual_mm", "worst_mm", "halves_mm", "displacement_mm")
+    made = found.calibration
+    return {
+        "accepted": made is not None,
+        "calibration": None if made is None else made.id,
+        **{key: None if found.touches is None else getattr(found.touches, key) for key in keys},
+        "latency": None if found.latency is None else found.latency.latency,
+        "reasons": list(refusals(found.touches, found.latency)),
+        "folder": None if found.folder is None else str(found.folder),
+    }
+
+
+def _print_json(facts: dict[str, Any]) -> None:
+    """One line of JSON, in which a number that is not finite is null."""
+    finite = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in facts.items()
+    }
+    sys.stdout.write(json.dumps(finite) + "\n")
+
+
+def _print_lines(lines: "Iterable[Line]") -> None:
+    """Print the verdict, in colour where the terminal supports it."""
+    from rich.console import Console
+
+    from cell.calibrating.wizard_panel import verdict_text
+
+    Console(highlight=False, soft_wrap=True).print(verdict_text(lines), end="")

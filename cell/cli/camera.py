@@ -11,7 +11,7 @@ import typer
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
-    from cell.operations.camera import Grab
+    from cell.devices.camera_check import Grab
     from drivers.camera.listing import CameraReport, UnusableDevice
     from drivers.camera.settings import V4l2Settings
 
@@ -39,7 +39,7 @@ def camera(
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     """The cell file's camera, or suitable settings when `device` is another one."""
     from cell.config.places import find_configs
-    from cell.operations.camera import suggested
+    from cell.devices.camera_check import suggested
     from drivers.camera.kernel import Linux
     from drivers.camera.listing import report
     from drivers.errors import ConfigurationError
@@ -58,7 +58,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
 
 
 def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
-    from cell.operations.camera import grab, save
+    from cell.devices.camera_check import grab, save
 
     taken = grab(settings)
     save(taken.frame, path)
@@ -119,7 +119,7 @@ def _line(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
 
 
 def _section(entry: "CameraReport") -> dict[str, Any] | None:
-    from cell.operations.camera import suggested
+    from cell.devices.camera_check import suggested
 
     settings = suggested(entry)
     return None if settings is None else settings.model_dump(exclude_defaults=True)

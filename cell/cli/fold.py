@@ -8,28 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Runs, policy_names
+from cell.cli.options import Arm, Camera, Configs, Json, Runs, check_names, policy_names
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
-    from cell.operations.fold import Request
-    from cell.operations.result import FoldResult
-
-
-class ArmDriver(StrEnum):
-    """Arm drivers."""
-
-    TWIN = "twin"
-    FCI = "fci"
+    from cell.folding.fold import Request
+    from cell.folding.result import FoldResult
 
 
-class CameraDriver(StrEnum):
-    """Camera drivers."""
-
-    TWIN = "twin"
-    V4L2 = "v4l2"
+LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
 
 
 class Frames(StrEnum):
@@ -51,13 +40,40 @@ class Viz(StrEnum):
 StripName = Annotated[
     str, typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length.")
 ]
-PolicyName = Annotated[str, typer.Option(help=f"How the gripper is moved: {policy_names()}.")]
+PolicyName = Annotated[
+    str, typer.Option(help=f"How the gripper is moved: {', '.join(policy_names())}.")
+]
 Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
 Thickness = Annotated[
     float | None, typer.Option(help="Its thickness [m], where calipers are at hand.")
 ]
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
+]
+
+
+Specimen = Annotated[
+    str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
+]
+Learning = Annotated[
+    str | None,
+    typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by."),
+]
+Until = Annotated[
+    str | None,
+    typer.Option(help="Edges as close as this end --repeat; each fold corrects the next."),
+]
+NoTruth = Annotated[
+    bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
+]
+FullSpeed = Annotated[
+    bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
+]
+Rehearse = Annotated[
+    bool, typer.Option("--rehearse", help="The fold in the air, 20 cm higher, without fabric.")
 ]
 
 
@@ -68,8 +84,8 @@ def fold(
     thickness: Thickness = None,
     checkpoint: Annotated[Path | None, typer.Option(help="Weights of a learned policy.")] = None,
     plant: Plants = None,
-    arm: Annotated[ArmDriver | None, typer.Option(help="Arm driver.")] = None,
-    camera: Annotated[CameraDriver | None, typer.Option(help="Camera driver.")] = None,
+    arm: Arm = None,
+    camera: Camera = None,
     repeat: Annotated[int, typer.Option(min=1, help="Folds of each plant.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of fold 0; fold i uses seed + i.")] = 0,
     jobs: Annotated[int, typer.Option(min=1, help="Folds side by side.")] = 1,
@@ -79,23 +95,23 @@ def fold(
     viz: Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")] = (
         Viz.SAVE
     ),
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Predict the fold and check its limits; move nothing.")
-    ] = False,
-    no_truth: Annotated[
-        bool, typer.Option("--no-truth", help="Keep the twin's truth out of the record.")
-    ] = False,
-    full_speed: Annotated[
-        bool, typer.Option("--full-speed", help="A real robot not slowed to a tenth.")
-    ] = False,
+    dry_run: DryRun = False,
+    rehearse: Rehearse = False,
+    no_truth: NoTruth = False,
+    full_speed: FullSpeed = False,
+    specimen: Specimen = None,
+    learning: Learning = None,
+    until: Until = None,
     as_json: Json = False,
 ) -> None:
     """Fold a strip in half and say how well it went."""
+    check_names(configs, strip, policy)
     from cell.devices.devices import DeviceSelection
-    from cell.operations.batch import checked, doubts_about, requests
-    from cell.operations.fold import Request
+    from cell.folding.batch import checked, doubts_about, requests
+    from cell.folding.correct import with_correction
+    from cell.folding.fold import Request
 
-    choice = DeviceSelection(arm and arm.value, camera and camera.value, None, seed)
+    choice = DeviceSelection(arm, camera, None, seed)
     base = Request(
         strip=_named(strip, length, thickness),
         policy=policy,
@@ -107,23 +123,62 @@ def fold(
         truth=not no_truth,
         viz=viz.value,
         full_speed=full_speed,
+        specimen=specimen,
     )
+    base = with_correction(base, "on" if until is not None and learning is None else learning)
     wanted = checked(requests(base, plant or [], repeat))
     for doubt in doubts_about(wanted):
         _remark(doubt)
     if dry_run:
         _predict(base, as_json=as_json)
         return
+    if until is not None:
+        sys.exit(_folded_until(wanted, until, as_json=as_json))
+    if rehearse:
+        sys.exit(_rehearse(base, as_json=as_json))
     sys.exit(_folded(base, wanted, jobs, as_json=as_json))
 
 
-def _folded(base: "Request", wanted: "Sequence[Request]", jobs: int, *, as_json: bool) -> int:
-    """Fold and tell; the largest exit code."""
+def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
+    """Fold one after the other, each corrected by those before, until the edges lie as close as
+    `until`; the last fold's exit code, 1 where none came as close.
+    """
+    from cell.config.length import metres
+    from cell.folding.correct import with_correction
+
+    close = metres("--until", until, LARGEST_OFFSET)
+    code = 1
+    for request in wanted:
+        made: list[FoldResult] = []
+        code = _folded(request, [with_correction(request, "on")], 1, made.append, as_json=as_json)
+        if code > 1 or (code == 0 and _offset(made) <= close):
+            return code
+        following = with_correction(request, "on").correction.total
+        _remark(f"the next fold would aim {-1e3 * following:+.1f} mm")
+    return 1
+
+
+def _offset(made: "list[FoldResult]") -> float:
+    """Offset of the laid edges [m] of the newest fold, of its layers where no edge was seen."""
+    seen = [made[-1].edge_offset, made[-1].displacement] if made else []
+    return next((abs(value) for value in seen if value is not None), float("inf"))
+
+
+def _folded(
+    base: "Request",
+    wanted: "Sequence[Request]",
+    jobs: int,
+    keep: "Callable[[FoldResult], None]" = lambda _: None,
+    *,
+    as_json: bool,
+) -> int:
+    """Fold, report and `keep` each result; the largest exit code."""
     real = _real(base)
     code = 0
     try:
         for result in _results(wanted, 1 if real else jobs, quiet=as_json, real=real):
             _tell(result, as_json=as_json)
+            keep(result)
             code = max(code, result.exit_code)
     except CellError as error:
         sys.stderr.write(f"cell: {error}\n")
@@ -149,11 +204,17 @@ def _named(strip: str, length: float | None, thickness: float | None) -> str:
 
 def _real(base: "Request") -> bool:
     """Whether a real robot will move; then the operator has typed the cell's name."""
+    from cell.arm.real_robot import confirm, is_real
     from cell.config.places import find_configs
-    from cell.operations.real_robot import confirm, is_real
+    from cell.devices.open import real_camera
+    from cell.doctor.doctor import BRIEF, checks, refuse_red
 
-    settings = find_configs(base.configs).cell()
-    if not is_real(settings, base.choice):
+    configs = find_configs(base.configs)
+    settings = configs.cell()
+    real = is_real(settings, base.choice)
+    if real or real_camera(settings, base.choice):
+        refuse_red([*checks(configs, base.choice, base.runs, BRIEF)])
+    if not real:
         return False
     confirm(settings, _ask)
     return True
@@ -168,12 +229,12 @@ def _ask(question: str) -> str:
 def _results(
     wanted: "Sequence[Request]", jobs: int, *, quiet: bool, real: bool
 ) -> "Iterator[FoldResult]":
+    from cell.calibrating.calibrate import calibration_of
     from cell.config.places import find_configs
-    from cell.operations.batch import each_of
-    from cell.operations.calibrate import calibration_of
-    from cell.operations.fold import fold as fold_once
-    from cell.operations.interrupt import Interrupt
-    from cell.operations.progress import progress
+    from cell.folding.batch import each_of
+    from cell.folding.fold import fold as fold_once
+    from cell.folding.progress import progress
+    from cell.orchestrator.interrupt import Interrupt
 
     settings = find_configs(wanted[0].configs).cell()
     if jobs > 1 and len(wanted) > 1:
@@ -200,8 +261,8 @@ def _results(
 
 def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResult":
     """One fold's own trouble ends that fold alone; Ctrl-C, given twice, ends the batch."""
-    from cell.operations.interrupt import Interrupted
-    from cell.operations.result import FoldResult
+    from cell.folding.result import FoldResult
+    from cell.orchestrator.interrupt import Interrupted
 
     if isinstance(made, Interrupted):
         raise made
@@ -227,8 +288,22 @@ def _remark(text: str) -> None:
     sys.stderr.write(f"cell: {text}\n")
 
 
+def _rehearse(request: "Request", *, as_json: bool) -> int:
+    """Rehearse once and report; the exit code."""
+    from cell.folding.rehearsal import rehearse
+    from cell.orchestrator.interrupt import Interrupt
+
+    _real(request)
+    with Interrupt() as interrupted:
+        outcome = rehearse(request, interrupted)
+    line = {"outcome": outcome.name, "reason": outcome.reason, "exit_code": outcome.exit_code}
+    text = json.dumps(line) if as_json else f"{outcome.name}: {outcome.reason}"
+    sys.stdout.write(text + "\n")
+    return outcome.exit_code
+
+
 def _predict(request: "Request", *, as_json: bool) -> None:
-    from cell.operations.prediction import predict
+    from cell.folding.prediction import predict
 
     prediction = predict(request)
     text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cell.cli.gap_exam import exam
-from cell.cli.gap_plan import plan
+from cell.cli.gap_plan import near, plan
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
@@ -25,15 +25,22 @@ gap.command()(plan)
 gap.command()(exam)
 
 RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
-Subject = Annotated[Path, typer.Option("--strip", help="The strip file (or pendulum file).")]
+Strip = Annotated[
+    str | None,
+    typer.Option("--strip", help="Strip by name, or a path to its file (or a pendulum's)."),
+]
+Model = Annotated[
+    Path | None, typer.Option("--model", help="The mechanism file, in place of a strip.")
+]
 Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
 
 
 @gap.command()
 def fit(
     runs: RunFolders,
-    strip: Subject,
     out: Annotated[Path, typer.Option("--out", help="Folder for verdict, report and patches.")],
+    strip: Strip = None,
+    model: Model = None,
     hold_out: Annotated[
         list[str] | None, typer.Option(help="A run that only judges; repeatable.")
     ] = None,
@@ -43,9 +50,11 @@ def fit(
     jobs: Annotated[
         int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
     ] = None,
+    configs: Configs = None,
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
+    file = _one_of(strip, model, configs)
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
@@ -54,40 +63,53 @@ def fit(
     threads = min(jobs or cores, cores)
     with _progress(quiet=as_json) as shown:
         verdict = judge(
-            runs, strip, out, hold_out or (), shown, threads, write_overlay, without or ()
+            runs, file, out, hold_out or (), shown, threads, write_overlay, without or ()
         )
     if as_json:
         sys.stdout.write(verdict.to_json())
         return
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     law = (out / LAW_PATCH).is_file()
-    following = f"next: {_next(verdict, out, strip, law=law)}"
+    option = f"--model {model}" if model is not None else f"--strip {file}"
+    following = f"next: {_next(verdict, out, option, law=law)}"
     sys.stdout.write("\n".join([*_summary(verdict), *files, following]) + "\n")
 
 
 @gap.command()
 def accept(
     fitted: Fitted,
-    strip: Subject,
+    strip: Strip = None,
+    model: Model = None,
     law: Annotated[
         bool, typer.Option("--law", help="Accept the law that describes what nothing explains.")
     ] = False,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Put what was named into the strip file, or into cell.yaml where it belongs to the cell."""
+    """Put what was named into the strip file, or into cell.yaml where it belongs to the cell.
+
+    Of a mechanism, into an MJCF beside its model, and into its file what MJCF cannot say.
+    """
     from cell.gap.verdict.accept import accept as put
 
-    accepted = put(fitted, strip, _cell_file(configs), law=law)
+    file, cell_file = _one_of(strip, model, configs), _cell_file(configs) if model is None else None
+    accepted = put(fitted, file, cell_file, law=law)
     _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
 
 
 @gap.command()
-def undo(fitted: Fitted, strip: Subject, configs: Configs = None, as_json: Json = False) -> None:
+def undo(
+    fitted: Fitted,
+    strip: Strip = None,
+    model: Model = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
     """Bring the files back as they were before the acceptance."""
     from cell.gap.verdict.accept import undo as take_back
 
-    undone = take_back(fitted, strip, _cell_file(configs))
+    file, cell_file = _one_of(strip, model, configs), _cell_file(configs) if model is None else None
+    undone = take_back(fitted, file, cell_file)
     _tell("undone", undone.effects, undone.files, as_json=as_json)
 
 
@@ -127,7 +149,11 @@ def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
 
 
 def _summary(verdict: "Verdict") -> Iterator[str]:
-    """The verdict in a few lines."""
+    """The verdict in a few lines, first what is not as the file states."""
+    from cell.gap.report.sentence import deviation
+
+    if verdict.deviates:
+        yield deviation(verdict.deviates)
     yield verdict.verdict.replace("_", " ")
     for effect in verdict.effects:
         values = ", ".join(
@@ -148,17 +174,39 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield f"  note: {note}"
 
 
-def _next(verdict: "Verdict", out: Path, strip: Path, *, law: bool) -> str:
+def _one_of(strip: str | None, model: Path | None, configs: Path | None) -> Path:
+    """The file that is fitted; ConfigurationError unless exactly one is given."""
+    from drivers.errors import ConfigurationError
+
+    if (strip is None) == (model is None):
+        raise ConfigurationError(
+            "--strip, --model: give one: a strip file, or a mechanism file with the model's name"
+        )
+    return model or _subject(strip or "", configs)
+
+
+def _next(verdict: "Verdict", out: Path, option: str, *, law: bool) -> str:
     """The command to type next."""
-    if verdict.verdict == "named":
-        return f"cell gap accept {out} --strip {strip}"
+    from cell.gap.verdict.accept import BASE_PATCH
+
+    if verdict.verdict == "named" or (out / BASE_PATCH).is_file():
+        return f"cell gap accept {out} {option}"
     if verdict.verdict == "ambiguous":
         return f"cell gap advise {out}"
     if law:
-        return f"cell gap accept {out} --strip {strip} --law   (a description, no name)"
+        return f"cell gap accept {out} {option} --law   (a description, no name)"
     if verdict.verdict == "unexplained":
         return f"open {out / 'report.html'}: where it sits, and what stands beside it"
-    return f"cell fold --strip {strip}"
+    return f"cell fold {option}" if option.startswith("--strip") else "nothing: the model holds"
+
+
+def _subject(named: str, configs: Path | None) -> Path:
+    """The file of the strip `named`: a path to any file, or a name in the configuration."""
+    from cell.config.places import find_configs
+
+    if Path(named).exists() or "/" in named or Path(named).suffix:
+        return Path(named)
+    return near(find_configs(configs).strip_path(named))
 
 
 def _cell_file(configs: Path | None) -> Path:

@@ -3,24 +3,32 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Cluster, Json, engine
 
 if TYPE_CHECKING:
     from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
 INTERRUPTED = 130  # exit code
+LIMIT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
 KeptIn = Annotated[
     Path | None, typer.Option(help="What is finished, a line a case [default: OUT/ledger.jsonl].")
+]
+Count = Annotated[
+    int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
+]
+Hidden = Annotated[
+    Literal["nothing", "single", "pair", "outside"] | None,
+    typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
 ]
 Beside = Annotated[
     list[Path] | None,
@@ -34,18 +42,14 @@ def exam(
         Literal["state", "images", "small"],
         typer.Option(help="From the state, through images, or six cases from the state."),
     ] = "small",
-    cases: Annotated[
-        int | None, typer.Option(min=1, help="Cases [default: 300, 90 through images, 6 small].")
-    ] = None,
+    cases: Count = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cases.")] = 0,
     repeats: Annotated[
         int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
     ] = 1,
-    kind: Annotated[
-        Literal["nothing", "single", "pair", "outside"] | None,
-        typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
-    ] = None,
+    kind: Hidden = None,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
+    cluster: Cluster = None,
     only_make: Annotated[
         bool, typer.Option("--only-make", help="Make the runs; judge nothing.")
     ] = False,
@@ -67,16 +71,21 @@ def exam(
     What is finished is kept in OUT: an exam that was interrupted goes on where it stopped, on
     another machine if LEDGER goes with it.
     """
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
-    from cell.exam.run import run_exam
+    from cell.exam.run import run_exam, said
 
-    steps = _steps(make=only_make, judge=only_judge)
+    steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
-    with _going_on(out), _progress(quiet=as_json) as shown:
-        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, shown, wide)
+    chosen = engine(wide, cluster, LIMIT)
+    with _going_on(out), Meter(console, said, quiet=as_json) as meter:
+        drawn = (lambda *_: None) if as_json else _line
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, drawn, wide)
         entries = run_exam(
-            wanted, out, jobs=wide, progress=shown, steps=steps, again=again, ledger=ledger
+            wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
         )
     if only_make:
         failed = sum(e.state == "failed" for e in entries)
@@ -141,24 +150,6 @@ def _going_on(out: Path) -> Iterator[None]:
             f"interrupted; what is finished is kept in {out}: the same command goes on\n"
         )
         sys.exit(INTERRUPTED)
-
-
-@contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    if quiet:
-        yield lambda _done, _total, _said: None
-        return
-    if not sys.stderr.isatty():
-        yield _line
-        return
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("drawing cases", total=None)
-        yield lambda done, total, said: bar.update(
-            task, total=total, completed=done, description=said or "cases"
-        )
 
 
 def _line(done: int, total: int, said: str) -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, check_names
 
 if TYPE_CHECKING:
-    from cell.operations.fold import Request
-    from cell.operations.result import FoldResult
+    from cell.folding.fold import Request
+    from cell.folding.result import FoldResult
 
 
 def plan(
@@ -34,15 +34,16 @@ def plan(
     as_json: Json = False,
 ) -> None:
     """Fold the standard runs: speeds, heights, a hold, there and back, shakes, repeats."""
+    check_names(configs, strip)
     from cell.devices.devices import DeviceSelection
-    from cell.operations.fold import Request
-    from cell.operations.interrupt import Interrupt
-    from cell.operations.standard_runs import (
+    from cell.folding.fold import Request
+    from cell.folding.standard_runs import (
         check_empty,
         folded,
         standard_requests,
         went_as_planned,
     )
+    from cell.orchestrator.interrupt import Interrupt
 
     folder = runs or Path("runs") / f"{Path(strip).stem}-plan"
     check_empty(folder)
@@ -67,14 +68,18 @@ def _next(strip: str, folder: Path, configs: Path | None) -> str:
     """The command to type next, with the very files."""
     from cell.config.places import find_configs
 
-    file = Path(strip) if strip.endswith(".yaml") else find_configs(configs).strip_path(strip)
-    near = file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
-    return f"cell gap fit {folder} --strip {near} --out {folder.with_name(folder.name + '-fit')}"
+    file = near(find_configs(configs).strip_path(strip))
+    return f"cell gap fit {folder} --strip {file} --out {folder.with_name(folder.name + '-fit')}"
+
+
+def near(file: Path) -> Path:
+    """`file` from the working directory, where it lies below."""
+    return file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
 
 
 def _announce(wanted: "tuple[Request, ...]") -> None:
+    from policies.experiments.standard import STANDARD
     from policies.registry import MOTION
-    from policies.standard import STANDARD
 
     for i, request in enumerate(wanted):
         name = request.policy.removeprefix(MOTION)
@@ -93,8 +98,8 @@ def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json:
     if as_json:
         sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
     else:
+        from policies.experiments.standard import STANDARD
         from policies.registry import MOTION
-        from policies.standard import STANDARD
 
         name = request.policy.removeprefix(MOTION)
         gave = _gave(result)

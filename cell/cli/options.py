@@ -2,22 +2,80 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cell.config.drivers import arm_names, camera_names
+from drivers.plugins import plugin_names
 
-def policy_names() -> str:
-    """Names of the policies, from their file names: importing them would make `--help` slow."""
+if TYPE_CHECKING:
+    from cell.campaign.run import Engine
+
+
+def policy_names() -> list[str]:
+    """Names of the policies, by file names and entry points: importing them makes `--help` slow."""
     found = find_spec("policies.catalogue")
     places = [] if found is None else list(found.submodule_search_locations or ())
     names = {path.stem for place in places for path in Path(place).glob("[a-z]*.py")}
-    return ", ".join(sorted(names - {"entry"}))
+    return sorted({*names - {"entry"}, *plugin_names("policies")})
 
 
+def check_names(configs: Path | None, strip: str, policy: str | None = None) -> None:
+    """Raise ConfigurationError for a strip or a policy that no file is named after.
+
+    Reads no file and imports nothing heavy, so that a misspelt name is answered at once.
+    """
+    from cell.config.places import find_configs
+    from drivers.errors import ConfigurationError, suggestion
+
+    if strip.partition(":")[0] != "unknown":
+        find_configs(configs).strip_path(strip)
+    known = policy_names()
+    if policy is not None and ":" not in policy and policy not in known:
+        raise ConfigurationError(
+            f"--policy: unknown name {policy!r}{suggestion(policy, known)}; "
+            f"allowed: {', '.join(known)}"
+        )
+
+
+def _named(kind: str, names: tuple[str, ...]) -> Any:
+    """An option whose value is one of `names`."""
+
+    def known(value: str) -> str:
+        if value not in names:
+            raise typer.BadParameter(f"{value!r} is not one of {', '.join(map(repr, names))}.")
+        return value
+
+    return typer.Option(help=f"{kind} driver.", parser=known, metavar=f"<{'|'.join(names)}>")
+
+
+Arm = Annotated[str | None, _named("Arm", arm_names())]
+Camera = Annotated[str | None, _named("Camera", camera_names())]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
 Configs = Annotated[
     Path | None,
     typer.Option("--configs", help="Folder with cell.yaml and strips/ [default: ./configs]."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option("--cluster", help="Measure on the Dask cluster at this address instead."),
+]
+
+
+def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":
+    """What measures: `jobs` processes, or the cluster at `address`; a part has `limit` [s].
+
+    Raises ConfigurationError for both.
+    """
+    from cell.campaign.local import Local
+    from drivers.errors import ConfigurationError
+
+    if address is None:
+        return Local(jobs, limit)
+    if jobs > 1:
+        raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
+    from cell.campaign.cluster import Cluster
+
+    return Cluster(address, limit)

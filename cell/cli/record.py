@@ -1,6 +1,7 @@
-"""`cell report` and `cell viz`: one page on a run, and the run in Rerun."""
+"""`cell report`, `cell note` and `cell viz`: pages on runs, tags, and a run in Rerun."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -8,12 +9,26 @@ from typing import Annotated
 import typer
 
 from cell.cli.options import Json
+from drivers.errors import ConfigurationError
 
 Run = Annotated[Path, typer.Argument(help="A run folder.")]
 
 
-def report(run: Run, as_json: Json = False) -> None:
-    """Write report.html for a run, finished or not, and say in a line what it came to."""
+def report(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Page that compares several runs [default: compare.html beside them]."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write report.html for a run, finished or not; several runs are compared on one page."""
+    if len(runs) > 1:
+        _compare(runs, out or runs[0].resolve().parent / "compare.html", as_json=as_json)
+        return
+    if out is not None:
+        raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
+    run = runs[0]
     from cell.record.salvage import Salvage
     from cell.report.page import write_report
     from cell.report.verdict import verdict
@@ -29,11 +44,50 @@ def report(run: Run, as_json: Json = False) -> None:
     sys.stdout.write(f"{sentence}\n  {page}\n")
 
 
+def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
+    from cell.report.compare import write_comparison
+
+    page = write_comparison(runs, out)
+    if as_json:
+        line = {"runs": [str(run) for run in runs], "report": str(page)}
+        sys.stdout.write(json.dumps(line) + "\n")
+        return
+    sys.stdout.write(f"{len(runs)} runs compared\n  {page}\n")
+
+
+TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
+def note(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    tag: Annotated[list[str] | None, typer.Option(help="A tag to add; repeatable.")] = None,
+    untag: Annotated[list[str] | None, typer.Option(help="A tag to remove; repeatable.")] = None,
+    text: Annotated[str | None, typer.Option(help="The note, in place of an earlier one.")] = None,
+) -> None:
+    """Tag runs, or write a note on them; both are kept in the run and found by `cell runs`."""
+    from cell.record.documents import write_document
+    from cell.record.files import NOTES, RUN, is_run
+    from cell.record.listing import read_row
+
+    for word in (*(tag or ()), *(untag or ())):
+        if TAG.fullmatch(word) is None:
+            raise ConfigurationError(f"--tag: {word!r} is no tag; use letters, digits, . - and _")
+    for run in runs:
+        if not is_run(run):
+            raise ConfigurationError(f"{run}: is not a run: it holds no {RUN}")
+    for run in runs:
+        row = read_row(run)
+        tags = sorted({*row.tags.split(), *(tag or ())} - set(untag or ()))
+        content = {"schema": 1, "tags": " ".join(tags), "note": row.note if text is None else text}
+        write_document(run / NOTES, content)
+        sys.stdout.write(f"{run}: {' '.join(tags) or 'no tags'}\n")
+
+
 def viz(run: Run) -> None:
     """Build the Rerun recording of a run again from its record, and say how to open it."""
     from cell.record.files import REBUILT, RECORDING
     from cell.record.salvage import Salvage
-    from cell.viz.recording import viz_from_run
+    from cell.report.viz.recording import viz_from_run
 
     path = viz_from_run(run)
     for problem in Salvage.of(run).problems:

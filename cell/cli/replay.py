@@ -14,7 +14,7 @@ def replay(
     run: Annotated[Path, typer.Argument(help="A run folder of the cell.")], as_json: Json = False
 ) -> None:
     """Decide again from the stored images; the exit code is 1 when anything comes out otherwise."""
-    from cell.operations.replay import replay as decide_again
+    from cell.folding.replay import replay as decide_again
 
     result = decide_again(run)
     if as_json:

@@ -1,25 +1,43 @@
-"""`cell runs`: list the runs of a folder, or let old ones go."""
+"""`cell runs`: list, filter and compare the runs of a folder, or delete old ones."""
 
+import csv
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cell.cli.options import Json, Runs
 
 if TYPE_CHECKING:
+    from cell.record.catalogue import Catalogue
     from cell.record.listing import RunRow
 
 MEGABYTE = 1e6
+MANY = 200  # runs to read, from which on progress is reported
 
 
 def runs(
     folder: Runs = Path("runs"),
+    where: Annotated[
+        str,
+        typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".'),
+    ] = "",
+    sort: Annotated[
+        str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")
+    ] = "",
+    sql: Annotated[
+        str | None, typer.Option(help="Any SELECT over the table `runs`, instead of the list.")
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="All columns as CSV, in SI units.")] = False,
+    html: Annotated[
+        Path | None, typer.Option(help="Write the list there as one page with thumbnails.")
+    ] = None,
     keep: Annotated[
         int | None, typer.Option(help="Let go of all but the newest this many.")
     ] = None,
@@ -33,19 +51,46 @@ def runs(
     as_json: Json = False,
 ) -> None:
     """List the runs in a folder; with --keep or --older-than, those that may go."""
-    from cell.record.listing import list_runs, remove, to_prune
+    from cell.record.listing import remove, to_prune
 
-    rows = list_runs(folder)
+    with _catalogue(folder) as catalogue:
+        if sql is not None:
+            _show_query(*catalogue.query(sql), as_csv=as_csv, as_json=as_json)
+            return
+        rows = catalogue.rows(where, sort)
     pruning = keep is not None or older_than is not None
     if pruning:
         age = None if older_than is None else timedelta(days=_days(older_than))
         rows = to_prune(rows, datetime.now(UTC), keep=keep, older_than=age)
-    _show(rows, as_json=as_json)
+    if html is not None:
+        from cell.report.runs_page import write_runs_page
+
+        sys.stdout.write(f"{len(rows)} runs\n  {write_runs_page(rows, html)}\n")
+        return
+    _show(rows, as_csv=as_csv, as_json=as_json)
     if pruning and delete:
         freed = remove(rows)
         sys.stderr.write(f"deleted {len(rows)} runs, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
         sys.stderr.write(f"{len(rows)} runs may go; nothing was deleted, add --delete\n")
+
+
+@contextmanager
+def _catalogue(folder: Path) -> "Iterator[Catalogue]":
+    """The index of `folder`, which reports how many runs it has to read where these are many."""
+    from cell.config.places import cache_folder
+    from cell.record.catalogue import Catalogue
+
+    with Catalogue(folder, cache_folder() / "catalogue", _progress()) as catalogue:
+        yield catalogue
+
+
+def _progress() -> Callable[[int, int], None]:
+    def report(done: int, total: int) -> None:
+        if total > MANY and done % MANY == 0:
+            sys.stderr.write(f"cell: reading new runs, {done} of {total}\n")
+
+    return report
 
 
 def _days(stated: float) -> float:
@@ -56,26 +101,60 @@ def _days(stated: float) -> float:
     return stated
 
 
-def _show(rows: "Sequence[RunRow]", *, as_json: bool) -> None:
-    if as_json:
+def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
+    if as_csv:
+        from cell.record.catalogue import SHOWN, values_of
+
+        _write_csv(SHOWN, [values_of(row) for row in rows])
+    elif as_json:
         for row in rows:
-            facts = {"run": str(row.folder), "strip": row.strip, "policy": row.policy}
-            facts |= {"outcome": row.outcome, "began": row.began.isoformat()}
-            numbers = {"displacement": row.displacement, "duration": row.duration}
-            sys.stdout.write(json.dumps({**facts, **numbers, "size": row.size}) + "\n")
-        return
-    _print_table(rows)
+            facts: dict[str, Any] = {"run": str(row.folder), "strip": row.strip}
+            facts |= {"policy": row.policy, "outcome": row.outcome}
+            facts |= {"began": row.began.isoformat()}
+            numbers = {"displacement": row.displacement, "edge_offset": row.edge_offset}
+            facts |= {**numbers, "duration": row.duration, "size": row.size}
+            if row.tags or row.note:
+                facts |= {"tags": row.tags.split(), "note": row.note}
+            sys.stdout.write(json.dumps(facts) + "\n")
+    else:
+        _print_table(rows)
+
+
+def _show_query(
+    columns: Sequence[str], rows: Sequence[Sequence[Any]], *, as_csv: bool, as_json: bool
+) -> None:
+    if as_csv:
+        _write_csv(columns, rows)
+    elif as_json:
+        for row in rows:
+            sys.stdout.write(json.dumps(dict(zip(columns, row, strict=True)), default=str) + "\n")
+    else:
+        from cell.cli.table import print_table
+
+        print_table(columns, [["" if v is None else str(v) for v in row] for row in rows])
+
+
+def _write_csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    writer = csv.writer(sys.stdout, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
 
 
 def _print_table(rows: "Sequence[RunRow]") -> None:
     from cell.cli.table import print_table
 
-    columns = ("run", "strip", "policy", "outcome", "d mm", "s", "MB")
-    print_table(columns, [_cells(row) for row in rows], text=4)
+    tagged = any(row.tags for row in rows)
+    columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
+    shown = [(*_words(row), *((row.tags,) if tagged else ()), *_numbers(row)) for row in rows]
+    print_table((*columns, "d mm", "edge mm", "s", "MB"), shown, text=len(columns))
 
 
-def _cells(row: "RunRow") -> tuple[str, ...]:
-    shown = "" if row.displacement is None else f"{1e3 * row.displacement:+.1f}"
+def _words(row: "RunRow") -> tuple[str, ...]:
+    return (row.name, row.strip, row.policy, row.outcome)
+
+
+def _numbers(row: "RunRow") -> tuple[str, ...]:
+    lengths = (row.displacement, row.edge_offset)
+    shown = ["" if length is None else f"{1e3 * length:+.1f}" for length in lengths]
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
-    size = f"{row.size / MEGABYTE:.1f}"
-    return (row.name, row.strip, row.policy, row.outcome, shown, lasted, size)
+    return (*shown, lasted, f"{row.size / MEGABYTE:.1f}")

@@ -2,14 +2,13 @@
 
 import sys
 from collections.abc import Sequence
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
 NARROW = "  "
-ROOMY = 10_000  # wider than any table
 WIDE = 120  # columns of the widest table
 
 
@@ -21,36 +20,33 @@ def print_table(
     Where the terminal is too narrow for the table each row becomes lines of its own: the first
     column, then the others with their names, as many a line as go in.
     """
-    from rich.console import Console
-    from rich.measure import Measurement
+    from rich.cells import cell_len
 
     shown = [[printable(cell) for cell in row] for row in rows]
-    console = Console()
-    table = _table(columns, shown, title, text)
-    roomy = console.options.update(width=ROOMY)
-    if Measurement.get(console, roomy, table).minimum <= console.width:
-        console.print(table)
+    widths = [max(map(cell_len, column)) for column in zip(columns, *shown, strict=True)]
+    if sum(widths) + len(NARROW) * (len(widths) - 1) > get_terminal_size().columns:
+        sys.stdout.write(f"{title}\n" if title else "")
+        wide = get_terminal_size().columns
+        sys.stdout.writelines("\n".join(_lines(columns, row, wide)) + "\n" for row in shown)
         return
-    sys.stdout.write(f"{title}\n" if title else "")
-    for row in shown:
-        sys.stdout.write("\n".join(_lines(columns, row, console.width)) + "\n")
+    rule = "-" * (sum(widths) + len(NARROW) * (len(widths) - 1)) + "\n"
+    head, *body = (_row(row, widths, text) for row in (columns, *shown))
+    sys.stdout.writelines([f"{title}\n" if title else "", rule, head, rule, *body, rule])
+
+
+def _row(cells: Sequence[str], widths: Sequence[int], text: int) -> str:
+    from rich.cells import cell_len
+
+    gaps = [" " * (width - cell_len(cell)) for cell, width in zip(cells, widths, strict=True)]
+    parts = [
+        c + gap if i < text else gap + c for i, (c, gap) in enumerate(zip(cells, gaps, strict=True))
+    ]
+    return NARROW.join(parts).rstrip() + "\n"
 
 
 def printable(text: str) -> str:
     """`text` with terminal control characters escaped."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], title: str, text: int) -> "Table":
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(title, no_wrap=True) if title else None)
-    for i, name in enumerate(columns):
-        table.add_column(name, justify="left" if i < text else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*(Text(cell, no_wrap=True) for cell in row))
-    return table
 
 
 def _lines(columns: Sequence[str], row: Sequence[str], width: int) -> list[str]:

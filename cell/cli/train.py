@@ -4,11 +4,11 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, engine
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -45,50 +45,113 @@ def train(
     grid: Annotated[
         int, typer.Option(min=2, help="Strips a side of the grid of the final evaluation.")
     ] = 12,
+    folds: Annotated[
+        int, typer.Option(min=24, help="Folds through images that end the training of `adaptive`.")
+    ] = 96,
+    checkpoint: Annotated[
+        Path | None, typer.Option(help="Trained weights of `adaptive`: only its folds are made.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Train a policy in the rod; judge it in the rod and on the chain.
 
-    Generations, population and strips are those of `feedback`; `adaptive` has rounds of its own.
+    Generations, population and strips are those of `feedback`; `adaptive` has rounds of its own,
+    and ends with folds of the chain through images that correct what the rod has taught it.
     Killed or interrupted, the same command goes on and ends with the same weights.
     """
-    from rich.console import Console
-
     from cell.cli.table import wide_console
-    from cell.train.critic import train_critic
-    from cell.train.run import train as train_in
     from cell.train.screen import show
-    from policies.adaptive.train.settings import CriticSettings
-    from policies.train.settings import TrainingSettings
 
-    workers, console = _workers(jobs, cluster), Console(stderr=True)
-    trained: Trained | TrainedCritic
+    default = f"adaptive-{seed}" if policy is Learned.ADAPTIVE else f"seed-{seed}"
+    folder = out or Path("runs/training") / default
+    if checkpoint is not None:
+        _only_adaptive(policy)
+        _print_transfer(_transfer(checkpoint, folder, seed, folds, jobs, cluster), as_json=as_json)
+        return
+    size = {"generations": generations, "population": population, "strips": strips}
+    trained = _trained(policy, folder, seed, size, _workers(jobs, cluster), grid)
+    corrected: dict[str, Any] = {}
     if policy is Learned.ADAPTIVE:
-        folder = out or Path("runs/training") / f"adaptive-{seed}"
-        trained = train_critic(CriticSettings(seed=seed), folder, workers, grid, console)
-    else:
-        settings = TrainingSettings(
-            seed=seed, generations=generations, population=population, strips=strips
-        )
-        folder = out or Path("runs/training") / f"seed-{seed}"
-        trained = train_in(settings, folder, workers, grid, console)
+        corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
     if as_json:
-        sys.stdout.write(json.dumps(trained.line()) + "\n")
+        sys.stdout.write(json.dumps(trained.line() | corrected) + "\n")
         return
     show(trained.evaluations, wide_console())
+    if corrected:
+        _print_transfer(corrected, as_json=False)
     sys.stdout.write(
         f"  fold with it: cell fold --strip denim --policy {policy.value} "
         f"--checkpoint {trained.checkpoint}\n"
     )
 
 
+def _trained(
+    policy: Learned,
+    folder: Path,
+    seed: int,
+    size: dict[str, int],
+    workers: "AbstractContextManager[Executor]",
+    grid: int,
+) -> "Trained | TrainedCritic":
+    """The policy trained in the rod and judged on a `grid`; `size` is that of `feedback`."""
+    from rich.console import Console
+
+    from cell.train.critic import train_critic
+    from cell.train.run import train as train_in
+    from policies.adaptive.train.settings import CriticSettings
+    from policies.train.settings import TrainingSettings
+
+    console = Console(stderr=True)
+    if policy is Learned.ADAPTIVE:
+        return train_critic(CriticSettings(seed=seed), folder, workers, grid, console)
+    settings = TrainingSettings(seed=seed, **size)
+    return train_in(settings, folder, workers, grid, console)
+
+
+def _only_adaptive(policy: Learned) -> None:
+    from drivers.errors import ConfigurationError
+
+    if policy is not Learned.ADAPTIVE:
+        raise ConfigurationError("--checkpoint: is for --policy adaptive; leave it out")
+
+
+def _transfer(
+    checkpoint: Path, folder: Path, seed: int, folds: int, jobs: int | None, cluster: str | None
+) -> dict[str, Any]:
+    """The facts of the transfer that `folds` folds through images give, in a new checkpoint."""
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
+    from cell.parallel import cores
+    from cell.train.transfer import LIMIT, transfer
+    from policies.adaptive.train.training import CHECKPOINT
+
+    by = engine(jobs or (1 if cluster else cores()), cluster, LIMIT)
+    out = folder / CHECKPOINT
+    with Meter(Console(stderr=True)) as meter:
+        found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)
+    return {"checkpoint": str(out), "transfer": found.facts(), "left_out": quality.facts()}
+
+
+def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
+    if as_json:
+        sys.stdout.write(json.dumps({"schema": 1, **facts}) + "\n")
+        return
+    left = facts["left_out"]
+    sys.stdout.write(
+        f"{left['folds']} folds through images; of folds left out the displacement is "
+        f"{1e3 * left['bias']:.2f} mm rms off the prediction, the roll "
+        f"{1e3 * left['roll']:.2f} mm; {facts['checkpoint']}\n"
+    )
+
+
 def _workers(jobs: int | None, address: str | None) -> "AbstractContextManager[Executor]":
+    from cell.campaign.cluster import executor
     from cell.parallel import cores, workers
-    from cell.train.cluster import cluster
     from drivers.errors import ConfigurationError
 
     if address is None:
         return workers(jobs or cores())
     if jobs is not None:
         raise ConfigurationError("--jobs: a cluster has its own workers; leave --jobs out")
-    return cluster(address)
+    return executor(address)

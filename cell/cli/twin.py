@@ -41,10 +41,10 @@ def serve(
     as_json: Json = False,
 ) -> None:
     """Serve arm (port 1337) and hand (port 1338) until interrupted; the robot alone, no strip."""
+    from drivers.fci_server.faults import load_faults
+    from drivers.fci_server.server import RobotServer
+    from drivers.fci_server.settings import ServerSettings
     from drivers.settings import parse
-    from drivers.twin.server.faults import load_faults
-    from drivers.twin.server.server import RobotServer
-    from drivers.twin.server.settings import ServerSettings
 
     asked = {"lock_step": lock_step} | ({} if address is None else {"address": address})
     settings = parse(asked, ServerSettings, "cell twin serve")

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from drivers.settings import Settings
+from drivers.settings import Metres, Seconds, Settings, Speed
 from policies.path import TAKEOVER_HEIGHT
 
 
@@ -12,13 +12,13 @@ class FoldSettings(Settings):
     """Parameters of a fold; lengths [m], speeds [m/s], times [s]."""
 
     control_rate: float = Field(100.0, ge=100, le=200)  # Hz; records promise 100 rows a second
-    speed: float = Field(
+    speed: Speed = Field(
         0.10, ge=0.005, le=0.16
     )  # on the path; faster, the lift out-turns the hand
-    lay_speed: float = Field(0.10, ge=0.005, le=0.16)
-    takeover_height: float = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
+    lay_speed: Speed = Field(0.10, ge=0.005, le=0.16)
+    takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
     start: Literal["flat", "hanging"] | None = None  # of measured time; None: by the arm
-    longest_rest: float = Field(4.0, ge=0.5, le=20.0)  # that a hanging strip is waited for
-    approach: float = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
-    clear_height: float = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
-    stop_timeout: float = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault
+    longest_rest: Seconds = Field(4.0, ge=0.5, le=20.0)  # that a hanging strip is waited for
+    approach: Metres = Field(0.05, ge=0.02, le=0.2)  # free way before the edge is grasped
+    clear_height: Metres = Field(0.25, ge=0.1, le=0.4)  # of the gripper while the strip is judged
+    stop_timeout: Seconds = Field(1.0, ge=0.2, le=5.0)  # to come to rest after a fault

@@ -10,6 +10,7 @@ class MonitorLimits(Settings):
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
     image_age: float = Field(0.25, gt=0, le=1.0)  # s
+    reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image
     identical_images: int = Field(4, ge=2, le=30)
     confidence: float = Field(0.3, gt=0, lt=1)
     doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
@@ -20,4 +21,5 @@ class MonitorLimits(Settings):
     force: float = Field(20.0, gt=0, le=60.0)  # N on the gripper
     duration: float = Field(120.0, gt=0, le=900.0)  # s of a whole run
     state_duration: float = Field(60.0, gt=0, le=300.0)  # s in one state
+    turn: float = Field(300.0, gt=0, le=3600)  # s of one turn in lock-step; 1 s on the wall clock
     calibration: float = Field(1800.0, gt=0, le=14400.0)  # s of CALIBRATE, which waits for people

@@ -3,14 +3,13 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cell.config.cell import CellFile
-from cell.config.unknown import MARK, unknown_strip
-from drivers.errors import ConfigurationError
-from drivers.settings import load
-from drivers.strip.describe import load_strip
-from drivers.strip.effects import check_effects
-from drivers.strip.file import StripFile
+from drivers.errors import ConfigurationError, suggestion
+
+if TYPE_CHECKING:  # names are found before the libraries that read the files are imported
+    from cell.config.cell import CellFile
+    from drivers.strip.file import StripFile
 
 PACKAGED = Path(__file__).resolve().parent.parent / "_configs"
 BESIDE = Path(__file__).resolve().parents[2] / "configs"  # of a checkout
@@ -22,8 +21,12 @@ class Configs:
 
     folder: Path
 
-    def cell(self) -> CellFile:
+    def cell(self) -> "CellFile":
         """Settings from cell.yaml, with its effects checked and its calibration's path resolved."""
+        from cell.config.cell import CellFile
+        from drivers.settings import load
+        from drivers.strip.effects import check_effects
+
         path = self.folder / "cell.yaml"
         cell = load(path, CellFile)
         check_effects(cell.effects, origin=str(path), of="cell")
@@ -40,15 +43,19 @@ class Configs:
             return Path(name)
         path = self.folder / "strips" / f"{name}.yaml"
         if not path.exists():
-            known = ", ".join(self.strip_names()) or "none"
+            names = self.strip_names()
             raise ConfigurationError(
-                f"--strip: there is no strip {name!r} in {self.folder / 'strips'}; "
-                f"known: {known}; make one with `cell strips new`, or give a path to a .yaml file"
+                f"--strip: there is no strip {name!r} in {self.folder / 'strips'}"
+                f"{suggestion(name, names)}; known: {', '.join(names) or 'none'}; "
+                "make one with `cell strips new`, or give a path to a .yaml file"
             )
         return path
 
-    def strip(self, name: str) -> StripFile:
+    def strip(self, name: str) -> "StripFile":
         """The strip called `name`, checked; `unknown:LENGTH` is one without a file."""
+        from cell.config.unknown import MARK, unknown_strip
+        from drivers.strip.describe import load_strip
+
         if name.startswith(MARK):
             return unknown_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))

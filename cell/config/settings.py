@@ -4,25 +4,27 @@ from typing import Literal
 
 from pydantic import Field
 
-from calibration.board_settings import BoardSettings
+from calibration.board import BoardSettings
 from calibration.landmarks import LandmarkSettings
-from calibration.perception.settings import PerceptionSettings
-from calibration.touch_settings import TouchSettings
 from calibration.wizard.latency import LatencySettings
+from calibration.wizard.touches import TouchSettings
+from cell.config.drivers import ArmName, CameraName
 from cell.config.fold import FoldSettings
+from cell.config.learning import LearningSettings
 from cell.config.monitor_limits import MonitorLimits
+from cell.perception.settings import PerceptionSettings
 from cell.record.frames import Keep
 from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
-from drivers.settings import Settings
+from drivers.settings import Metres, Seconds, Settings
 
 
 class DriverChoice(Settings):
     """Driver of each device that `cell` uses unless the command line selects another."""
 
-    arm: Literal["twin", "fci"] = "twin"
-    camera: Literal["twin", "v4l2"] = "twin"
+    arm: ArmName = "twin"
+    camera: CameraName = "twin"
 
 
 class RecordSettings(Settings):
@@ -34,11 +36,12 @@ class RecordSettings(Settings):
 class SigmaSettings(Settings):
     """One-sigma measurement noise of this cell [m], [s]; measured on the twin, see runbooks."""
 
-    contact_x: float = Field(gt=0, le=0.1)
-    profile: float = Field(gt=0, le=0.1)
-    gripper: float = Field(gt=0, le=0.1)
-    displacement: float = Field(gt=0, le=0.1)
-    touch_time: float = Field(gt=0, le=1.0)
+    contact_x: Metres = Field(gt=0, le=0.1)
+    profile: Metres = Field(gt=0, le=0.1)
+    gripper: Metres = Field(gt=0, le=0.1)
+    displacement: Metres = Field(gt=0, le=0.1)
+    touch_time: Seconds = Field(gt=0, le=1.0)
+    edge_offset: Metres = Field(0.0003, gt=0, le=0.1)  # python -m tests.benchmarks.measure_edges
 
 
 class CellSettings(Settings):
@@ -58,6 +61,7 @@ class CellSettings(Settings):
     touches: TouchSettings = TouchSettings()
     latency: LatencySettings = LatencySettings()
     landmarks: LandmarkSettings = LandmarkSettings()
+    learning: LearningSettings = LearningSettings()
     calibration_days: float = Field(30.0, gt=0, le=3650)  # after which hardware calibrates anew
     record: RecordSettings = RecordSettings()
     sigma: SigmaSettings

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from calibration.wizard.wanted_view import WantedView
+from calibration.wizard.coverage import WantedView
+from cell.config.drivers import Driver, arms, cameras
+from cell.config.settings import CellSettings
 from drivers.protocols import Arm, Camera, Clock, Hand
 from drivers.types import Frame
 
@@ -41,7 +43,7 @@ class Devices:
 
     `camera_locks` tells the values to which the camera controls are locked, `others` are what else
     must be closed at the end; `arm_timing` tells, once closed, how evenly the states of a
-    free-running arm came.
+    free-running arm came. In `real_time` the clock is the wall's, and waits for nobody.
     """
 
     clock: Clock
@@ -54,6 +56,7 @@ class Devices:
     camera_locks: Callable[[], Mapping[str, int]] = dict
     others: tuple[Closable, ...] = ()
     arm_timing: Callable[[], Mapping[str, Any]] = dict
+    real_time: bool = False
 
     def connect(self) -> None:
         """Connect arm and camera."""
@@ -87,3 +90,11 @@ class DeviceSelection:
     plant: Path | None = None
     seed: int = 0
     index: int = 0
+
+    def arm_driver(self, settings: CellSettings) -> Driver:
+        """The driver of the arm that is selected, or else that of the cell file."""
+        return arms()[self.arm or settings.drivers.arm]
+
+    def camera_driver(self, settings: CellSettings) -> Driver:
+        """The driver of the camera that is selected, or else that of the cell file."""
+        return cameras()[self.camera or settings.drivers.camera]

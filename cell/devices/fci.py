@@ -1,4 +1,4 @@
-"""A Franka arm with the twin's strip and camera, which follow the arm's measured poses."""
+"""A Franka arm: with the twin's strip and camera, which follow its measured poses, or alone."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,19 +10,23 @@ from cell.devices.fold_path import triangle, whole_path
 from cell.devices.twin import TwinCalibrationAids, TwinPlant, bare, on_desk
 from drivers.arm.arm import FciArm
 from drivers.arm.bridge import Bridge
+from drivers.arm.clear_way import floor_of
 from drivers.arm.hand import FciHand
 from drivers.arm.process import Task
 from drivers.arm.reach import plan_reach
-from drivers.errors import ConfigurationError
+from drivers.clock import WallClock
+from drivers.errors import ConfigurationError, Fault
+from drivers.fci_server.server import RobotServer
+from drivers.fci_server.settings import ServerSettings
 from drivers.installation import Installation
+from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.twin.clock import TwinClock
 from drivers.twin.follow import Follower
 from drivers.twin.open import ORDINARY, Desk, PlantOptions, open_desk
 from drivers.twin.paced_camera import PacedCamera
 from drivers.twin.real_time_clock import RealTimeClock
-from drivers.twin.server.server import RobotServer
-from drivers.types import Array, frozen
+from drivers.types import Array, Frame, frozen
 
 NONE = frozen([0.0, 0.0, 0.0])
 CATCHING_UP = 0.02  # s that a tick may spend on what strip and camera are behind a robot's time
@@ -54,8 +58,11 @@ def fci_devices(
     """The arm at the address in cell.yaml, or an emulated one that is started here, in lock-step.
 
     An arm at an address runs on its own time, and strip and camera keep up with it. While
-    `calibrating` the desk is bare, and the twin provides the calibration aids.
+    `calibrating` the desk is bare, and the twin provides the calibration aids. Where the camera is
+    real, too, nothing is simulated beside a robot on its own time.
     """
+    if _alone(settings, choice):
+        return robot_devices(settings, strip, WallClock(), NoCamera(), calibrating=calibrating)
     plant, lying, rig = on_desk(settings, strip, choice)
     rig = {} if calibrating else rig
     world = TwinClock()
@@ -69,6 +76,8 @@ def fci_devices(
         server = _served(settings, strip, surroundings)
         address = server.address
         others.append(server)
+    if not calibrating:
+        settings = _gripping(settings, strip)
     arm, hand = fci_arm(settings, clock, address)
     others.append(hand)
     frame = settings.installation.mounting.transform()
@@ -84,20 +93,51 @@ def fci_devices(
         plant=TwinPlant(desk, plant),
         others=tuple(others),
         arm_timing=lambda: arm.timing,
+        real_time=not settings.fci.in_lock_step,
+    )
+
+
+def robot_devices(
+    settings: CellFile,
+    strip: StripFile,
+    clock: WallClock,
+    camera: Camera,
+    *,
+    calibrating: bool = False,
+) -> Devices:
+    """The robot at the cell's address and a real `camera` on the wall clock: nothing is simulated
+    beside them. Raises ConfigurationError where no address is named.
+    """
+    address = settings.fci.address
+    if address is None:
+        raise ConfigurationError("fci.address: is missing; name the robot's address in cell.yaml")
+    settings = settings if calibrating else _gripping(settings, strip)
+    arm, hand = fci_arm(settings, clock, address)
+    return Devices(
+        clock=clock,
+        arm=arm,
+        hand=hand,
+        camera=camera,
+        camera_identity="" if settings.camera is None else settings.camera.identity,
+        aids=None,
+        plant=None,
+        others=(hand,),
+        arm_timing=lambda: arm.timing,
+        real_time=True,
     )
 
 
 def fci_arm(
-    settings: CellFile, clock: TwinClock | RealTimeClock, address: str
+    settings: CellFile, clock: TwinClock | RealTimeClock | WallClock, address: str
 ) -> tuple[FciArm, FciHand]:
     """Arm and hand at `address`, on their own time unless `clock` is the twin's."""
     installation = settings.fci.installed(settings.installation)
-    own_time = isinstance(clock, RealTimeClock)
+    own_time = not isinstance(clock, TwinClock)
     realtime = settings.fci.realtime if own_time else "ignore"
     fci = settings.fci.model_copy(update={"realtime": realtime})
 
     def start() -> Bridge:
-        origin = clock.origin if isinstance(clock, RealTimeClock) else None
+        origin = None if isinstance(clock, TwinClock) else clock.origin
         return Bridge(Task(address, fci, installation, origin))
 
     arm = FciArm(start, clock, installation)
@@ -130,11 +170,46 @@ def _served(settings: CellFile, strip: StripFile, surroundings: Surroundings) ->
     installation = settings.fci.installed(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
+    behind = ServerSettings(delay=settings.twin.arm.robot_delay, lag=settings.twin.arm.robot_lag)
     server = RobotServer(
-        start=frozen(start), surroundings=surroundings, between=surroundings.between
+        behind,
+        start=frozen(start),
+        surroundings=surroundings,
+        between=surroundings.between,
+        solids=floor_of(installation),
     )
     server.hand.width = settings.fci.hand.opening
     return server.start()
+
+
+def _gripping(settings: CellFile, strip: StripFile) -> CellFile:
+    """The cell with a hand that takes for held what is as thick as `strip`."""
+    low, high = strip.spread.get("thickness", (strip.thickness, strip.thickness))
+    hand = settings.fci.hand.around(low, high)
+    return settings.model_copy(update={"fci": settings.fci.model_copy(update={"hand": hand})})
+
+
+def _alone(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether robot and camera are both real, so that no strip is simulated beside them."""
+    fci = settings.fci
+    return choice.camera_driver(settings).real and fci.address is not None and not fci.in_lock_step
+
+
+class NoCamera:
+    """Satisfies `drivers.protocols.Camera` where the driver of the camera puts its own instead."""
+
+    rate = 0.0
+
+    def connect(self) -> None:
+        """Raises Fault: there is no camera."""
+        raise Fault("camera_closed", "no camera was opened")
+
+    def read(self, after: float, timeout: float) -> Frame | None:  # noqa: ARG002
+        """Never an image."""
+        return None
+
+    def close(self) -> None:
+        """Nothing to close."""
 
 
 def _check_rig(desk: Desk) -> None:

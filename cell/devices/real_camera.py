@@ -27,8 +27,7 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
 
     The camera does not see the twin's world, so the truth is not used for scoring.
     """
-    chosen = camera_settings(settings)
-    clock = _in_real_time(devices.clock)
+    chosen, clock = camera_settings(settings), _in_real_time(devices.clock)
     camera = V4l2Camera(chosen, clock)
     return replace(
         devices,
@@ -38,6 +37,7 @@ def with_real_camera(devices: Devices, settings: CellFile) -> Devices:
         aids=None,
         plant=None,
         camera_locks=lambda: chosen.controls if camera.setup is None else camera.setup.locks,
+        real_time=True,
     )
 
 

@@ -1,12 +1,12 @@
-"""Compensation of accepted rig effects in arm and calibration, in one place."""
+"""Compensation of known errors of the rig: inverse effects applied to calibration and arm."""
 
 from collections import deque
 from dataclasses import replace
 
 import numpy as np
 
-from calibration.calibration import Calibration
-from calibration.correction import corrected
+from calibration.calibration import Calibration, changed
+from calibration.homography import Homography
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from drivers.protocols import Arm, Hand
@@ -14,7 +14,36 @@ from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.grip_path import LIFT_TRAVEL, reported_poses, share_away, true_poses
 from drivers.strip.model import Observation, Rig, StripModel
+from drivers.strip.observation import true_points
 from drivers.types import ArmState, Array, Pose, Velocity
+
+AS_CALIBRATED = Observation()
+
+
+def corrected(calibration: Calibration, model: StripModel) -> Calibration:
+    """The calibration compensated for the effects of `model`, so that it gives true places.
+
+    Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
+    object is returned; with some, a new calibration with its own id and without landmarks, which
+    are valid only for the uncorrected one.
+    """
+    observation, plain = model.observation, AS_CALIBRATED
+    if observation == plain and model.rig.desk_height == 0:
+        return calibration
+    return changed(
+        calibration,
+        homography=Homography.of(_truth_of(model) @ calibration.homography.matrix),
+        landmarks=None,
+        latency=calibration.latency + observation.camera_latency,
+        contact_bias=calibration.contact_bias
+        + observation.contact_bias / (1.0 + observation.scale),
+    )
+
+
+def _truth_of(model: StripModel) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """`true_points` as a matrix (3, 3) on homogeneous places."""
+    origin, x, z = true_points(model, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]))
+    return np.array([[*(x - origin), 0.0], [*(z - origin), 0.0], [*origin, 1.0]]).T
 
 
 def corrected_calibration(
@@ -60,18 +89,18 @@ class CorrectedArm:
 
     def state(self) -> ArmState:
         """The newest measured state, corrected to the true pose."""
-        told = self._arm.state()
-        self._reports.append(told)
-        reported = self._at_stamp(told)
+        measured = self._arm.state()
+        self._reports.append(measured)
+        reported = self._at_stamp(measured)
         if self._start is None and self._hand.state().grasped:
             self._start = reported
         self._grow(reported)
-        drift = self._drift(told.velocity)
+        drift = self._drift(measured.velocity)
         return replace(
-            told,
+            measured,
             pose=self._true(reported),
-            velocity=_sum(told.velocity, drift),
-            commanded=self._true(told.commanded.as_array()),
+            velocity=_sum(measured.velocity, drift),
+            commanded=self._true(measured.commanded.as_array()),
         )
 
     def move_to(self, pose: Pose) -> None:
@@ -90,22 +119,22 @@ class CorrectedArm:
         """Brake and disconnect; calling it twice is allowed."""
         self._arm.close()
 
-    def _at_stamp(self, told: ArmState) -> Array:
-        """Reported pose at the stamp of `told` (3,), compensated for the report's delay.
+    def _at_stamp(self, measured: ArmState) -> Array:
+        """Reported pose at the stamp of `measured` (3,), compensated for the report's delay.
 
         What the arm reports at t was true at t - delay. The future is extrapolated at the measured
         velocity.
         """
         ahead = self._rig.delay
         if ahead == 0:
-            return told.pose.as_array()
+            return measured.pose.as_array()
         if ahead > 0:
-            rate = told.velocity
+            rate = measured.velocity
             moved = ahead * np.array([rate.vx, rate.vz, rate.pitch_rate])
-            return np.asarray(told.pose.as_array() + moved)
+            return np.asarray(measured.pose.as_array() + moved)
         stamps = np.array([report.stamp for report in self._reports])
         poses = np.array([report.pose.as_array() for report in self._reports])
-        return np.array([np.interp(told.stamp + ahead, stamps, poses[:, c]) for c in range(3)])
+        return np.array([np.interp(measured.stamp + ahead, stamps, poses[:, c]) for c in range(3)])
 
     def _grow(self, reported: Array) -> None:
         if self._start is not None:

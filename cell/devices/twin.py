@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from calibration.wizard.wanted_view import WantedView
+from calibration.wizard.coverage import WantedView
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices, DeviceSelection
 from drivers.strip.describe import load_plant
@@ -65,6 +65,11 @@ class TwinPlant:
         }
 
 
+def with_twin_camera(devices: Devices, _: CellFile) -> Devices:
+    """`devices` as they are: every arm comes with the twin's camera."""
+    return devices
+
+
 def twin_devices(
     settings: CellFile,
     strip: StripFile,
@@ -110,10 +115,10 @@ def on_desk(
     if choice.plant is None:
         return strip, strip, settings.effects
     plant = load_plant(choice.plant)
-    return plant, *_divided(plant)
+    return plant, *_divide(plant)
 
 
-def _divided(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
+def _divide(plant: StripFile) -> tuple[StripFile, dict[str, dict[str, float]]]:
     """The strip with its own effects, and the rig effects that the plant file adds."""
     own = {n: v for n, v in plant.effects.items() if registry()[n].of == "strip"}
     rig = {n: v for n, v in plant.effects.items() if registry()[n].of == "cell"}

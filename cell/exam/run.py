@@ -1,65 +1,78 @@
-"""An exam carried out: keys sealed, runs made, verdicts sealed off, scores in the ledger."""
+"""An exam carried out: keys sealed, runs made, verdicts sealed off, scores kept."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from cell.campaign.journal import Journal, Record
+from cell.campaign.local import Local
+from cell.campaign.progress import Quiet
+from cell.campaign.run import Engine, Watcher, carry_out
 from cell.exam.case import Case, Kind
-from cell.exam.cases.answer_key import seal, sources
-from cell.exam.progress import Progress, quiet
-from cell.exam.run_case import Examined, Maker, Steps, failed, made_by_tier
+from cell.exam.cases.answer_key import Sources, seal, sources
+from cell.exam.run_case import Examined, Maker, Steps, made_by_tier
 from cell.exam.scoring.results import Entry, Ledger
-from cell.parallel import Refusal, run
 
-LEDGER = "ledger.jsonl"
+LEDGER, JOURNAL = "ledger.jsonl", "journal"
 
 
 def run_exam(
     cases: Sequence[Case],
     folder: Path,
     *,
-    jobs: int = 1,
-    progress: Progress = quiet,
-    interrupted: Callable[[], bool] = lambda: False,
+    engine: Engine | None = None,
+    watcher: Watcher | None = None,
     steps: Steps = "all",
     again: bool = False,
     make: Maker = made_by_tier,
     ledger: Path | None = None,
 ) -> tuple[Entry, ...]:
-    """The entries of `cases`, `jobs` of them side by side in processes; kept in `folder`, and in
-    the file `ledger` if there is one.
+    """The entries of `cases`, measured by `engine`, one at a time where None; kept in the journal
+    of `folder` and in the file `ledger`.
 
-    What is scored already, by the same engine and scorer, is skipped, and runs are kept while
-    their case stays the same; `again` judges anew. A case that fails is an entry with its
-    reason, tried again at the next start. No case begins once `interrupted`; from the keyboard
-    all end at once (KeyboardInterrupt), and what is finished is kept. Kinds are carried out side
-    by side, so that an exam that ends early has seen all of them.
+    What either holds, by the same engine and scorer, is skipped, and runs are kept while their case
+    stays the same; `again` judges anew. A case that fails is an entry with its reason, tried again
+    at the next start. Kinds are carried out side by side, so that an exam that ends early has seen
+    all of them.
     """
-    kept, now = Ledger(ledger or folder / LEDGER), sources()
+    kept, now, named = Ledger(ledger or folder / LEDGER), sources(), {c.name: c for c in cases}
     for case in cases:
         seal(case, folder)
-    anew = again or steps == "make"
-    left = [c for c in cases if anew or not kept.finished(c.name, now.entry(c))]
-    named = {case.name: case for case in left}
-    total, done = len(cases), len(cases) - len(left)
-    progress(done, total, "")
     with TemporaryDirectory(prefix="exam-", ignore_cleanup_errors=True) as workdirs:
         parts = [
-            Examined(case.name, folder, Path(workdirs), now, steps, make, again)
-            for case in spread(left)
+            Examined(case.name, folder, Path(workdirs), now, now.entry(case), steps, make, again)
+            for case in spread(cases)
         ]
-        for name, result in _carried_out(parts, jobs):
-            case = named[name]
-            entry = failed(case, now.entry(case), result) if isinstance(result, str) else result
-            if entry.state != "made":
+        anew = again or steps == "make"
+        if not anew:
+            _adopt(kept, Journal(folder / JOURNAL), parts)
+        place, seen = folder / JOURNAL, watcher or Quiet()
+        for part, record in carry_out(parts, place, engine or Local(), seen, again=anew):
+            entry = entry_of(named[part.key], now, record)
+            if entry.state != "made" and kept.of([entry.case]) != (entry,):
                 kept.put(entry)
-            done += 1
-            progress(done, total, f"{name}: {said(entry)}")
-            if interrupted():
-                break
     return kept.of(cases)
+
+
+def entry_of(case: Case, now: Sources, record: Record) -> Entry:
+    """The ledger's entry of a case, which failed where it has no outcome."""
+    if record.outcome is None:
+        return Entry(case=case, of=now.entry(case), state="failed", reason=record.reason)
+    return Entry.model_validate(record.outcome)
+
+
+def _adopt(kept: Ledger, journal: Journal, parts: Sequence[Examined]) -> None:
+    """Take what a ledger holds into the journal: an exam goes on elsewhere from its ledger."""
+    known = {(entry.case.name, entry.of): entry for entry in kept.entries}
+    for part in parts:
+        entry = known.get((part.key, part.of))
+        if entry is not None and entry.state == "scored" and not journal.get(part.key, part.of):
+            content = entry.model_dump(mode="json")
+            journal.put(
+                Record(schema=1, key=part.key, of=part.of, state="measured", outcome=content)
+            )
 
 
 def spread(cases: Sequence[Case]) -> list[Case]:
@@ -73,18 +86,9 @@ def spread(cases: Sequence[Case]) -> list[Case]:
     return [case for _, case in sorted(zip(places, cases, strict=True), key=itemgetter(0))]
 
 
-def said(entry: Entry) -> str:
+def said(record: Record) -> str:
     """What came of a case, in a few words."""
-    if entry.outcome is None:
-        return "runs made" if entry.state == "made" else f"failed: {entry.reason}"
-    return entry.outcome.result.replace("_", " ")
-
-
-def _carried_out(parts: Sequence[Examined], jobs: int) -> Iterator[tuple[str, Entry | str]]:
-    """Names and entries as they finish; words where a process died."""
-    for part, result in run(parts, jobs, _measure):
-        yield part.key, result.reason if isinstance(result, Refusal) else result
-
-
-def _measure(part: Examined) -> Entry:
-    return part.measure()
+    if record.outcome is None:
+        return f": failed: {record.reason}"
+    scored = record.outcome["outcome"]
+    return f": {scored['result'].replace('_', ' ')}" if scored else ": runs made"

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -17,13 +17,14 @@ from cell.exam.scoring.results import Baselines, Entry
 from cell.exam.scoring.score import same, score
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.verdict.schema import Verdict, read_verdict
-from cell.record.documents import replace_file
 from drivers.errors import CellError, ConfigurationError
+from drivers.files import replace_file
 from drivers.strip.describe import load_strip
 
 Steps = Literal["all", "make", "judge"]
 Maker = Callable[[Case, Path], object]
 RUNS, VERDICTS, STAMP, MADE = "runs", "verdicts", "sandboxed.json", "made"
+COST = 60.0  # s of one core, about
 
 
 def made_by_tier(case: Case, folder: Path) -> None:
@@ -40,51 +41,44 @@ def made_by_tier(case: Case, folder: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """A case to carry out in a process of its own; its result is the entry. The key of
-    `name` lies in `folder`; sealed processes work in folders within `workdirs`.
+    """A case as a part of a campaign; its outcome is its entry. The key of `name` lies in `folder`;
+    sealed processes work in folders within `workdirs`, or beside where that is not on this machine.
     """
 
     name: str
     folder: Path
     workdirs: Path
     sources: Sources
+    entry: str
     steps: Steps
     make: Maker
     again: bool = False
+    cost: float = COST
 
     @property
     def key(self) -> str:
         """Name of the case."""
         return self.name
 
-    def measure(self) -> Entry:
-        """Whatever happens to a case is its entry."""
+    @property
+    def of(self) -> str:
+        """Digest of the engine, the case and the scorer; runs alone are no entry."""
+        return self.entry + ("-made" if self.steps == "make" else "")
+
+    def measure(self) -> Mapping[str, Any]:
+        """Make the runs, judge them, score the verdict; raises CellError where one fails."""
         case = opened(self.folder, self.name)
-        try:
-            return self._carried_out(case)
-        except CellError as error:
-            reason = str(error)
-        except Exception as error:  # noqa: BLE001  an edge: the other cases go on
-            from drivers.errors import Unexpected
-
-            reason = str(Unexpected(error))
-        return failed(case, self.sources.entry(case), reason)
-
-    def _carried_out(self, case: Case) -> Entry:
         place = self.folder / RUNS / case.name
         if self.steps != "judge":
             made(case, place, self.make)
         if self.steps == "make":
-            return Entry(case=case, of=self.sources.entry(case), state="made")
+            return Entry(case=case, of=self.entry, state="made").model_dump(mode="json")
         if stamped(place) != case_hash(case):
             reason = _refusal(place, case) or "holds no runs of this case; make them first"
             raise ConfigurationError(f"{place}: {reason}")
-        return judged(case, self.folder, self.sources, workdirs=self.workdirs, again=self.again)
-
-
-def failed(case: Case, of: str, reason: str) -> Entry:
-    """The entry of a case that gave no verdict."""
-    return Entry(case=case, of=of, state="failed", reason=reason)
+        workdirs = self.workdirs if self.workdirs.is_dir() else None
+        entry = judged(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
+        return entry.model_dump(mode="json")
 
 
 def made(case: Case, place: Path, make: Maker) -> None:
@@ -127,7 +121,9 @@ def stamped(place: Path) -> str | None:
         return None
 
 
-def judged(case: Case, folder: Path, by: Sources, *, workdirs: Path, again: bool = False) -> Entry:
+def judged(
+    case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
+) -> Entry:
     """The case's entry: its verdict is kept where neither engine nor case has changed."""
     strip = find_configs(None).strip_path(case.strip)
     runs, out = find_runs([folder / RUNS / case.name]), folder / VERDICTS / case.name

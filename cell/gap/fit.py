@@ -14,19 +14,32 @@ from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
+from cell.gap.subject.copies import counted_once, note
 from cell.gap.subject.run_folders import RunFolder, find_runs
-from cell.gap.subject.subject import Subject
-from cell.gap.verdict.accept import CELL_PATCH, LAW_PATCH, PATCH, RECORD, dumped, sha256
+from cell.gap.subject.subject import EditsModel, Subject
+from cell.gap.verdict.accept import (
+    BASE_PATCH,
+    CELL_PATCH,
+    LAW_MODEL_PATCH,
+    LAW_PATCH,
+    MODEL_PATCH,
+    PATCH,
+    RECORD,
+    sha256,
+)
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict, write_text
+from cell.gap.verdict.stated import deviations
 from drivers.errors import ConfigurationError
 from drivers.settings import read_yaml
+from drivers.yaml_edit import dump_text
 
 Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet")
+READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet",
+        "signals.parquet")  # fmt: skip
 VERSION = "28"  # of the engine: another one starts anew
 
 
@@ -54,6 +67,8 @@ def fit(
     _clear(out)
     found_runs = find_runs(runs)
     hold.check([run.name for run in found_runs], hold_out)
+    found_runs, copies = counted_once(found_runs)
+    hold_out = [copies.get(name, name) for name in hold_out]
     subject = open_subject(file, found_runs, jobs, without)
     key = _key(file, found_runs, [*hold_out, *without])
     _make(out)
@@ -62,7 +77,9 @@ def fit(
         held = hold.held_out(subject, tape, hold_out)
         found = investigate(subject, held, tape, progress)
     verdict = compose(found, time.monotonic() - began, tape.total)
-    verdict = verdict.model_copy(update={"notes": list(subject.notes)})
+    deviates = deviations(subject.scope.base, verdict.base)
+    notes = [*map(note, copies, copies.values()), *subject.notes]
+    verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
     _write(found, verdict, file, out)
     if overlay is not None:
@@ -91,13 +108,18 @@ def open_subject(
         from cell.gap.subject.strip.subject import open_strip
 
         return open_strip(file, runs, jobs, without)
-    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum")
+    if kind == "mechanism":
+        from cell.gap.subject.mechanism.subject import open_mechanism
+
+        return open_mechanism(file, runs, jobs, without)
+    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     """Write everything but the verdict itself, which comes last."""
     record = {"schema": 1, "file": str(file), "file_sha256": sha256(file),
               "effects": [e.name for e in verdict.effects],
+              "values": [d.parameter for d in verdict.deviates],
               "scatter": [asdict(s) for s in found.judged.scatter],
               "steadier": {s.name: s.sigma for s in found.advised.steadier},
               "law": found.offered and asdict(found.offered)}  # fmt: skip
@@ -107,21 +129,29 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     if found.offered is not None:
         terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
         law_patch, _ = found.subject.patch(found.offered.base, terms, source)
-        write_text(out / LAW_PATCH, dumped(law_patch))
-    if verdict.verdict != "named":
+        write_text(out / LAW_PATCH, dump_text(law_patch))
+        if isinstance(found.subject, EditsModel):
+            text = found.subject.model_text(found.offered.base, terms)
+            write_text(out / LAW_MODEL_PATCH, text)
+    offers_values = bool(verdict.deviates) and not found.accepted.model.effects
+    if verdict.verdict != "named" and not offers_values:
         return
     base = {name: v.value for name, v in verdict.base.items()}
     effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
     patch, cell_patch = found.subject.patch(base, effects, source)
-    write_text(out / PATCH, dumped(patch))
+    write_text(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
+    if isinstance(found.subject, EditsModel):
+        write_text(out / MODEL_PATCH, found.subject.model_text(base, effects))
     if cell_patch is not None:
-        write_text(out / CELL_PATCH, dumped(cell_patch))
+        write_text(out / CELL_PATCH, dump_text(cell_patch))
 
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
     """Hash of everything that the simulations depend on."""
     h = hashlib.sha256(VERSION.encode())
     h.update(file.read_bytes())
+    model = file.parent / str(read_yaml(file).get("model", "."))
+    h.update(model.read_bytes() if model.is_file() else b"")
     for run in runs:
         for path in (run.path / name for name in READ):
             h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
@@ -135,7 +165,8 @@ def _clear(out: Path) -> None:
     if not first.is_dir() or not os.access(first, os.W_OK | os.X_OK):
         what = "cannot be written to" if first.is_dir() else "is a file"
         raise ConfigurationError(f"--out {out}: {first} {what}; give a folder that can be written")
-    for name in ("verdict.json", PATCH, CELL_PATCH, LAW_PATCH, "accepted.json"):
+    patches = (PATCH, BASE_PATCH, CELL_PATCH, LAW_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
+    for name in ("verdict.json", *patches, "accepted.json"):
         (out / name).unlink(missing_ok=True)
 
 

@@ -1,12 +1,14 @@
 """Phase of a run that calibrates the map to the plane: touches, latency steps, landmarks."""
 
 from collections.abc import Generator
+from dataclasses import replace
 
 from calibration.landmarks import remember
-from calibration.touched_points import TouchedPoints, check_plan
-from calibration.wizard.check_verdict import check_verdict
 from calibration.wizard.latency import LatencySteps
 from calibration.wizard.news import Stage, TouchNews
+from calibration.wizard.touch_verdict import check_verdict
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import check_plan
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Answer, Ask, Question
 from cell.orchestrator.recorder import Record
@@ -89,23 +91,12 @@ def _touch(cell: CalibrationContext, points: TouchedPoints, record: Record, why:
     settle = True
     while (points.number, points.again) == (number, again):
         picture = yield from still_picture(settle=settle)
-        told = points.tell(picture.frame, picture.gripper)
-        settle = told.refused is not None
-        stage = Stage.AGAIN if again else Stage.TOUCH
-        cell.watch(
-            TouchNews(
-                stage=stage,
-                plan=points.plan,
-                touches=points.touches,
-                wanted=wanted,
-                why=why,
-                frame=picture.frame,
-                pose=picture.gripper,
-                told=told,
-            )
-        )
-        if told.refused is not None:
-            record.event(picture.time, "touch_refused", reason=told.refused)
+        result = points.tell(picture.frame, picture.gripper)
+        settle = result.refused is not None
+        news = _news(points, wanted, why, Stage.AGAIN if again else Stage.TOUCH)
+        cell.watch(replace(news, frame=picture.frame, pose=picture.gripper, result=result))
+        if result.refused is not None:
+            record.event(picture.time, "touch_refused", reason=result.refused)
 
 
 def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
@@ -117,7 +108,7 @@ def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
         cell.watch(_news(points, pose, why, Stage.LATENCY))
         yield from _step(steps, pose)
         steps.arrived()
-    cell.watch(TouchNews(Stage.LATENCY, points.plan, points.touches, None, "seen", steps=steps))
+    cell.watch(replace(_news(points, None, "seen", Stage.LATENCY), steps=steps))
     if cell.touches is not None and cell.touches.homography is not None:
         cell.latency = steps.verdict(cell.lens, cell.touches.homography)
 
@@ -170,6 +161,8 @@ def _why(points: TouchedPoints) -> str:
     return f"point {points.number} ({part}): {done}" if points.fitted else done
 
 
-def _news(points: TouchedPoints, wanted: Pose, why: str, stage: Stage | None = None) -> TouchNews:
+def _news(
+    points: TouchedPoints, wanted: Pose | None, why: str, stage: Stage | None = None
+) -> TouchNews:
     stage = stage or (Stage.AGAIN if points.again else Stage.TOUCH)
     return TouchNews(stage, points.plan, points.touches, wanted, why)

@@ -6,16 +6,17 @@ from dataclasses import dataclass, field
 from calibration.calibration import Calibration
 from calibration.landmarks import Landmarks
 from calibration.lens import Lens
-from calibration.perception.measurement import SeenTouch
-from calibration.wizard.check_verdict import CheckVerdict
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.news import Watcher, nobody
-from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touch_verdict import CheckVerdict, TouchVerdict
 from cell.config.settings import CellSettings
 from cell.orchestrator.operator import Operator, Unattended
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion
-from cell.orchestrator.vision import StripReader
+from cell.orchestrator.vision import Reader
+from cell.perception.beside import Beside
+from cell.perception.laid_fold import LaidFold
+from cell.perception.measurement import SeenTouch
 from drivers.strip.file import StripFile
 from drivers.types import Pose
 from policies.foretelling import Foretold
@@ -27,18 +28,19 @@ class FoldContext:
     """A fold: the controller's knowledge of cell and strip, and the results so far.
 
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
-    layer_touch once it is seen, `edge_offset` [m] the offset of the laid edges, `foretold` the
-    policy's latest prediction. The plant is not part of it.
+    layer_touch once it is seen, `laid` the fold after the retreat, `foretold` the policy's latest
+    prediction. On the wall clock `beside` measures the images. The plant is not part of it.
     """
 
     settings: CellSettings
     strip: StripFile
     policy: Policy
     calibration: Calibration
-    reader: StripReader | None = None
+    reader: Reader | None = None
     seen_touch: SeenTouch | None = None
-    edge_offset: float | None = None
+    laid: LaidFold | None = None
     foretold: Foretold | None = None
+    beside: Beside | None = None
 
 
 @dataclass(slots=True)

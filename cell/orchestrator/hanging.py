@@ -50,7 +50,7 @@ class Swing:
     def see(self, snapshot: Snapshot, since: float) -> None:
         """Take note of an image taken after `since` [s], in which the strip was read."""
         seen = snapshot.view.measurement
-        if not snapshot.view.fresh or seen is None or seen.stamp < since:
+        if not snapshot.view.read or seen is None or seen.stamp < since:
             return
         mean = seen_profile(seen.profile, seen.contact_x, seen.gripper)[0].mean(axis=0)
         if not np.isfinite(mean).all():

@@ -4,9 +4,9 @@ from math import sqrt
 
 import numpy as np
 
-from calibration.perception.measurement import SeenTouch
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
+from cell.perception.measurement import SeenTouch
 from drivers.types import Pose
 from policies.follower import Follower
 from policies.path import Path

@@ -71,6 +71,20 @@ def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
     return f"{snapshot.view.identical} images in a row are identical: the camera is frozen"
 
 
+def _reader_dead(snapshot: Snapshot, _: Rules) -> str | None:
+    return snapshot.view.dead or None
+
+
+def _reading_overdue(snapshot: Snapshot, rules: Rules) -> str | None:
+    since, limits = snapshot.view.reading_since, rules.limits
+    if since is None or snapshot.time - since <= limits.reading:
+        return None
+    return (
+        f"an image is being read for {1e3 * (snapshot.time - since):.0f} ms, "
+        f"allowed {1e3 * limits.reading:.0f} ms"
+    )
+
+
 def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     if (
@@ -169,6 +183,8 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("grip_lost", _HOLDING, _grip_lost),
     Monitor("image_stale", _SEEING, _image_stale),
     Monitor("image_frozen", _SEEING, _image_frozen),
+    Monitor("image_reader_dead", _SEEING, _reader_dead),
+    Monitor("image_reading_overdue", _SEEING, _reading_overdue),
     Monitor("low_confidence", _FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),

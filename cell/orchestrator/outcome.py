@@ -3,9 +3,9 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from calibration.perception.measurement import SeenTouch
+from cell.perception.agreement import Agreement
+from cell.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
-from policies.agreement import Agreement
 from policies.foretelling import Foretold
 
 

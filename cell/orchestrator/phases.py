@@ -8,16 +8,12 @@ from math import sqrt
 import numpy as np
 
 from calibration.landmarks import camera_shift
-from calibration.perception.checks import PreflightCheck, camera_check
-from calibration.perception.laid import Loop, edge_offset
-from calibration.perception.measurement import SeenTouch
-from calibration.perception.preflight import inspect
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.lay import HANGING, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.snapshot import Command, Drive, Snapshot
+from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
 from cell.orchestrator.steps import (
     SETTLE,
@@ -29,8 +25,15 @@ from cell.orchestrator.steps import (
     pause,
     still_picture,
     turn,
+    wait_for,
 )
-from cell.orchestrator.vision import StripReader
+from cell.orchestrator.vision import Reader, ReaderBeside, StripReader
+from cell.perception.beside import INSPECT
+from cell.perception.checks import PreflightCheck, camera_check
+from cell.perception.laid import Loop, edge_offset, laid_length
+from cell.perception.laid_fold import LaidFold
+from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.preflight import inspect
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
@@ -49,16 +52,34 @@ def preflight(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     before = yield from _camera_checks(cell)
     yield from move(Pose(cell.strip.length + fold.approach, fold.clear_height, 0.0))
     frame = (yield from still_picture()).frame
-    seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
+    found, reader = yield from _inspect(cell, frame)
     record.frame(frame)
-    checks = (*before, *seen.checks)
+    checks = (*before, *found)
     facts = [asdict(check) for check in checks]
     record.event(frame.stamp, "preflight", checks=facts)
     record.describe(preflight=facts)
-    if seen.appearance is None or not all(check.passed for check in checks):
+    if reader is None or not all(check.passed for check in checks):
         raise PreflightRefused(_failures(checks))
-    cell.reader = StripReader.of(cell.settings, cell.strip, cell.calibration, seen.appearance)
+    cell.reader = reader
     return Event.CHECKED
+
+
+def _inspect(
+    cell: FoldContext, frame: Frame
+) -> "Generator[Command, Snapshot, tuple[tuple[PreflightCheck, ...], Reader | None]]":
+    """The checks of the strip before the grasp, and what will read it where they passed."""
+    if cell.beside is None:
+        seen = inspect(frame, cell.calibration, cell.settings.perception, cell.strip)
+        if seen.appearance is None:
+            return seen.checks, None
+        known = (cell.settings, cell.strip, cell.calibration, seen.appearance)
+        return seen.checks, StripReader.of(*known)
+    snapshot = yield Hold()
+    cell.beside.ask(INSPECT, frame, snapshot.arm.pose, snapshot.time)
+    while (checks := cell.beside.checks()) is None:
+        yield Hold()
+    passed = all(check.passed for check in checks)
+    return checks, ReaderBeside(cell.beside, cell.calibration.latency) if passed else None
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
@@ -107,7 +128,7 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     while True:
         snapshot = yield command
         seen = snapshot.view.measurement
-        if not snapshot.view.fresh or seen is None or seen.stamp < record.origin:
+        if not snapshot.view.read or seen is None or seen.stamp < record.origin:
             continue
         if snapshot.view.touch is not None:
             cell.seen_touch = snapshot.view.touch
@@ -156,27 +177,39 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     """Open the fingers, retreat from the strip, and measure the offset of its edges."""
     snapshot = yield from open_hand()
     pose = snapshot.arm.pose
-    cell.edge_offset = -pose.x
-    record.event(snapshot.time, "released", edge_offset=cell.edge_offset)
+    record.event(snapshot.time, "released", edge_offset=-pose.x)
     retreat = cell.settings.fold.approach
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
-    seen = _laid_offset(cell, (yield from still_picture()).frame, pose)
-    if seen is not None:
-        cell.edge_offset = seen
-        record.event(snapshot.time, "edges_seen", edge_offset=seen)
+    frame = (yield from still_picture()).frame
+    seen = _laid_offset(cell, (yield from _look_again(cell, frame, pose)))
+    cell.laid = LaidFold(released=-pose.x, seen=seen)
+    record.event(snapshot.time, "edges_seen", edge_offset=seen)
     return Event.RELEASED
 
 
-def _laid_offset(cell: FoldContext, frame: Frame, edge: Pose) -> float | None:
-    """Offset of the edges [m] in the image of the laid strip, None where it is not visible.
-
-    The grasped edge was released near `edge`.
-    """
+def _look_again(
+    cell: FoldContext, frame: Frame, edge: Pose
+) -> "Generator[Command, Snapshot, StripMeasurement | None]":
+    """The laid strip in `frame`, whose grasped edge was released near `edge`."""
     if cell.reader is None:
         return None
-    loop = Loop.seen_in(cell.reader.perception.look(frame, edge))
-    if loop is None:
+    cell.reader.begin(frame, edge, frame.arrival, touches=False)
+    seen = cell.reader.take()
+    if seen is not None:
+        return seen.measurement
+    return (yield from wait_for(lambda now: now.view.read)).view.measurement
+
+
+def _laid_offset(cell: FoldContext, seen: StripMeasurement | None) -> float | None:
+    """Offset of the edges [m] in the image of the laid strip, None where no fold is visible:
+    what is seen must be as long as the strip, which one that sprang open is not.
+    """
+    if seen is None:
+        return None
+    loop = Loop.seen_in(seen)
+    missing = abs(laid_length(seen) - cell.strip.length)
+    if loop is None or not missing <= 2.0 * cell.settings.perception.length_error:
         return None
     return edge_offset(cell.strip.length, cell.strip.thickness, loop)
 

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from typing import Any, Protocol
 
-from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.snapshot import Snapshot
+from cell.perception.measurement import StripMeasurement
 from cell.record.origin import LIFT, ORIGIN
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
@@ -107,8 +107,9 @@ class Recorder:
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add the policy's decision on the newest measurement, for `cell replay`."""
-        if snapshot.view.frame is not None:
-            facts = {"sequence": snapshot.view.frame.sequence, "x": snapshot.arm.pose.x}
+        seen = snapshot.view.measurement
+        if seen is not None:
+            facts = {"sequence": seen.sequence, "x": snapshot.arm.pose.x}
             facts |= {"z": snapshot.arm.pose.z, "time": snapshot.time - self.origin}
             facts |= {"direction": float(decision.direction[0]), "done": bool(decision.done[0])}
             self._writer.event(snapshot.time, "decision", **facts)

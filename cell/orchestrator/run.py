@@ -17,8 +17,11 @@ from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, 
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
+from cell.orchestrator.watchdog import at_most
 from drivers.types import STILL
 from policies.foretelling import Foretold
+
+PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
 
 
 class Observer(Protocol):
@@ -94,13 +97,18 @@ class Run:
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
-            self._guarded(lambda: self._turn(due))
+            self._guarded(lambda: self._timely_turn(due))
         else:
             self._brake(due)
 
     @property
     def _under_way(self) -> bool:
         return self._stopped is None and not self._machine.over
+
+    def _timely_turn(self, due: float) -> None:
+        limit = self._rules.limits.turn
+        with at_most(min(limit, PROMPT) if self._devices.real_time else limit):
+            self._turn(due)
 
     def _turn(self, due: float) -> None:
         self._devices.clock.wait_until(due)
@@ -133,7 +141,7 @@ class Run:
         """One cycle of braking; recorded and shown as far as possible."""
         arm = self._safe_stop.turn(due)
         if arm is not None and self._snapshot is not None:
-            view = replace(self._snapshot.view, fresh=False)
+            view = replace(self._snapshot.view, fresh=False, read=False)
             self._snapshot = snapshot = replace(
                 self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
@@ -177,8 +185,7 @@ class Run:
         self._arm_history.add(arm)
         now = self._devices.clock.now()
         view = self._vision.look(state, now, self._arm_history, self._context.reader)
-        if view.fresh:
-            self._record(view, state)
+        self._record(view, state)
         self._snapshot = Snapshot(
             time=now,
             state=state,
@@ -192,9 +199,9 @@ class Run:
         return self._snapshot
 
     def _record(self, view: View, state: State) -> None:
-        if state in MEASURED and view.measurement is not None:
+        if view.read and state in MEASURED and view.measurement is not None:
             self._recorder.sight(view.measurement)
-        if state in RECORDED and view.frame is not None:
+        if view.fresh and state in RECORDED and view.frame is not None:
             self._recorder.frame(view.frame)
 
     def _send(self, command: Command) -> None:
@@ -226,7 +233,8 @@ class Run:
             name, reason, code = _reached(self._context)
         touch, edge_offset = None, None
         if isinstance(self._context, FoldContext):
-            touch, edge_offset = self._context.seen_touch, self._context.edge_offset
+            touch, laid = self._context.seen_touch, self._context.laid
+            edge_offset = None if laid is None else laid.seen
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
         return Outcome(name, reason, code, touch, edge_offset, duration, self._foretold)
@@ -238,6 +246,7 @@ def _reached(context: Context) -> tuple[str, str, int]:
         return "calibrated", "all points were touched", 0
     if isinstance(context, ManualContext):
         return "moved", "the motion has ended", 0
-    if context.seen_touch is not None:
-        return "layer_touch", "the layers touch", 0
-    return "path_done", "the path ended and no touch was seen", 1
+    if context.seen_touch is None:
+        return "path_done", "the path ended and no touch was seen", 1
+    complaint = None if context.laid is None else context.laid.complaint()
+    return ("layer_touch", "the layers touch", 0) if complaint is None else (*complaint, 1)

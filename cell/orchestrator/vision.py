@@ -1,37 +1,65 @@
 """Vision of a run: from camera frames to measurement, layer touch, and doubt."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 from calibration.calibration import Calibration
-from calibration.perception.appearance import Appearance
-from calibration.perception.layer_touch import LayerTouch
-from calibration.perception.measurement import SeenTouch, StripMeasurement
-from calibration.perception.perception import Perception
-from calibration.perception.sanity import ImageSanity
 from cell.config.settings import CellSettings
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
+from cell.perception.appearance import Appearance
+from cell.perception.beside import LOOK, TRACK, Beside, Seen
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.perception import Perception
+from cell.perception.sanity import ImageSanity
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.strip.file import StripFile
-from drivers.types import Frame
+from drivers.types import Frame, Pose
 
 MEASURED = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
 RECORDED = MEASURED | {State.LAY, State.RELEASE}
 GLANCE = 0.1  # s between images where nothing is measured in them
 
 
-@dataclass(frozen=True, slots=True)
-class StripReader:
-    """Reads one strip in the images of one calibrated camera, with the colours found at preflight.
+class Reader(Protocol):
+    """Reads one strip in the images of one calibrated camera, an image at a time."""
 
-    `latency` [s] is how much earlier than its stamp an image shows the world.
-    """
-
-    perception: Perception
-    touch: LayerTouch
     latency: float
+    """How much earlier than its stamp an image shows the world [s]."""
+
+    @property
+    def since(self) -> float | None:
+        """When the image under way was begun [s]; None while nothing is."""
+        ...
+
+    @property
+    def dead(self) -> str:
+        """Why no image is read any more; empty while they are."""
+        ...
+
+    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
+        """Begin to read `frame`, taken when the gripper was at `gripper`; with `touches` the
+        layers are watched, too.
+        """
+        ...
+
+    def take(self) -> Seen | None:
+        """What the image under way showed, once; None until that is known."""
+        ...
+
+
+class StripReader:
+    """Satisfies `Reader` within the turn of the control loop: right where the clock is virtual."""
+
+    since: float | None = None
+    dead = ""
+
+    def __init__(self, perception: Perception, touch: LayerTouch, latency: float) -> None:
+        """With the colours found at preflight, in `perception`."""
+        self._perception, self._touch, self.latency = perception, touch, latency
+        self._seen: Seen | None = None
 
     @classmethod
     def of(
@@ -45,6 +73,43 @@ class StripReader:
         perception = Perception(calibration, settings.perception, strip, appearance)
         return cls(perception, LayerTouch(settings.perception, strip), calibration.latency)
 
+    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
+        """Read `frame` now."""
+        measurement = self._perception.look(frame, gripper)
+        touch = self._touch.tell(measurement, gripper) if touches else None
+        self._seen = Seen(measurement, touch)
+
+    def take(self) -> Seen | None:
+        """What the image showed, once."""
+        seen, self._seen = self._seen, None
+        return seen
+
+
+class ReaderBeside:
+    """Satisfies `Reader` by a process beside the control loop: right on the wall clock."""
+
+    def __init__(self, process: Beside, latency: float) -> None:
+        """By `process`, which has accepted an image of the strip."""
+        self._process, self.latency = process, latency
+
+    @property
+    def since(self) -> float | None:
+        """When the image under way was handed over [s]; None while nothing is."""
+        return self._process.since
+
+    @property
+    def dead(self) -> str:
+        """Why no image is read any more; empty while they are."""
+        return self._process.dead
+
+    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
+        """Hand over `frame`."""
+        self._process.ask(TRACK if touches else LOOK, frame, gripper, now)
+
+    def take(self) -> Seen | None:
+        """What the image under way showed, once; None until that is known."""
+        return self._process.answer()
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -52,8 +117,9 @@ class View:
 
     `frame` is the newest image and `fresh` whether it arrived on this tick; `identical` counts the
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
-    last one read, `touch` the layer_touch once it is detected, `doubtful_since` when confidence
-    fell below its limit, None while it is good.
+    last one, and `read` whether it is new on this tick; `touch` the layer_touch once it is seen,
+    `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
+    when the image under way was begun, `dead` why none is read any more.
     """
 
     frame: Frame | None = None
@@ -62,6 +128,9 @@ class View:
     measurement: StripMeasurement | None = None
     touch: SeenTouch | None = None
     doubtful_since: float | None = None
+    read: bool = False
+    reading_since: float | None = None
+    dead: str = ""
 
 
 class Vision:
@@ -79,12 +148,12 @@ class Vision:
         self._measurement: StripMeasurement | None = None
         self._touch: SeenTouch | None = None
         self._doubtful_since: float | None = None
+        self._waiting: Frame | None = None  # the newest one to be read
 
-    def look(self, state: State, now: float, arm: ArmHistory, reader: StripReader | None) -> View:
+    def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """The view at `now` [s] in `state`; raises Fault where images are due and unreadable."""
         fresh = self._take_frame(state, now, arm)
-        if fresh and state in MEASURED and self._frame is not None:
-            self._measure(self._frame, state, arm, reader)
+        read = self._read(state, now, arm, reader)
         return View(
             self._frame,
             fresh,
@@ -92,6 +161,9 @@ class Vision:
             self._measurement,
             self._touch,
             self._doubtful_since,
+            read,
+            None if reader is None else reader.since,
+            "" if reader is None else reader.dead,
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
@@ -102,20 +174,29 @@ class Vision:
         if frame is None:
             return False
         self._frame = frame
+        self._waiting = frame if state in MEASURED else None
         self._identical = self._sanity.tell(frame, now, arm.pose_at(frame.stamp)).identical
         return True
 
-    def _measure(
-        self, frame: Frame, state: State, arm: ArmHistory, reader: StripReader | None
-    ) -> None:
-        if reader is None:
+    def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:
+        """Whether an image has been read by this tick; the newest one is begun where none is under
+        way, also where that follows in the same tick.
+        """
+        read = False
+        if self._waiting is not None and reader is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
-        frame = frame.restamped(-reader.latency)
-        gripper = arm.pose_at(frame.stamp)
-        self._measurement = reader.perception.look(frame, gripper)
-        self._note_doubt(self._measurement)
-        if state is not State.LIFT:
-            self._touch = reader.touch.tell(self._measurement, gripper)
+        while reader is not None and not reader.dead:
+            if self._waiting is not None and reader.since is None:
+                frame, self._waiting = self._waiting.restamped(-reader.latency), None
+                touches = state is not State.LIFT
+                reader.begin(frame, arm.pose_at(frame.stamp), now, touches=touches)
+            seen = reader.take()
+            if seen is None:
+                break
+            read = True
+            self._measurement, self._touch = seen.measurement, seen.touch
+            self._note_doubt(seen.measurement)
+        return read
 
     def _note_doubt(self, measurement: StripMeasurement) -> None:
         if measurement.confidence >= self._confidence:

@@ -15,6 +15,9 @@ TURN = 2 * np.pi
 WILD = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
 LONG = 1e5  # s, longer than a day
 HUGE = 1e9  # nothing of a cell is as large in any unit
+MUST = ("t", "x", "z")
+MOVED = ("pitch", "x_cmd", "z_cmd")  # finite where there are such columns
+MAY = (*MOVED, "contact_x", "contact_t", "f_x", "f_z", "image_age")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +43,17 @@ class Ticks:
     @classmethod
     def of(cls, table: pa.Table, origin: str) -> Self:
         """The columns of `table`; ConfigurationError names `origin` and the column at fault."""
-        must = ("t", "x", "z", "pitch", "x_cmd", "z_cmd")
-        values = {name: _numbers(table, name, origin) for name in (*must, "contact_x")}
-        for name in must:
-            _check_finite(values[name], name, origin)
+        values = {name: _numbers(table, name, origin) for name in MUST}
+        values |= {name: _optional(table, name, origin) for name in MAY}
+        for name in (*MUST, *MAY):
+            if name in MUST or (name in MOVED and name in table.column_names):
+                _check_finite(values[name], name, origin)
         _check_order(values["t"], origin, strictly=True)
         _check_range(values["t"], "t", origin, LONG, "s")
         for name in ("x", "z", "x_cmd", "z_cmd", "contact_x"):
             _check_range(values[name], name, origin, REACH, "m")
         _check_range(values["pitch"], "pitch", origin, TURN, "rad")
         for name in ("contact_t", "f_x", "f_z", "image_age"):
-            values[name] = _optional(table, name, origin)
             _check_range(values[name], name, origin, HUGE, "SI units")
         state = table["state"].to_pylist() if table.column_names.count("state") == 1 else []
         return cls(**values, state=tuple(str(name) for name in state))

@@ -1,15 +1,15 @@
-"""Atomic writing of YAML documents and other files."""
+"""Plain values of a record, and YAML documents of them."""
 
 import math
-import os
 from collections.abc import Mapping
 from enum import Enum
-from io import FileIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+
+from drivers.files import replace_file
 
 
 def plain(value: object) -> Any:
@@ -42,36 +42,3 @@ def write_document(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content` as YAML to `path` atomically; it is on disk on return."""
     text = yaml.safe_dump(plain(content), sort_keys=False, allow_unicode=True, width=100)
     replace_file(path, text.encode(errors="backslashreplace"))
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Replace the file at `path` by `content` atomically: a reader sees the old
-    file or the new one.
-    """
-    scratch = path.with_name(path.name + ".part")
-    try:
-        with scratch.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        scratch.replace(path)
-    except OSError:
-        scratch.unlink(missing_ok=True)
-        raise
-    sync_folder(path.parent)
-
-
-def write_all(file: FileIO, content: bytes | memoryview) -> None:
-    """Write all of `content`, repeating partial writes; raises OSError when the system refuses."""
-    rest = memoryview(content)
-    while rest:
-        rest = rest[file.write(rest) or 0 :]
-
-
-def sync_folder(folder: Path) -> None:
-    """Flush the directory entries of `folder` to disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

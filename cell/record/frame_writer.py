@@ -4,9 +4,9 @@ import queue
 import threading
 from pathlib import Path
 
-from cell.record.documents import write_all
 from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
 from cell.record.json_lines import json_line
+from drivers.files import new_file, replace_file, write_all
 from drivers.types import Frame
 
 QUEUE = 32  # images of 2.8 MB: at most 90 MB wait for the disk
@@ -28,7 +28,7 @@ class FrameWriter:
         self._last: Frame | None = None
         self._waiting: queue.Queue[tuple[Frame, bool] | None] = queue.Queue(QUEUE)
         (folder / FOLDER).mkdir()
-        self._index = (folder / INDEX).open("xb", buffering=0)
+        self._index = new_file(folder / INDEX)
         self._thread = threading.Thread(target=self._drain, name="frames", daemon=True)
         self._thread.start()
 
@@ -85,9 +85,7 @@ class FrameWriter:
 
     def _store(self, frame: Frame) -> None:
         path = frame_file(self._folder, frame.sequence)
-        scratch = path.with_name(path.name + ".part")
-        scratch.write_bytes(encode(frame.image))
-        scratch.replace(path)
+        replace_file(path, encode(frame.image))
 
     def _note(self, frame: Frame, sha256: str | None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}

@@ -12,12 +12,11 @@ import numpy as np
 from cell.record.json_lines import read_json_lines
 from cell.record.origin import lift_time
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Frame, Image
 
 Keep = Literal["all", "key", "none"]
 FOLDER, INDEX = "frames", "frames/index.jsonl"
-PNG_BYTES, LARGEST = 64 * MEGABYTE, 4096  # px of a side
+LARGEST = 4096  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,29 +61,10 @@ def encode(image: Image) -> bytes:
 
 
 def decode(path: Path) -> Image:
-    """The image (h, w) or (h, w, 3) in a file; ConfigurationError when it is not one."""
-    import cv2
+    """The image (h, w, 3) in a file; ConfigurationError when it is not one."""
+    from drivers.pictures import read_picture
 
-    content = read_bytes(path, PNG_BYTES)
-    image = None
-    if _is_small_png(content):
-        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # we say it ourselves
-        try:
-            image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
-        except cv2.error:
-            image = None
-    if image is None:
-        raise ConfigurationError(f"{path}: is not an image that can be read")
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _is_small_png(content: bytes) -> bool:
-    """Whether this is a PNG of plausible size, checked before decoding: a few bytes can declare
-    gigabytes.
-    """
-    sides = int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
-    begun = content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR"
-    return begun and 0 < min(sides) <= max(sides) <= LARGEST
+    return read_picture(path, LARGEST)
 
 
 class KeyFrames:

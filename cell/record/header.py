@@ -4,10 +4,13 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from drivers.settings import Settings
+from drivers.settings import Metres, Settings
 
 Positive = Annotated[float, Field(gt=0)]
 Number = Annotated[float, Field(ge=-1e9, le=1e9)]  # in any unit, mistaken ones included
+
+
+UNMEASURED = 1.0  # m, an error beside which nothing of a cell matters
 
 
 class Recorded(Settings):
@@ -19,15 +22,21 @@ class Recorded(Settings):
 
 
 class Sigma(Settings):
-    """One-sigma measurement noise of a run: [m], `touch_time` [s], `force` [N]."""
+    """One-sigma measurement noise of a run: [m], `touch_time` [s], `force` [N].
+
+    `edge_offset` [m] is the error of the camera's view of the laid edges.
+
+    What is not stated was not measured: rows of it, if there are any, carry no weight.
+    """
 
     model_config = ConfigDict(extra="allow")
 
-    contact_x: Positive
-    profile: Positive
-    gripper: Positive
-    displacement: Positive
+    contact_x: Metres = Field(UNMEASURED, gt=0)
+    profile: Metres = Field(UNMEASURED, gt=0)
+    gripper: Metres = Field(gt=0)
+    displacement: Metres = Field(UNMEASURED, gt=0)
     touch_time: Positive | None = None
+    edge_offset: Positive | None = None
     force: Positive | None = None
 
 
@@ -85,8 +94,15 @@ class Header(Recorded):
     strip_file: dict[str, Any] | None = None
     config: dict[str, Any] | None = None
     plant_sha256: str | None = None
+    learning: dict[str, Any] | None = None
     preflight: list[dict[str, Any]] | None = None
     arm_timing: ArmTiming | None = None
+    seen_by: Literal["cell"] | None = None  # in runs without a policy
+
+    @property
+    def by_cell(self) -> bool:
+        """Whether a cell's own perception saw the strip, whose errors are known."""
+        return self.policy is not None or self.seen_by == "cell"
 
 
 class Interval(Settings):

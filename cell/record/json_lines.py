@@ -1,14 +1,12 @@
 """JSON-lines files that survive a crash: each line is on disk before the next one begins."""
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cell.record.documents import plain, replace_file
-from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes
+from cell.record.documents import plain
+from drivers.files import MEGABYTE, append_line, read_bytes, replace_file, writing
 
 Line = dict[str, Any]
 EVENTS = 32 * MEGABYTE  # a fold of two minutes writes half of one
@@ -67,23 +65,13 @@ class Journal:
     def __init__(self, path: Path, *, again: bool = False) -> None:
         """Open or create, dropping a truncated last line; `again` discards everything."""
         self.path = path
-        try:
+        with writing(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self.lines = [] if again else read_json_lines(path, OWN)
             replace_file(path, b"".join(json_line(line) for line in self.lines))
-        except OSError as error:
-            raise self._unwritable(error) from None
 
     def append(self, line: Line) -> None:
         """Write `line`; it is on disk on return."""
-        try:
-            with self.path.open("ab") as stream:
-                stream.write(json_line(line))
-                stream.flush()
-                os.fsync(stream.fileno())
-        except OSError as error:
-            raise self._unwritable(error) from None
+        with writing(self.path):
+            append_line(self.path, json_line(line))
         self.lines.append(line)
-
-    def _unwritable(self, error: OSError) -> ConfigurationError:
-        return ConfigurationError(f"{self.path}: cannot be written: {error.strerror}")

@@ -1,17 +1,20 @@
 """Listing and pruning of the runs in a folder."""
 
+import os
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
-from cell.record.files import RESULT, RUN, is_run, is_under_way
+from cell.record.files import NOTES, RESULT, RUN, is_run, is_under_way
+from cell.record.scalars import Scalar, read_scalars
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
+from drivers.files import read_text
+
+Values = dict[str, Scalar]
 
 BEGAN = re.compile(r"(\d{8}T\d{6}Z)-")
 UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
@@ -19,8 +22,10 @@ UNDER_WAY, DIED, BROKEN = "under way", "died", "broken"
 
 @dataclass(frozen=True, slots=True)
 class RunRow:
-    """One run: `outcome` as recorded, or `under way`, `died`, `broken`; `displacement` [m] and
-    `duration` [s] where known; `size` on disk [bytes].
+    """One run: `outcome` as recorded, or `under way`, `died`, `broken`; lengths [m], times [s],
+    `speed` [m/s], None where not known; `size` on disk [bytes]; `tags` with commas.
+
+    `touch` is the time of the layer touch, `predicted` the displacement that the policy expected.
     """
 
     folder: Path
@@ -29,8 +34,22 @@ class RunRow:
     policy: str
     outcome: str
     displacement: float | None
+    edge_offset: float | None
     duration: float | None
     size: int
+    touch: float | None = None
+    predicted: float | None = None
+    like_model: bool | None = None
+    reason: str = ""
+    seed: int | None = None
+    speed: float | None = None
+    start: str = "flat"
+    condition: str = ""
+    arm: str = ""
+    camera: str = ""
+    calibration: str = ""
+    tags: str = ""
+    note: str = ""
 
     @property
     def name(self) -> str:
@@ -43,13 +62,34 @@ def list_runs(root: Path) -> tuple[RunRow, ...]:
 
     Raises ConfigurationError when `root` is no folder.
     """
+    rows = [read_row(folder) for folder in run_folders(root)]
+    return tuple(sorted(rows, key=lambda row: (row.began, row.name)))
+
+
+def run_folders(root: Path) -> Iterator[Path]:
+    """Folders of the runs directly under `root`; ConfigurationError when `root` is no folder."""
     if not root.is_dir():
         raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
     try:
-        rows = [_row(folder) for folder in root.iterdir() if is_run(folder)]
+        with os.scandir(root) as found:
+            yield from (Path(entry.path) for entry in found if is_run(Path(entry.path)))
     except OSError as error:
         raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
-    return tuple(sorted(rows, key=lambda row: (row.began, row.name)))
+
+
+def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
+    """The newest `most` runs of `strip` beside the run in `folder` that began before it, newest
+    first; by their names, so that a folder of thousands is not read.
+    """
+    place, own = folder.resolve().parent, folder.resolve().name
+    try:
+        with os.scandir(place) as entries:
+            names = [entry.name for entry in entries]
+    except OSError:
+        return ()
+    found = (name for name in names if f"Z-{strip}-" in name and name < own)
+    newest = sorted(filter(BEGAN.match, found), reverse=True)[:most]
+    return tuple(read_row(place / name) for name in newest if is_run(place / name))
 
 
 def to_prune(
@@ -61,7 +101,8 @@ def to_prune(
 ) -> tuple[RunRow, ...]:
     """The runs that may be deleted, oldest first: all but the newest `keep`, or those `older_than`.
 
-    With both, a run must satisfy both. A run under way stays. Raises ConfigurationError when
+    With both, a run must satisfy both. A run under way stays, and so does a link: what it leads to
+    belongs elsewhere. Raises ConfigurationError when
     neither is given.
     """
     if keep is None and older_than is None:
@@ -71,63 +112,91 @@ def to_prune(
     ordered = sorted(rows, key=lambda row: (row.began, row.name))
     surplus = ordered if keep is None else ordered[: max(len(ordered) - keep, 0)]
     old = [row for row in surplus if older_than is None or now - row.began > older_than]
-    return tuple(row for row in old if row.outcome != UNDER_WAY)
+    return tuple(r for r in old if r.outcome != UNDER_WAY and not r.folder.is_symlink())
 
 
 def remove(rows: Sequence[RunRow]) -> int:
     """Delete the folders of `rows`; returns the bytes freed.
 
-    Raises ConfigurationError for a folder that is not a run, or is one under way.
+    Raises ConfigurationError for a folder that is not a run, is one under way, or a link to one;
+    and, once all others are gone, for those that could not be removed.
     """
     for row in rows:
-        if not is_run(row.folder) or is_under_way(row.folder):
+        if row.folder.is_symlink() or not is_run(row.folder) or is_under_way(row.folder):
             raise ConfigurationError(f"{row.folder}: is not a finished run; it was left alone")
+    left = []
     for row in rows:
         try:
             shutil.rmtree(row.folder)
         except OSError as error:
-            raise ConfigurationError(f"{row.folder}: cannot be removed: {error.strerror}") from None
+            left.append(f"{row.folder}: cannot be removed: {error.strerror}")
+    if left:
+        raise ConfigurationError("\n".join(left))
     return sum(row.size for row in rows)
 
 
-def _row(folder: Path) -> RunRow:
-    header, result = _document(folder / RUN), _document(folder / RESULT)
+def read_row(folder: Path) -> RunRow:
+    """The row of the run in `folder`, from its YAML files."""
+    header, result = _values(folder / RUN), _values(folder / RESULT)
+    notes = _values(folder / NOTES) or {}
+    of, came = header or {}, result or {}
     return RunRow(
         folder=folder,
         began=_began(folder),
-        strip=str((header or {}).get("strip", "")),
-        policy=str((header or {}).get("policy", "")),
+        strip=_text(of.get("strip")),
+        policy=_text(of.get("policy")),
         outcome=_outcome(folder, header, result),
-        displacement=_number((result or {}).get("displacement")),
-        duration=_number((result or {}).get("duration")),
-        size=sum(_size(path) for path in folder.rglob("*")),
+        displacement=_number(came.get("displacement")),
+        edge_offset=_number(came.get("edge_offset")),
+        duration=_number(came.get("duration")),
+        size=_size(folder),
+        touch=_number(came.get("t_layer_touch")),
+        predicted=_number(came.get("foretold.displacement")),
+        like_model=_truth(came.get("agreement.like_model")),
+        reason=_text(came.get("reason")),
+        seed=_whole(of.get("seed")),
+        speed=_number(of.get("speed")),
+        start=_text(of.get("start")) or "flat",
+        condition=_text(of.get("condition")),
+        arm=_text(of.get("drivers.arm")),
+        camera=_text(of.get("drivers.camera")),
+        calibration=_text(of.get("calibration.id")),
+        tags=_text(notes.get("tags")),
+        note=_text(notes.get("note")),
     )
 
 
-def _outcome(folder: Path, header: dict[str, Any] | None, result: dict[str, Any] | None) -> str:
+def _outcome(folder: Path, header: Values | None, result: Values | None) -> str:
     if header is None:
         return BROKEN
     if is_under_way(folder):
         return UNDER_WAY
     if result is None:
         return BROKEN if (folder / RESULT).exists() else DIED
-    return str(result.get("outcome", BROKEN))
+    return _text(result.get("outcome")) or BROKEN
 
 
-def _document(path: Path) -> dict[str, Any] | None:
+def _values(path: Path) -> Values | None:
     if not path.exists():
         return None
     try:
-        return read_yaml(path)
-    except ConfigurationError:
+        return read_scalars(read_text(path))
+    except (ConfigurationError, ValueError):
         return None
 
 
-def _size(path: Path) -> int:
+def _size(folder: Path) -> int:
+    total = 0
     try:
-        return path.stat().st_size if path.is_file() else 0
+        with os.scandir(folder) as found:
+            for entry in found:
+                if entry.is_dir(follow_symlinks=False):
+                    total += _size(Path(entry.path))
+                elif entry.is_file():
+                    total += entry.stat().st_size
     except OSError:  # it has just gone
-        return 0
+        return total
+    return total
 
 
 def _began(folder: Path) -> datetime:
@@ -150,6 +219,20 @@ def _moment(stamp: str) -> datetime | None:
         return None
 
 
-def _number(value: Any) -> float | None:
-    usable = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-    return float(value) if usable else None
+def _number(value: Scalar) -> float | None:
+    return value if isinstance(value, float) and isfinite(value) else None
+
+
+def _whole(value: Scalar) -> int | None:
+    number = _number(value)
+    return None if number is None or number != int(number) else int(number)
+
+
+def _truth(value: Scalar) -> bool | None:
+    return value if isinstance(value, bool) else None
+
+
+def _text(value: Scalar) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    return value if isinstance(value, str) else ""

@@ -25,9 +25,9 @@ class Outlook(NamedTuple):
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
         """The predictions among `events`; NaN for values that cannot be read."""
-        told = sorted((e for e in events if e.kind == FORETOLD), key=lambda event: event.t)
-        rows = np.array([row_of(event.facts) for event in told])
-        return cls(np.array([event.t for event in told]), rows.reshape(-1, len(NAMES)))
+        stated = sorted((e for e in events if e.kind == FORETOLD), key=lambda event: event.t)
+        rows = np.array([row_of(event.facts) for event in stated])
+        return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(NAMES)))
 
     def column(self, name: str) -> Array:
         """Values (k,) of one of NAMES."""
@@ -39,8 +39,8 @@ def row_of(facts: Mapping[str, object]) -> Array:
     displacement, sigma = (_number(facts.get(name)) for name in ("displacement", "sigma"))
     row = [displacement, displacement - sigma, displacement + sigma]
     for name in BELIEFS:
-        told = facts.get(name)
-        known = told if isinstance(told, Mapping) else {}
+        stated = facts.get(name)
+        known = stated if isinstance(stated, Mapping) else {}
         row += [_number(known.get(key)) for key in ("value", "low", "high")]
     return np.array(row)
 

@@ -156,7 +156,8 @@ def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:
     """
     begun = any((folder / name).exists() for name in (TICK_STREAM, EVENTS))
     if not begun and header.config is None:
+        missing = TICKS if not (folder / TICKS).exists() else PROFILE
         raise ConfigurationError(
-            f"{folder}: {TICKS}: is missing, and there is no {TICK_STREAM} to make it from"
+            f"{folder}: {missing}: is missing, and there is no {TICK_STREAM} to make it from"
         )
     return assemble(folder), str(folder / TICK_STREAM)

@@ -6,9 +6,8 @@ from typing import Any, Self
 
 import pyarrow as pa
 
-from cell.record.documents import write_all
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes
+from drivers.files import MEGABYTE, new_file, read_bytes, write_all
 
 END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 STREAM = 128 * MEGABYTE  # a fold of two minutes writes ten
@@ -37,7 +36,7 @@ class StreamFile:
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self._schema = schema
-        self._file = path.open("xb", buffering=0)
+        self._file = new_file(path)
         self._write(schema.serialize())
 
     def append(self, row: Mapping[str, Any]) -> None:

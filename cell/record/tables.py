@@ -1,18 +1,18 @@
 """Parquet tables of a run, made from its streams; the same rows give the same bytes."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
-from cell.record.documents import sync_folder
 from cell.record.files import PROFILE, SIGHT_STREAM, SIGHTS, TICK_STREAM, TICKS
 from cell.record.origin import lift_time
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from drivers.errors import ConfigurationError
+from drivers.files import replacing
 from drivers.settings import SCHEMA
 from drivers.types import Array
 
@@ -96,12 +96,18 @@ def place_contacts(t: Array, stamp: Array, contact_x: Array) -> tuple[Array, Arr
     reach = 0.5 * float(np.median(np.diff(t)))
     keep = np.isfinite(contact_x) & (stamp >= t[0] - reach) & (stamp <= t[-1] + reach)
     stamp, contact_x = stamp[keep], contact_x[keep]
-    after = np.clip(np.searchsorted(t, stamp), 1, t.size - 1)
-    row = np.where(stamp - t[after - 1] <= t[after] - stamp, after - 1, after)
+    row = place_rows(t, stamp)
     nearest_last = np.argsort(-np.abs(t[row] - stamp), kind="stable")
     placed_x[row[nearest_last]] = contact_x[nearest_last]
     placed_t[row[nearest_last]] = stamp[nearest_last]
     return placed_x, placed_t
+
+
+def place_rows(t: Array, stamps: Array) -> NDArray[np.intp]:
+    """(k,) rows of the increasing `t` (n,), two at least, nearest to `stamps` (k,)."""
+    after = np.clip(np.searchsorted(t, stamps), 1, t.size - 1)
+    nearer = stamps - t[after - 1] <= t[after] - stamps
+    return np.asarray(np.where(nearer, after - 1, after), dtype=np.intp)
 
 
 def profile_table(sights: pa.Table) -> pa.Table:
@@ -119,14 +125,9 @@ def profile_table(sights: pa.Table) -> pa.Table:
 
 def write_parquet(path: Path, table: pa.Table) -> None:
     """Write `table` to `path` atomically, with the schema's number in the file's metadata."""
-    scratch = path.with_name(path.name + ".part")
     marked = table.replace_schema_metadata({"schema": str(SCHEMA)})
-    with scratch.open("wb") as file:  # pyarrow's own opening wants names that are UTF-8
+    with replacing(path) as scratch, scratch.open("wb") as file:  # by name it would want UTF-8
         pq.write_table(marked, file, compression="zstd", row_group_size=1 << 20)
-        file.flush()
-        os.fsync(file.fileno())
-    scratch.replace(path)
-    sync_folder(path.parent)
 
 
 def write_tables(folder: Path, tables: Tables) -> None:

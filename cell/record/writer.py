@@ -1,6 +1,7 @@
 """Writer of one run's record while it happens."""
 
 import fcntl
+import os
 import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -8,8 +9,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
-from calibration.perception.measurement import StripMeasurement
-from cell.record.documents import write_all, write_document
+from cell.perception.measurement import StripMeasurement
+from cell.record.documents import write_document
 from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
@@ -19,6 +20,7 @@ from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile
 from cell.record.tables import assemble, write_tables
 from cell.record.tick import Tick
 from drivers.errors import ConfigurationError, Fault
+from drivers.files import new_file, write_all
 from drivers.settings import SCHEMA, parse
 from drivers.types import Frame
 
@@ -42,7 +44,7 @@ class RunWriter:
         self._header = dict(header)
         write_document(folder / RUN, header)
         with ExitStack() as opened:
-            self._events = opened.enter_context((folder / EVENTS).open("xb", buffering=0))
+            self._events = opened.enter_context(new_file(folder / EVENTS))
             fcntl.flock(self._events, fcntl.LOCK_EX)
             self._ticks = opened.enter_context(StreamFile(folder / TICK_STREAM, TICK_ROWS))
             self._sights = opened.enter_context(StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS))
@@ -89,14 +91,9 @@ class RunWriter:
 
     def sight(self, measurement: StripMeasurement) -> None:
         """Add the measurement from one image."""
-        row = {name: getattr(measurement, name) for name in ("stamp", "sequence", "contact_x")}
-        row |= {name: getattr(measurement, name) for name in ("gap", "gap_x", "contact_confidence")}
-        row |= {"profile_confidence": measurement.profile_confidence}
-        row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
-        row |= {"profile_x": measurement.profile[:, 0], "profile_z": measurement.profile[:, 1]}
         self._newest = measurement.stamp
         with self._recording():
-            self._sights.append(row)
+            self._sights.append(sight_row(measurement))
 
     def frame(self, frame: Frame) -> None:
         """Add an image; its pixels must not change afterwards."""
@@ -127,6 +124,18 @@ class RunWriter:
         self._finished = True
         self._events.close()
 
+    @contextmanager
+    def under_way(self) -> Iterator[None]:
+        """Keep the run under way beyond `finish` and `close`, while more is written into it.
+
+        A second handle of the locked file: nobody deletes or reads half of it, unless we die.
+        """
+        handle = os.dup(self._events.fileno())
+        try:
+            yield
+        finally:
+            os.close(handle)
+
     def close(self) -> None:
         """Close the files; without `finish` before it, the run counts as died."""
         with self._recording():
@@ -150,6 +159,15 @@ class RunWriter:
         if failure is not None:
             reason = failure.strerror or str(failure)
             raise Fault("record", f"{self.folder}: {reason}; the run cannot be recorded any more")
+
+
+def sight_row(measurement: StripMeasurement) -> dict[str, Any]:
+    """A row of the stream of sights."""
+    row = {name: getattr(measurement, name) for name in ("stamp", "sequence", "contact_x")}
+    row |= {name: getattr(measurement, name) for name in ("gap", "gap_x", "contact_confidence")}
+    row |= {"profile_confidence": measurement.profile_confidence}
+    row |= {"tip_x": measurement.tip[0], "tip_z": measurement.tip[1]}
+    return row | {"profile_x": measurement.profile[:, 0], "profile_z": measurement.profile[:, 1]}
 
 
 def _new_folder(root: Path, strip: str) -> Path:

@@ -1,1 +1,1 @@
-"""The report of a run: report.html, self-contained."""
+"""The report of a run: report.html, self-contained; `viz` shows runs and wizards in Rerun."""

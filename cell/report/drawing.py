@@ -8,7 +8,11 @@ from typing import Any, Literal
 
 INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
 BLUE, ORANGE, GREEN, PURPLE = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0"
-VARIABLES = {INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper"}
+VARIABLES = {
+    INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper",
+    BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple",
+}  # fmt: skip
+"""Colours that a page has for the light and for the dark."""
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "cell",

@@ -1,11 +1,15 @@
 """HTML elements of a self-contained page."""
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from typing import Literal
+from urllib.parse import quote
 
 Tone = Literal["good", "fair", "bad"]
+JPEG = "data:image/jpeg;base64,"
 
 
 def page(title: str, body: Sequence[str]) -> str:
@@ -27,17 +31,32 @@ def masthead(kicker: str, name: str) -> str:
 
 
 def verdict_box(
-    tone: Tone, headline: str, sentences: Sequence[str], figure: str = "", error: str = ""
+    tone: Tone,
+    headline: str,
+    sentences: Sequence[str],
+    figure: str = "",
+    error: str = "",
+    picture: str = "",
 ) -> str:
-    """The verdict on top: a large number and its error where there is one, headline, sentences."""
+    """The verdict on top: a large number and its error where there is one, headline, sentences, and
+    a `picture` (JPEG, base64) of what came of it.
+    """
     number = ""
     if figure:
-        number = f'<div class="figure"><b>{escape(figure)}</b><small>{escape(error)}</small></div>'
-    text = "".join(f"<p>{escape(sentence)}</p>" for sentence in sentences)
+        seen = f'<img alt="the end of the run" src="{JPEG}{picture}">' if picture else ""
+        number = (
+            f'<div class="figure"><b>{escape(figure)}</b><small>{escape(error)}</small>{seen}</div>'
+        )
+    text = "".join(f"<p>{_keep_units(escape(sentence))}</p>" for sentence in sentences)
     return (
         f'<section class="verdict {tone}">{number}'
-        f'<div class="said"><h1>{escape(headline)}</h1>{text}</div></section>'
+        f'<div class="said"><h1>{_keep_units(escape(headline))}</h1>{text}</div></section>'
     )
+
+
+def _keep_units(text: str) -> str:
+    """`text` in which no line ends between a number and its unit."""
+    return re.sub(r"(\d) (?=(?:mm|ms|s|%)\b|%)", "\\1&nbsp;", text)
 
 
 def section(title: str, *content: str, note: str = "") -> str:
@@ -54,14 +73,15 @@ def drawing(svg: str, says: str) -> str:
     return f'<figure role="img" aria-label="{escape(says)}">{svg}</figure>'
 
 
-def photographs(pictures: Sequence[tuple[str, str]]) -> str:
-    """JPEGs (base64) with captions, side by side."""
+def photographs(pictures: Sequence[tuple[str, str, str]]) -> str:
+    """JPEGs (base64) with captions, side by side; each leads to its whole picture, a path."""
     if not pictures:
         return ""
     inside = "".join(
-        f'<figure><img src="data:image/jpeg;base64,{jpeg}" alt="{escape(caption)}" '
-        f'width="640"><figcaption>{escape(caption)}</figcaption></figure>'
-        for jpeg, caption in pictures
+        f'<figure><a href="{escape(quote(whole))}"><img src="{JPEG}{jpeg}" '
+        f'alt="{escape(caption)}" width="640"></a>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+        for jpeg, caption, whole in pictures
     )
     return f'<div class="photographs">{inside}</div>'
 
@@ -76,16 +96,31 @@ def definitions(rows: Sequence[tuple[str, str]], kind: str = "") -> str:
     return f'<dl class="{kind}">{inside}</dl>'
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A cell that leads to `href`, a path from the page."""
+
+    text: str
+    href: str
+
+    def __str__(self) -> str:
+        return f'<a href="{escape(quote(self.href))}">{escape(self.text)}</a>'
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str | Link]]) -> str:
     """A table with a line of headings."""
     if not rows:
         return ""
     top = "".join(f"<th>{escape(name)}</th>" for name in head)
     lines = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
     head_and_body = f"<thead><tr>{top}</tr></thead><tbody>{lines}</tbody>"
     return f'<div class="wide"><table>{head_and_body}</table></div>'
+
+
+def _cell(cell: str | Link) -> str:
+    return str(cell) if isinstance(cell, Link) else escape(cell)
 
 
 def steps(lines: Sequence[str]) -> str:

@@ -23,15 +23,15 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
     """The last prediction before the touch, and how the strip agreed with the model."""
     if result is None or result.foretold is None:
         return []
-    told = result.foretold
+    final = result.foretold
     rows = [
         (
             "displacement",
-            f"{millimetres(told.displacement, signed=True)} ± {millimetres(told.sigma)}",
+            f"{millimetres(final.displacement, signed=True)} ± {millimetres(final.sigma)}",
         ),
-        ("bending length", _interval(told.bending_length, 1e3, 1, "mm")),
-        ("retardation time", _interval(told.retardation_time, 1e3, 0, "ms")),
-        ("yarn friction", _interval(told.yield_curvature, 1.0, 0, "1/m")),
+        ("bending length", _interval(final.bending_length, 1e3, 1, "mm")),
+        ("retardation time", _interval(final.retardation_time, 1e3, 0, "ms")),
+        ("yarn friction", _interval(final.yield_curvature, 1.0, 0, "1/m")),
     ]
     return (
         rows if result.agreement is None else [*rows, ("strip and model", _said(result.agreement))]

@@ -2,13 +2,14 @@
 
 import base64
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
 from cell.record.columns import REACH, Sights, Ticks
-from cell.record.frames import FrameNote, decode
+from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
@@ -16,15 +17,17 @@ from drivers.types import Array, Image
 
 WIDTH, SHOWN = 640, 6
 MARGIN = 0.06  # m around the motion
+LYING = (-0.05, 0.7, -0.03, 0.06)  # m from x, share of the reach to x, m from and to z: a laid fold
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 
 
 @dataclass(frozen=True, slots=True)
 class KeyPicture:
-    """A kept image as JPEG in text form, and a caption."""
+    """A kept image as JPEG in text form, a caption, and the path of the image from the page."""
 
     jpeg: str
     caption: str
+    whole: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +60,29 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
         if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
             image = window.cut(_with_sight(image, note, calibration, sights, curves))
-        pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights)))
+        whole = frame_file(Path(), note.sequence).as_posix()
+        pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights), whole))
     return tuple(pictures)
+
+
+def end_picture(run: Run) -> str:
+    """The last kept image, as JPEG in text form: of a calibrated camera the part where the strip
+    lies; empty where there is none.
+    """
+    kept = [note for note in run.frame_index() if note.file is not None]
+    image = _read(kept[-1]) if kept else None
+    calibration = run.calibration()
+    if image is None or calibration is None or not _fits(image, calibration):
+        return "" if image is None else _jpeg(image)
+    reach = float(np.max(run.ticks.x, initial=0.1))
+    corners = [(x, z) for x in (LYING[0], LYING[1] * reach) for z in LYING[2:]]
+    pixels = calibration.to_image(np.array(corners))
+    if not np.isfinite(pixels).all():
+        return _jpeg(image)
+    size = np.array([image.shape[1], image.shape[0]])
+    left, top = np.clip(pixels.min(axis=0), 0, size - 2).astype(int)
+    right, bottom = np.clip(pixels.max(axis=0), (left + 2, top + 2), size).astype(int)
+    return _jpeg(image[top:bottom, left:right])
 
 
 def _fits(image: Image, calibration: Calibration) -> bool:

@@ -66,8 +66,13 @@ def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:
     else:
         axes.ticklabel_format(useOffset=False)
     axes.axvline(middle, color=INK, lw=0.9)
-    text = f"median {middle:.3g}, most {values.max():.3g}"
+    text = f"median {_three(middle)}, most {_three(float(values.max()))}"
     axes.set_title(text, fontsize=8.5, color=MUTED, loc="left", pad=4)
+
+
+def _three(value: float) -> str:
+    """`value` to three digits, without powers of ten."""
+    return f"{value:.0f}" if value >= 100 else f"{value:.3g}"
 
 
 def _edges(values: Array) -> tuple[Array, bool]:

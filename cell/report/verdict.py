@@ -16,17 +16,18 @@ GOOD = 0.020  # m, within this the paper calls a strip folded
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """One-sigma errors of the lengths [m]: of repeats, and of the calibration
+    """One-sigma errors of the lengths [m]: of repeats or of the camera, and of the calibration
     (None where unknown).
     """
 
     repeatability: float
     calibration: float | None
+    of: str = "repeats"
 
     def __str__(self) -> str:
         known = f"± {millimetres(self.calibration)} calibration"
         tail = "calibration error not recorded" if self.calibration is None else known
-        return f"± {millimetres(self.repeatability)} repeats\n{tail}"
+        return f"± {millimetres(self.repeatability)} {self.of}\n{tail}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +44,17 @@ class Verdict:
     spoilt: bool = False  # the end is not known because result.yaml cannot be read
 
 
-def accuracy_of(run: Run) -> Accuracy:
-    """The errors stated by the run itself."""
-    calibration = run.calibration()
+def accuracy_of(run: Run, *, laid: bool = False) -> Accuracy:
+    """The errors stated by the run itself, of the displacement, or of the `laid` edges where it
+    states that.
+    """
+    sigma, of = run.header.sigma.displacement, "repeats"
+    if laid and run.header.sigma.edge_offset is not None:
+        sigma, of = run.header.sigma.edge_offset, "camera"
+    calibration, stated = run.calibration(), run.header.calibration
     if calibration is not None:
-        return Accuracy(run.header.sigma.displacement, 1e-3 * calibration.residual_mm)
-    stated = run.header.calibration
-    return Accuracy(run.header.sigma.displacement, None if stated is None else stated.error)
+        return Accuracy(sigma, 1e-3 * calibration.residual_mm, of)
+    return Accuracy(sigma, None if stated is None else stated.error, of)
 
 
 def verdict(run: Run) -> str:
@@ -75,33 +80,57 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
 
 
 def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
-    sentences = [f"{side(d)[:1].upper()}{side(d)[1:]}, by {millimetres(abs(d))}."]
-    true = truth.get("displacement")
-    if isinstance(true, int | float):
-        sentences.append(
-            f"The twin knows the true displacement, {millimetres(true, signed=True)}: "
-            f"the camera was off by {millimetres(d - true, signed=True)}."
-        )
-    if result.edge_offset is not None:
-        sentences.append(_laid(result.edge_offset, truth.get("edge_offset")))
-    if result.agreement is not None and not result.agreement.like_model:
-        sentences.append(_sentence(result.agreement.reason))
+    """How the edges lie where that was seen, or else how the layers met."""
+    edge = result.edge_offset
+    sentences = [*_edges(edge, truth.get("edge_offset")), *_touch(run, result, d, truth)]
+    agreed = result.agreement
+    if agreed is not None and not agreed.like_model and agreed.reason != result.reason:
+        sentences.append(_sentence(agreed.reason))
     headline = outcome_title(result.outcome)
-    if result.outcome == "layer_touch":
-        headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
-        tone: Tone = "good" if abs(d) <= GOOD else "fair"
-    else:
+    off = max(abs(d), abs(edge or 0.0))
+    tone: Tone = "good" if off <= GOOD else "fair"
+    if result.outcome != "layer_touch":
         tone = "bad"
         sentences.insert(0, _reason(result))
+    elif edge is None:
+        headline = f"Folded: the layers touched after {seconds(result.t_layer_touch)}"
+    else:
+        headline = f"Folded: the edges lie {millimetres(abs(edge))} apart"
     said = tuple(filter(None, sentences))
-    return Verdict(tone, headline, said, millimetres(d, signed=True), str(accuracy_of(run)))
+    if edge is None:
+        return Verdict(tone, headline, said, millimetres(d, signed=True), str(accuracy_of(run)))
+    error = str(accuracy_of(run, laid=True))
+    return Verdict(tone, headline, said, millimetres(edge, signed=True), error)
 
 
-def _laid(offset: float, true: object) -> str:
-    text = f"Laid down, the edges lie {millimetres(offset, signed=True)} apart"
+def _edges(offset: float | None, true: object) -> list[str]:
+    """How the edges lie once laid down, as seen and in truth."""
+    if offset is None:
+        return []
+    where = "beyond" if offset > 0 else "before"
+    said = [f"Laid down, the upper edge lies {millimetres(abs(offset))} {where} the lower one."]
     if isinstance(true, int | float):
-        text += f", truly {millimetres(true, signed=True)}"
-    return f"{text}."
+        said.append(_truly(offset, true, "offset of the edges"))
+    return said
+
+
+def _touch(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> list[str]:
+    """How the layers met, as seen and in truth."""
+    at = "" if result.t_layer_touch is None else f" after {seconds(result.t_layer_touch)}"
+    accuracy = millimetres(run.header.sigma.displacement)
+    by = f"{millimetres(abs(d))} \N{PLUS-MINUS SIGN} {accuracy}"
+    said = [f"Where the layers first touched{at}, the upper one was {side(d)} by {by}."]
+    true = truth.get("displacement")
+    if isinstance(true, int | float):
+        said.append(_truly(d, true, "displacement"))
+    return said
+
+
+def _truly(seen: float, true: float, what: str) -> str:
+    return (
+        f"The twin knows the true {what}, {millimetres(true, signed=True)}: "
+        f"the camera was off by {millimetres(seen - true, signed=True)}."
+    )
 
 
 def _without_displacement(run: Run, result: Result) -> Verdict:

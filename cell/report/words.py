@@ -9,6 +9,9 @@ OUTCOMES = {
     "layer_touch": "The layers touched",
     "path_done": "The path ended before the layers touched",
     "interrupted": "Stopped by the operator",
+    "edges_not_seen": "Not folded: no fold is seen where it was laid",
+    "edges_apart": "Not folded: the edges do not lie where they were laid",
+    "unlike_model": "Not folded as predicted: the strip does not behave like the model",
 }
 
 
@@ -41,7 +44,5 @@ def outcome_title(outcome: str) -> str:
 
 
 def side(displacement: float) -> str:
-    """What the sign of d = l1 - l2 [m] means on the desk."""
-    if displacement > 0:
-        return "from the touch on, the upper layer is longer: its edge lies beyond the fixed edge"
-    return "from the touch on, the upper layer is shorter: its edge stops before the fixed edge"
+    """What the sign of d = l1 - l2 [m] means of the upper layer."""
+    return "longer" if displacement > 0 else "shorter"

@@ -1,16 +1,14 @@
 """Edits of strip files that keep a person's formatting where nothing changes."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 from drivers.settings import parse
 from drivers.strip.file import StripFile
+from drivers.yaml_edit import dump_text, edit_text
 
 
 def with_measured(
@@ -25,23 +23,11 @@ def with_measured(
     return {**content, key: value, "provenance": [measured, *kept]}
 
 
-def edited(text: str, content: Mapping[str, Any]) -> str:
-    """`text` of a YAML file changed to `content`: only changed keys are rewritten, if possible."""
-    old = yaml.safe_load(text)
-    new = text
-    for key, value in content.items():
-        if old.get(key) != value:
-            new = _with_key(new, key, value)
-    return new if _says(new, content) else _dumped(content)
-
-
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
     """Replace the strip file at `path` by `content`, checked, atomically; or ConfigurationError."""
     parse(content, StripFile, str(path))
-    try:
-        replace_file(path, edited(path.read_text(encoding="utf-8"), content).encode())
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
+    with writing(path):
+        replace_file(path, edit_text(path.read_text(encoding="utf-8"), content).encode())
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
@@ -49,35 +35,9 @@ def create(path: Path, content: Mapping[str, Any]) -> None:
     parse(content, StripFile, str(path))
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
-    try:
+    with writing(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, _dumped(content).encode())
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def _with_key(text: str, key: str, value: object) -> str:
-    """`text` with the block of a top-level `key` replaced, or added at the end."""
-    if isinstance(value, float | int):
-        scalar = re.compile(rf"^({re.escape(key)}\s*:\s*)[^\s#]+", re.MULTILINE)
-        return scalar.sub(lambda found: f"{found[1]}{value!r}", text, count=1)
-    block = re.compile(rf"^{re.escape(key)}\s*:.*\n(?:[ \-].*\n|\s*\n)*", re.MULTILINE)
-    whole = text if text.endswith("\n") else text + "\n"
-    dumped = _dumped({key: value})
-    if block.search(whole) is None:
-        return whole + dumped
-    return block.sub(lambda _: dumped, whole, count=1)
-
-
-def _says(text: str, content: Mapping[str, Any]) -> bool:
-    try:
-        return bool(yaml.safe_load(text) == dict(content))
-    except yaml.YAMLError:
-        return False
-
-
-def _dumped(content: Mapping[str, Any]) -> str:
-    return yaml.safe_dump(dict(content), sort_keys=False, allow_unicode=True, width=100)
+        replace_file(path, dump_text(content).encode())
 
 
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")
@@ -96,8 +56,8 @@ def new_strip(
 
     Raises ConfigurationError for a source without its value.
     """
-    told = dict(_source(each) for each in sources)
-    for key in told:
+    noted = dict(_source(each) for each in sources)
+    for key in noted:
         if stated.get(key) is None:
             raise ConfigurationError(f"--source: {key}: give its value too")
     content: dict[str, Any] = {"schema": 1, "name": path.stem}
@@ -105,7 +65,7 @@ def new_strip(
     if colour is not None:
         content["colour"] = list(colour)
     content["provenance"] = [
-        {"key": key, "source": told.get(key, "assumed" if stated[key] is None else "measured")}
+        {"key": key, "source": noted.get(key, "assumed" if stated[key] is None else "measured")}
         for key in SOURCED
     ]
     create(path, content)

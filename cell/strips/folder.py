@@ -4,11 +4,11 @@ import json
 from datetime import date
 from pathlib import Path
 
-from cell.record.documents import plain, replace_file
+from cell.record.documents import plain
 from cell.strips.edit import rewrite, with_measured
 from cell.strips.measurement import Measurement
 from cell.strips.picture import picture
-from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 from drivers.settings import read_yaml
 
 NUMBERS = "measurement.json"
@@ -26,13 +26,11 @@ def save(measurement: Measurement, folder: Path) -> None:
         for index, (fit, straight) in enumerate(pairs, start=1)
     }
     numbers = json.dumps(plain(measurement.line()), indent=1, ensure_ascii=False) + "\n"
-    try:
+    with writing(f"--out: {folder}"):
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in pictures.items():
             replace_file(folder / name, content)
         replace_file(folder / NUMBERS, numbers.encode())
-    except OSError as error:
-        raise ConfigurationError(f"--out: {folder}: cannot be written: {error.strerror}") from None
 
 
 def put_into(path: Path, measurement: Measurement, today: date) -> None:

@@ -7,8 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.perception.midline import Midline, extract_midline
+from cell.perception.midline import Midline, extract_midline
 from drivers.errors import ConfigurationError
+from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
 SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
@@ -70,7 +71,7 @@ def read_photograph(path: Path, overhang: float) -> Photograph:
 
     ConfigurationError when it cannot be read or shows no strip.
     """
-    image = _read(path)
+    image = read_picture(path)
     return _photograph(path, overhang, image, _trace(path, image))
 
 
@@ -91,24 +92,13 @@ def _trace(path: Path, image: Image) -> Midline:
     raise ConfigurationError(f"{path}: {reasons[0]}")
 
 
-def _read(path: Path) -> Image:
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error.strerror}") from None
-    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR) if content else None
-    if image is None:
-        raise ConfigurationError(f"{path}: is not a picture that can be read; give a JPEG or PNG")
-    return np.asarray(image, dtype=np.uint8)
-
-
 def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> Photograph:
     traced = midline.points * (1, -1)
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(traced, axis=0).T))])
     pixel = overhang / travel[-1]
     count = int(np.clip(travel[-1] / (SPACING * midline.width), FEWEST, MOST))
     arc = np.linspace(0.0, travel[-1], count)
-    points = _averaged(traced, travel, arc)
+    points = _average(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
     ends = np.minimum(arc, travel[-1] - arc) < END * midline.width
     return Photograph(
@@ -123,7 +113,7 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     )
 
 
-def _averaged(traced: Array, travel: Array, arc: Array) -> Array:
+def _average(traced: Array, travel: Array, arc: Array) -> Array:
     """Means (n, 2) of the traced points between the middles of the arc lengths `arc` (n,)."""
     reach = 0.5 * (arc[1] - arc[0])
     edges = np.clip(np.stack([arc - reach, arc + reach]), 0.0, travel[-1])

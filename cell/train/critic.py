@@ -12,10 +12,9 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from threadpoolctl import threadpool_limits
 
-from cell.record.documents import replace_file
 from cell.train.evaluation import Engine, Evaluation, made
 from cell.train.run import EVALUATION, alone_in
-from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 from drivers.strip.describe import describe
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
@@ -68,8 +67,8 @@ def train_critic(
                 for step in training.run(executor):
                     bar.update(task, completed=step.done, description=step.said)
                     if not console.is_terminal:
-                        told = f"{step.done} of {step.total}: {step.said}"
-                        console.print(told, highlight=False, soft_wrap=True)
+                        text = f"{step.done} of {step.total}: {step.said}"
+                        console.print(text, highlight=False, soft_wrap=True)
                 bar.update(task, description="judged on both engines")
                 found = judged(training.finished, settings, side, executor)
         except KeyboardInterrupt:
@@ -120,9 +119,5 @@ def _bar(console: Console) -> Bar:
 
 
 def _keep(trained: TrainedCritic, path: Path) -> None:
-    try:
+    with writing(path, "make room and run the command again"):
         replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room and run the command again"
-        ) from None

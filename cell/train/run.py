@@ -11,10 +11,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cell.record.documents import replace_file
 from cell.train.evaluation import Evaluation, evaluate
 from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 from policies.train.settings import TrainingSettings
 from policies.train.training import TrainingRun
 
@@ -70,24 +70,16 @@ def train(
 
 
 def _keep(trained: Trained, path: Path) -> None:
-    try:
+    with writing(path, "make room and run the command again"):
         replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room and run the command again"
-        ) from None
 
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
     """Create and lock `folder` against other trainings; ConfigurationError if that fails."""
-    try:
+    with writing(f"--out: {folder}", "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         place = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except OSError as error:
-        raise ConfigurationError(
-            f"--out: {folder}: cannot be written: {error.strerror}; name another folder"
-        ) from None
     try:
         fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
         yield

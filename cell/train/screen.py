@@ -12,8 +12,8 @@ from rich.table import Table
 from cell.train.evaluation import Engine, Evaluation
 from policies.train.search import Progress
 
-RECENT = 30  # generations from which the time left is told
-LINES = 20  # told of a whole training where there is no screen
+RECENT = 30  # generations from which the time left is text
+LINES = 20  # text of a whole training where there is no screen
 NAMES = {Engine.ROD: "rod (the model)", Engine.CHAIN: "chain (the plant)"}
 
 
@@ -43,18 +43,18 @@ class Meter:
             self._validated = f"  validated {1e3 * step.validated:.1f} mm rms"
         done = step.generation + 1
         left = (self._generations - done) * median(self._took)
-        told = (
+        text = (
             f"generation {done} of {self._generations}  |d| best {1e3 * step.best:.1f} "
             f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
         )
-        self._bar.update(self._task, completed=done, description=told)
+        self._bar.update(self._task, completed=done, description=text)
         if self._is_told(done):
-            self._console.print(told, highlight=False, soft_wrap=True)
+            self._console.print(text, highlight=False, soft_wrap=True)
 
     def judged(self, done: int, pieces: int) -> None:
         """`done` of `pieces` of the final evaluation."""
-        told = f"folds strips that training never folded: {done} of {pieces} pieces"
-        self._bar.update(self._task, total=pieces, completed=done, description=told)
+        text = f"folds strips that training never folded: {done} of {pieces} pieces"
+        self._bar.update(self._task, total=pieces, completed=done, description=text)
 
     def close(self) -> None:
         """Remove the bar."""

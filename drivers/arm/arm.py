@@ -101,6 +101,11 @@ class FciArm:
         return self._stamp(report), Pose(report.x, report.z, report.pitch)
 
     @property
+    def process(self) -> int | None:
+        """Process ID of the process that owns the robot; None before the first use."""
+        return None if self._bridge is None else self._bridge.process
+
+    @property
     def timing(self) -> dict[str, object]:
         """Histogram of intervals between the robot's states, once closed; empty in lock-step."""
         if self._bridge is None or self._bridge.lock_step:

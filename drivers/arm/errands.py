@@ -1,29 +1,45 @@
 """What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
 
 import signal
-from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
+
+from drivers.arm.clear_way import clear_way, solids_of
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
 from drivers.arm.process import Task
+from drivers.arm.retreat import retreat
 from drivers.arm.scheduling import schedule
-from drivers.arm.way import REST, Way
+from drivers.arm.way import follow_joints
 
 LONGEST = 180.0  # s of an errand
 
 
-def go_to(task: Task, joints: list[float], share: float, *, recover: bool = False) -> None:
+def go_to(
+    task: Task,
+    joints: list[float],
+    share: float,
+    *,
+    recover: bool = False,
+    reset_tool: bool = False,
+) -> None:
     """Bring the robot to `joints` (7,) [rad] at a `share` of the speed; waits, raises Fault.
 
-    With `recover` it is asked to leave its reflex first. Interrupting this ends the motion.
+    With `recover` it is asked to leave its reflex first, and retreats from what presses on it; with
+    `reset_tool` it is given the cell's tool, which is read back. Where the straight way meets the
+    arm itself, desk, clamp or floor, it goes around. Interrupting this ends the motion.
     """
-    _carried_out(task, {"joints": joints, "share": share, "recover": recover})
+    errand = {"joints": joints, "share": share, "recover": recover, "reset_tool": reset_tool}
+    _carried_out(task, errand)
 
 
 def hand_pose(task: Task) -> list[float]:
-    """Where the hand is, 16 numbers by columns in the robot's base; moves nothing."""
+    """Where the hand is, 16 numbers by columns in the robot's base; moves nothing.
+
+    Raises Fault, for a tool too that is not the cell's.
+    """
     pose: list[float] = _carried_out(task, {})["pose"]
     return pose
 
@@ -71,42 +87,20 @@ def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any
     robot = Robot(task.address, task.settings)
     schedule(task.settings.realtime)
     if not errand:
+        robot.require_tool()
         return {"pose": list(robot.state().O_T_EE)}
     if errand["recover"]:
         robot.recover()
     robot.require_ready()
+    if errand["reset_tool"]:
+        robot.reset_tool()
+    robot.require_tool()
+    if errand["recover"]:
+        retreat(robot, task.settings, pipe.poll)
     robot.configure(task.settings.collision)
-    share, guard = errand["share"], task.settings.guard
-    return {"joints": follow_joints(robot, errand["joints"], share, guard, pipe.poll)}
-
-
-def follow_joints(
-    robot: Any, joints: list[float], share: float, guard: float, left: Callable[[], bool]
-) -> list[float]:
-    """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left`; where it stands then.
-
-    Raises Failed at more than `guard` [N] on the hand.
-    """
-    motion = robot.start_joints()
-    state = robot.read(motion)
-    way = Way(state, joints, share)
-    while not (way.arrived and _stands(state)):
-        if left():
-            way.brake()
-        robot.write_joints(motion, way.tick())
-        state = robot.read(motion)
-        way.keep_up(state)
-        _feel(state, guard)
-    robot.write_joints(motion, list(state.q_d), last=True)
-    return list(state.q)
-
-
-def _stands(state: Any) -> bool:
-    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
-    return bool(max(abs(rate) for rate in state.dq_d) < REST)
-
-
-def _feel(state: Any, guard: float) -> None:
-    force = sum(f * f for f in state.O_F_ext_hat_K[:3]) ** 0.5
-    if force > guard:
-        raise Failed(Failure(Cause.CONTACT, f"the hand met {force:.1f} N, allowed {guard:.1f} N"))
+    guard, reached = robot.guard(), list(robot.state().q)
+    way = clear_way(np.array(reached), np.array(errand["joints"]), solids_of(task.installation))
+    for joints in way:
+        if not pipe.poll():
+            reached = follow_joints(robot, joints.tolist(), errand["share"], guard, pipe.poll)
+    return {"joints": reached}

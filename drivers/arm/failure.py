@@ -14,6 +14,7 @@ class Cause(StrEnum):
     REFLEX = "arm_reflex"
     USER_STOP = "arm_user_stop"
     CONTACT = "arm_contact"
+    PRESSED = "arm_pressed"
     NETWORK = "arm_network"
     VERSION = "arm_version"
     REALTIME = "arm_realtime"
@@ -26,12 +27,17 @@ class Cause(StrEnum):
     NOT_FINITE = "arm_pose_not_finite"
     LOST = "arm_driver_lost"
     PLACE = "arm_out_of_place"
+    WAY = "arm_way_blocked"
+    TOOL = "arm_tool_differs"
+    MODEL = "arm_limits_differ"
 
 
 REMEDY = {
     Cause.REFLEX: "look at the robot, then recover with `cell home --recover`",
     Cause.USER_STOP: "release the user stop, then start again",
     Cause.CONTACT: "look what the gripper has met, then start again",
+    Cause.PRESSED: "see what touches the arm, and the load in Desk; if it presses on something, "
+    "`cell home --recover` retreats 30 mm along the force",
     Cause.NETWORK: "check cable, address and that the robot is on, then start again",
     Cause.VERSION: "install the library that fits the robot, see runbooks/version-mismatch.md",
     Cause.REALTIME: "use a real-time kernel or allow the priority, else set fci.realtime to ignore",
@@ -43,6 +49,9 @@ REMEDY = {
     Cause.NOT_FINITE: "keep the record and look for an update of the robot",
     Cause.UNHEARD: "find what held the cell up; the arm braked by itself",
     Cause.LOST: "start again; the motion ended with the process",
+    Cause.TOOL: "nothing has moved",
+    Cause.MODEL: "nothing has moved; the cell knows the Franka Research 3 alone",
+    Cause.WAY: "nothing has moved; guide the arm by hand to where it stands free, then start again",
     Cause.PLACE: "bring the arm into the strip's plane with `cell home`",
 }
 

@@ -14,13 +14,21 @@ from drivers.types import HandState
 SOURCE = "fci hand"
 PATIENCE = 1.0  # s to connect
 STALE = 64  # datagrams taken at once
+UNSTOPPED = 0.25  # s after which a stop that changed nothing is sent again
+STOPS = 3  # of them, after which the hand is given up
+
+Motion = Callable[[int], bytes]  # a request, made of its number
 
 
 class FciHand:
     """Satisfies `drivers.protocols.Hand` over the hand's own protocol.
 
     Connects at first use, after `ready` was called: in lock-step the fingers move in the arm's
-    time. A motion under way is stopped before another begins.
+    time. No call waits for the fingers: a motion under way is stopped, and the next one begins once
+    the hand says that it has ended. A stop that goes unanswered is repeated. A hand that has not
+    been homed is homed by `open`. Whether a strip is held is judged by the width at which the
+    fingers rest, because the hand itself may miss thin things (libfranka#111), and by its own flag
+    once that was set.
     """
 
     def __init__(
@@ -39,18 +47,34 @@ class FciHand:
         self._received = bytearray()
         self._number = 0
         self._motion: int | None = None
+        self._next: list[Motion] = []  # those that wait for the end of the one under way
         self._ended: int | None = None  # the state after which the last motion's end was heard
+        self._stop_sent: float | None = None  # when, while a motion that was stopped goes on
+        self._stops = 0
+        self._homed = True  # until the hand says otherwise
+        self._closed = False  # whether the last motion was a grasp, and came to its end
+        self._flagged = False  # whether the hand itself has then reported a grasp
         self._fingers = wire.Fingers(-1, settings.opening, settings.opening, grasped=False)
         self._stamp = 0.0
 
     def open(self) -> None:
-        """Start to open."""
-        self._begin(lambda n: wire.move(n, self._settings.opening, self._settings.speed))
+        """Start to open; a hand that does not know its width is homed first."""
+        self._hear()
+        s = self._settings
+        homing: list[Motion] = [] if self._homed else [wire.homing]
+        self._begin(*homing, lambda n: wire.move(n, s.opening, s.speed))
 
     def grasp(self) -> None:
-        """Start to close on the strip's edge; does nothing while it is held."""
+        """Start to close on the strip's edge; does nothing while it is held.
+
+        Raises Fault `hand_not_homed` where the hand does not know its width.
+        """
         self._hear()
-        if not self._fingers.grasped:
+        if not self._homed:
+            raise Fault(
+                "hand_not_homed", "the hand does not know its width; `cell open` homes it, in air"
+            )
+        if not self._holds:
             s = self._settings
             self._begin(lambda n: wire.grasp(n, s.thinnest, s.thickest, s.speed, s.force))
 
@@ -62,15 +86,15 @@ class FciHand:
             arrival=self._clock.now(),
             source=SOURCE,
             width=self._fingers.width,
-            grasped=self._fingers.grasped and not self._moving,
+            grasped=self._holds and not self._moving,
             moving=self._moving,
         )
 
     def stop(self) -> None:
         """Hold the fingers where they are; a held object stays held."""
         self._hear()
-        if self._motion is not None:
-            self._send(lambda n: wire.request(wire.Command.STOP, n))
+        self._next = []
+        self._interrupt()
 
     @property
     def _moving(self) -> bool:
@@ -79,6 +103,13 @@ class FciHand:
         """
         return self._motion is not None or self._fingers.number == self._ended
 
+    @property
+    def _holds(self) -> bool:
+        """Whether the fingers came to rest on something as thick as a strip, and still do."""
+        s, fingers = self._settings, self._fingers
+        kept = fingers.grasped or not self._flagged
+        return self._closed and s.thinnest <= fingers.width <= s.thickest and kept
+
     def close(self) -> None:
         """Disconnect; calling it twice is allowed."""
         for link in (self._tcp, self._udp):
@@ -86,11 +117,38 @@ class FciHand:
                 link.close()
         self._tcp = self._udp = None
 
-    def _begin(self, made: Callable[[int], bytes]) -> None:
-        self.stop()
-        self._motion = self._send(made)
+    def _begin(self, *motions: Motion) -> None:
+        """Do `motions` one after another, once the one under way has been stopped."""
+        self._next = list(motions)
+        if self._motion is None:
+            self._go_on()
+        else:
+            self._interrupt()
 
-    def _send(self, made: Callable[[int], bytes]) -> int:
+    def _go_on(self) -> None:
+        self._closed = self._flagged = False
+        self._motion = self._send(self._next.pop(0))
+
+    def _interrupt(self) -> None:
+        """Stop the motion under way, unless that is on its way."""
+        if self._motion is not None and self._stop_sent is None:
+            self._send(lambda n: wire.request(wire.Command.STOP, n))
+            self._stop_sent, self._stops = self._clock.now(), self._stops + 1
+
+    def _insist(self) -> None:
+        """Repeat a stop after which the motion has not ended; Fault where none is heard."""
+        if self._stop_sent is None or self._clock.now() - self._stop_sent < UNSTOPPED:
+            return
+        self._stop_sent = None
+        if self._stops >= STOPS:
+            self._stops = 0
+            raise Fault(
+                "hand_not_stopped",
+                f"the hand at {self._address} goes on after {STOPS} stops; look at it and at Desk",
+            )
+        self._interrupt()
+
+    def _send(self, made: Motion) -> int:
         tcp, _ = self._links()
         self._number += 1
         try:
@@ -111,18 +169,30 @@ class FciHand:
         self._received += self._stream(tcp)
         for reply in wire.replies(self._received):
             self._end(reply)
+        self._insist()
 
     def _take(self, fingers: wire.Fingers | None) -> None:
         """Keep a state that is not the one before, sent once more."""
         if fingers is not None and fingers.number != self._fingers.number:
             self._fingers, self._stamp = fingers, self._clock.now()
+            self._homed = fingers.widest > 0
+            self._flagged |= self._closed and fingers.grasped
 
     def _end(self, reply: wire.Reply) -> None:
         if reply.number != self._motion:
             return
         self._motion, self._ended = None, self._fingers.number
+        self._stop_sent, self._stops = None, 0
         if reply.status == wire.Status.FAIL:
+            self._next = []
             raise Fault("hand_failed", "the hand could not do what it was told; look at Desk")
+        if reply.command == wire.Command.HOMING and reply.status == wire.Status.UNSUCCESSFUL:
+            self._next = []
+            raise Fault("hand_not_homed", "the hand could not be homed; free its fingers")
+        ended = reply.status in (wire.Status.SUCCESS, wire.Status.UNSUCCESSFUL)
+        self._closed = ended and reply.command == wire.Command.GRASP
+        if self._next:
+            self._go_on()
 
     def _stream(self, tcp: socket.socket) -> bytes:
         try:
@@ -139,15 +209,15 @@ class FciHand:
         if self._tcp is None or self._udp is None:
             self._ready()
             try:
-                self._tcp, self._udp = _connected(self._address)
+                self._tcp, self._udp, first = _connected(self._address)
             except OSError as error:
                 raise _lost(self._address, error) from error
-            self._stamp = self._clock.now()
+            self._stamp, self._homed = self._clock.now(), first.widest > 0
         return self._tcp, self._udp
 
 
-def _connected(address: str) -> tuple[socket.socket, socket.socket]:
-    """Connections (TCP and UDP) to the hand at `address`, after its first state."""
+def _connected(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
+    """Connections (TCP and UDP) to the hand at `address`, and its first state."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tcp = socket.create_connection((address, wire.PORT), PATIENCE)
     with suppress(OSError):
@@ -166,9 +236,12 @@ def _connected(address: str) -> tuple[socket.socket, socket.socket]:
             f"the hand at {address} speaks version {answers[0].version} of its interface, "
             f"the cell speaks {wire.VERSION}; update the robot's system image or the cell",
         )
+    udp.settimeout(PATIENCE)
+    while (first := wire.state(udp.recv(256))) is None:
+        continue
     tcp.setblocking(False)
     udp.setblocking(False)
-    return tcp, udp
+    return tcp, udp, first
 
 
 def _packet(udp: socket.socket) -> bytes | None:

@@ -63,6 +63,11 @@ def connect(number: int, port: int) -> bytes:
     return request(Command.CONNECT, number, struct.pack("<HH", VERSION, port))
 
 
+def homing(number: int) -> bytes:
+    """Close and open the fingers, after which the hand knows their width."""
+    return request(Command.HOMING, number)
+
+
 def move(number: int, width: float, speed: float) -> bytes:
     """Move the fingers to `width` [m] at `speed` [m/s]."""
     return request(Command.MOVE, number, struct.pack("<2d", width, speed))

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from drivers.arm.departure import Departure
 from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.force import Drift, ForceGuard
 from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
@@ -58,6 +59,7 @@ class Loop:
         now: Callable[[], float],
         *,
         lock_step: bool = True,
+        guard: ForceGuard | None = None,
     ) -> None:
         self._robot = robot
         self._settings = settings
@@ -66,6 +68,8 @@ class Loop:
         self._reports = reports
         self._now = now
         self._lock_step = lock_step
+        self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
+        self._drift = Drift(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
         self._beat, self._unheard = -1, 0
         self._new = False  # whether a command has come since the last look ahead
@@ -169,11 +173,11 @@ class Loop:
             raise Failed(Failure(Cause.COMMAND, str(fault))) from fault
 
     def _feel(self, state: Any) -> None:
-        """Brake when the force on the gripper exceeds the guard's limit."""
-        force = hypot(*state.O_F_ext_hat_K[:3])
-        limit = self._settings.guard
-        if force > limit:
-            self._halt(Cause.CONTACT, f"the gripper met {force:.1f} N, allowed {limit:.1f} N")
+        """Brake for a force beyond its guard, or one that is there at rest."""
+        objection = self._touch.objection(state)
+        objection = objection or self._drift.objection(state, moving=self._profile.moving)
+        if objection:
+            self._halt(Cause.CONTACT, objection)
 
     def _keep_up(self, state: Any, sent: list[float]) -> None:
         """Go on from the robot's own setpoint when that is not the one that was `sent`.
@@ -232,7 +236,7 @@ class Loop:
                 *here,
                 *rate,
                 *self._position,
-                *self._plane.force(state.O_F_ext_hat_K),
+                *self._plane.force(self._touch.felt(state)),
                 self._plane.place(pose)[1],
                 self.success,
                 self._profile.moving or not calm,

@@ -31,8 +31,9 @@ class Report(NamedTuple):
     """The newest state: after `ticks` of the motion, at `arrival` [s] of the shared clock.
 
     Measured pose and velocity and commanded pose in the cell frame; `fx`, `fz` force on the gripper
-    [N]; `off_plane` distance from the strip's plane [m]; `success` the robot's own rate of commands
-    received in time; the rest are flags and the `number` of the last command taken.
+    beyond its tare [N]; `off_plane` distance from the strip's plane [m]; `success` the robot's own
+    rate of commands received in time; the rest are flags and the `number` of the last command
+    taken.
     """
 
     ticks: int

@@ -88,6 +88,7 @@ class StripPlane:
         pose_aside = [self.place(columns)[1], *(self._axes @ lean)[[0, 2]].tolist()]
         velocity, velocity_aside = self._parted(moved, twist[3:])
         acceleration, acceleration_aside = self._parted(gained, change[3:])
+        _with_pitch(pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2])
         return Course(
             (x, z, pitch), velocity, acceleration,
             pose_aside, velocity_aside, acceleration_aside,
@@ -130,6 +131,18 @@ class StripPlane:
     def force(self, wrench: Numbers) -> tuple[float, float]:
         """f_x, f_z [N] in the cell frame of a wrench (6,) in the base."""
         return _dot(self._along, wrench), _dot(self._up, wrench)
+
+
+def _with_pitch(
+    place: Numbers, rate: Numbers, change: Numbers, turning: float, gaining: float
+) -> None:
+    """Make rates and changes of the two angles beside the plane of what the hand's turning is about
+    axes that do not pitch with it: to first order in the angles.
+    """
+    rate[1] -= place[2] * turning
+    rate[2] += place[1] * turning
+    change[1] -= rate[2] * turning + place[2] * gaining
+    change[2] += rate[1] * turning + place[1] * gaining
 
 
 def _pitch(along: float, up: float) -> float:

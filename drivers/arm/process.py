@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
+from drivers.arm.by_joints import ByJoints
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
 from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop
@@ -50,15 +51,17 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     robot = Robot(task.address, task.settings)
     schedule(task.settings.realtime)
     robot.require_ready()
+    robot.require_tool()
     robot.configure(task.settings.collision)
     loop = Loop(
-        robot,
+        ByJoints(robot),
         task.settings,
         task.installation,
         Latest(orders, Order, ORDER_LAYOUT),
         Latest(reports, Report, REPORT_LAYOUT),
         clock.now,
         lock_step=task.lock_step,
+        guard=robot.guard(),
     )
     loop.begin()
     pipe.send_bytes(encoded({"ready": True}))

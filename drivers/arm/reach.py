@@ -57,14 +57,21 @@ class Reach:
         return not self.problems
 
 
-def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
+def plan_reach(
+    installation: Installation,
+    path: Array,
+    speeds: Array,
+    elbows: tuple[float, ...] = ELBOWS,
+) -> Reach:
     """The best posture sequence with which the arm follows `path` (n, 3) at `speeds` (n,) [m/s].
 
-    The elbow angle is constant on the whole path. Both hand orientations and several elbow angles
-    are tried; the one without problems and with the largest margin wins, else the one that gets
+    The elbow angle is constant on the whole path. Both hand orientations and all `elbows` [rad] are
+    tried; the one without problems and with the largest margin wins, else the one that gets
     furthest.
     """
-    ways = [way for turned in (False, True) for way in _ways(installation, path, speeds, turned)]
+    ways = [
+        way for turned in (False, True) for way in _ways(installation, path, speeds, turned, elbows)
+    ]
     if not ways:
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
@@ -72,10 +79,16 @@ def plan_reach(installation: Installation, path: Array, speeds: Array) -> Reach:
     return max(ways, key=lambda way: (way.allowed, way.followed, way.margin))
 
 
-def _ways(installation: Installation, path: Array, speeds: Array, turned: bool) -> Iterator[Reach]:
+def _ways(
+    installation: Installation,
+    path: Array,
+    speeds: Array,
+    turned: bool,
+    elbows: tuple[float, ...],
+) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = dense(path, speeds)
-    for elbow in ELBOWS:
+    for elbow in elbows:
         seed = HOME + frozen([-elbow, 0, elbow, 0, 0, 0, 0])
         try:
             near = solve(plane.matrix(*poses[0].tolist()), seed)

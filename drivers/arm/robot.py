@@ -11,11 +11,13 @@ from typing import Any, Protocol
 
 import pylibfranka as franka
 
+from drivers.arm.description import LIBRARY_VERSION, PORT, read_description, require_limits
 from drivers.arm.failure import Cause, Failed, Failure, one_line
+from drivers.arm.force import ForceGuard, Tare
 from drivers.arm.settings import CollisionSettings, FciSettings
+from drivers.arm.tool import UNIT, require_tool
 
-LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
-PORT = 1337
+TARED = 50  # states, of which the force at rest is the mean
 PROBE = 0.5  # s for a robot to tell its version
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -47,7 +49,10 @@ class Robot:
     """One connection to a robot; every library error is raised as Failed."""
 
     def __init__(self, address: str, settings: FciSettings) -> None:
-        """Connect in the real-time mode of `settings` and configure what requires standstill."""
+        """Connect in the real-time mode of `settings`; Failed for a robot of other limits."""
+        description = read_description(address)
+        if description is not None:
+            require_limits(description)
         enforce = settings.realtime == "enforce"
         mode = franka.RealtimeConfig.kEnforce if enforce else franka.RealtimeConfig.kIgnore
         with _named(lambda _: _mismatch(address)), _scheduler_kept(restore=not enforce):
@@ -67,8 +72,23 @@ class Robot:
         if failure is None and state.robot_mode != franka.RobotMode.Idle:
             mode = state.robot_mode.name
             failure = Failure(Cause.REFUSED, f"the robot is not at rest and free, but in {mode}")
+        if failure is None and bool(state.current_errors):
+            failure = Failure(
+                Cause.REFLEX, "the robot reports errors", _flags(state.current_errors)
+            )
         if failure is not None:
             raise Failed(failure)
+
+    def require_tool(self) -> None:
+        """Raise Failed for a tool or load that is not the cell's."""
+        require_tool(self.state(), self._settings.tool)
+
+    def reset_tool(self) -> None:
+        """Set end effector and stiffness frame to the nominal ones, and no load."""
+        with _named(self._stopped):
+            self._robot.set_EE(UNIT)
+            self._robot.set_K(UNIT)
+            self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
 
     def configure(self, collision: CollisionSettings) -> None:
         """Set the thresholds of the reflexes; the robot refuses it in motion."""
@@ -77,6 +97,15 @@ class Robot:
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
         with _named(self._stopped):
             self._robot.set_collision_behavior(lower, upper, soft, hard)
+
+    def guard(self) -> ForceGuard:
+        """The guards of a motion from here, beyond what the robot at rest feels; Failed where that
+        is too much.
+        """
+        states = [self.state() for _ in range(TARED)]
+        settings = self._settings
+        tare = Tare.of(states, settings.rest)
+        return ForceGuard(settings.guard, settings.guard_torque, tare)
 
     def recover(self) -> None:
         """Recover from a reflex."""
@@ -126,12 +155,17 @@ class Robot:
 def failure_in(state: Any) -> Failure | None:
     """Why a robot in `state` cannot move; None when it can."""
     flagged = state.current_errors if bool(state.current_errors) else state.last_motion_errors
-    errors = tuple(name for name in ERRORS if getattr(flagged, name))
+    errors = _flags(flagged)
     if state.robot_mode == franka.RobotMode.UserStopped:
         return Failure(Cause.USER_STOP, "the robot's user stop is pressed", errors)
     if state.robot_mode == franka.RobotMode.Reflex:
         return Failure(Cause.REFLEX, "the robot has stopped by reflex", errors)
     return None
+
+
+def _flags(flagged: Any) -> tuple[str, ...]:
+    """Names of the errors that are set."""
+    return tuple(name for name in ERRORS if getattr(flagged, name))
 
 
 @contextmanager

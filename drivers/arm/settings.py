@@ -10,6 +10,8 @@ from drivers.settings import Settings
 
 RealTime = Literal["enforce", "priority", "ignore"]
 Force = Annotated[float, Field(gt=0, le=100)]
+PRESSED, LAYERS, LOOSE = 0.5, 2.0, 0.001  # share of a thickness, layers of a hem, m
+Length = Annotated[float, Field(ge=-0.5, le=0.5)]
 
 
 class CollisionSettings(Settings):
@@ -27,14 +29,37 @@ class CollisionSettings(Settings):
     moment_upper: float = Field(25.0, gt=0, le=100)
 
 
+class ToolSettings(Settings):
+    """The Franka Hand as Desk states it: `mass` [kg] and `centre` of mass [m] in the flange.
+
+    No load is carried: a strip weighs less than the force is known.
+    """
+
+    mass: float = Field(0.73, gt=0, le=3)
+    centre: tuple[Length, Length, Length] = (-0.01, 0.0, 0.03)
+
+
 class HandLimits(Settings):
-    """Settings of the Franka Hand: widths [m], speed [m/s], grasp force [N]."""
+    """Settings of the Franka Hand: widths [m], speed [m/s], grasp force [N].
+
+    A strip counts as held from `thinnest` to `thickest`. The maker states that a grasp applies at
+    least 30 N (libfranka#111).
+    """
 
     opening: float = Field(0.04, ge=0.01, le=0.08)
     speed: float = Field(0.08, gt=0, le=0.1)
-    force: float = Field(10.0, gt=0, le=70)
-    thinnest: float = Field(0.0003, ge=0.0001, le=0.01)  # of what counts as held
+    force: float = Field(30.0, ge=30, le=70)
+    thinnest: float = Field(0.0001, ge=0.0001, le=0.01)
     thickest: float = Field(0.006, ge=0.0005, le=0.02)
+
+    def around(self, low: float, high: float) -> "HandLimits":
+        """The window narrowed to a fabric that calipers found `low` to `high` [m] thick.
+
+        The fingers press harder than calipers; a hem has two layers.
+        """
+        thinnest = max(self.thinnest, PRESSED * low)
+        thickest = max(min(self.thickest, LAYERS * high + LOOSE), thinnest)
+        return self.model_copy(update={"thinnest": thinnest, "thickest": thickest})
 
 
 REACHABLE = MotionLimits(
@@ -51,21 +76,26 @@ class FciSettings(Settings):
     with one, only a twin that was started in lock-step can be driven so. `realtime` enforce
     requires a real-time kernel, as the manufacturer does; priority only that the user may have
     real-time priority, which the process that owns the loop takes; ignore neither. The arm brakes
-    at `guard` [N] on the gripper, before the robot's own reflex. `limits` hold where they are lower
-    than the cell's: the joints accelerate at 10 rad/s^2 at most, which bounds the gripper most
-    where the arm is stretched.
+    at `guard` [N] on the gripper and at `guard_torque` [N m] at a joint, before the robot's own
+    reflex: beyond what it felt at rest before the motion, at most `rest` [N]. Where it rests again,
+    it may feel `drift` [N]. `limits` hold where they are lower than the cell's: the joints
+    accelerate at 10 rad/s^2 at most, which bounds the gripper most where the arm is stretched.
     """
 
     address: str | None = Field(None, pattern=r"^[A-Za-z0-9.:-]+$")
     lock_step: bool | None = None
     realtime: RealTime = "enforce"
     guard: Force = 15.0
+    guard_torque: float = Field(15.0, gt=0, le=87)
+    rest: Force = 10.0
+    drift: Force = 8.0
     limits: MotionLimits = REACHABLE
     silence: float = Field(0.25, ge=0.1, le=1.0)  # of the cell, after which the arm brakes
     answer: float = Field(1.6, ge=1.2, le=1.8)  # of the robot, after which it is given up
     start: float = Field(30.0, ge=2.0, le=60.0)  # to connect, all in all
     collision: CollisionSettings = CollisionSettings()
     hand: HandLimits = HandLimits()
+    tool: ToolSettings = ToolSettings()
 
     @property
     def in_lock_step(self) -> bool:

@@ -6,11 +6,13 @@ goal for ever. Step by step the speed falls in proportion to the distance that i
 more slowly than any such delay, so that each step is right whatever became of the last.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import ruckig
 
 from drivers.arm.failure import Cause, Failed, Failure
+from drivers.arm.force import ForceGuard
 from drivers.motion import TICK
 
 JOINTS = 7
@@ -33,6 +35,21 @@ class Course(NamedTuple):
     place: Numbers
     rate: Numbers
     change: Numbers
+
+
+def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
+    """Where the robot's setpoint is in `state`, so many `ticks` after it was `before`, if it was
+    `sent` joints (7,) meanwhile: more exactly than the rounded state says.
+    """
+    told = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+    heard = _apart(told.change, before.change) > SAME
+    place = sent if heard else before.place
+    for ago in range(max(ticks - 1, 0) if heard else ticks):
+        place = [
+            p + TICK * (rate - ago * TICK * change)
+            for p, rate, change in zip(place, told.rate, told.change, strict=True)
+        ]
+    return told if _apart(told.place, place) > UNHEARD else told._replace(place=place)
 
 
 class Way:
@@ -70,17 +87,10 @@ class Way:
         Its state is rounded, and a rounding of 1e-7 rad in one tick is 0.1 rad/s^2. But a robot
         that has heard nothing keeps its acceleration, so where it is follows from what it heard.
         """
-        now, told = state.time.to_sec(), Course(state.q_d, state.dq_d, state.ddq_d)
+        now = state.time.to_sec()
         ticks, self._time = round((now - self._time) / TICK), now
-        self._missed = self._missed or ticks != 1 or _apart(told.place, self._sent) > UNHEARD
-        heard = _apart(told.change, self._here.change) > SAME
-        place = self._sent if heard else self._here.place
-        for ago in range(max(ticks - 1, 0) if heard else ticks):
-            place = [
-                p + TICK * (rate - ago * TICK * change)
-                for p, rate, change in zip(place, told.rate, told.change, strict=True)
-            ]
-        self._here = told if _apart(told.place, place) > UNHEARD else told._replace(place=place)
+        self._missed = self._missed or ticks != 1 or _apart(state.q_d, self._sent) > UNHEARD
+        self._here = go_on(self._here, self._sent, state, ticks)
 
     def brake(self) -> None:
         """Come to rest wherever that is."""
@@ -101,8 +111,10 @@ class Way:
     def _step(self) -> Numbers:
         wanted = [0.0] * JOINTS
         if self._goal is not None:
-            away = (end - place for end, place in zip(self._goal, self._here.place, strict=True))
-            wanted = [_within(NEARING * distance, self._speed) for distance in away]
+            away = [end - p for end, p in zip(self._goal, self._here.place, strict=True)]
+            most = NEARING * max(map(abs, away))
+            slowed = NEARING * min(1.0, self._speed / most) if most else 0.0
+            wanted = [slowed * distance for distance in away]  # straight, as the plan
         return [self._joint(*joint) for joint in zip(*self._here, wanted, strict=True)]
 
     def _joint(self, place: float, rate: float, change: float, wanted: float) -> float:
@@ -111,12 +123,47 @@ class Way:
         return place + TICK * (rate + TICK * change)
 
 
+def follow_joints(
+    robot: Any,
+    joints: Numbers,
+    share: float,
+    guard: ForceGuard,
+    left: Callable[[], bool],
+    enough: Callable[[Any], bool] = lambda _: False,
+) -> Numbers:
+    """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
+    where it stands then.
+
+    Raises Failed at what the `guard` objects to.
+    """
+    motion = robot.start_joints()
+    state = robot.read(motion)
+    way = Way(state, joints, share)
+    while not (way.arrived and _stands(state)):
+        if left() or enough(state):
+            way.brake()
+        robot.write_joints(motion, way.tick())
+        state = robot.read(motion)
+        way.keep_up(state)
+        objection = guard.objection(state)
+        if objection:
+            raise Failed(Failure(Cause.CONTACT, objection))
+    robot.write_joints(motion, list(state.q_d), last=True)
+    return list(state.q)
+
+
+def _stands(state: Any) -> bool:
+    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    return bool(max(abs(rate) for rate in state.dq_d) < REST)
+
+
 def _apart(these: Numbers, those: Numbers) -> float:
     return max(abs(a - b) for a, b in zip(these, those, strict=True))
 
 
 def _plan(start: Numbers, goal: Numbers, share: float) -> Any:
     plan = ruckig.InputParameter(JOINTS)
+    plan.synchronization = ruckig.Synchronization.Phase  # straight from start to goal
     plan.current_position, plan.target_position = start, goal
     plan.current_velocity = plan.current_acceleration = [0.0] * JOINTS
     plan.max_velocity = [share * SPEED] * JOINTS

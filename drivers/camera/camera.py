@@ -67,7 +67,7 @@ class V4l2Camera:
         if arrived is None:
             return None
         if self._newest is None or self._newest.sequence != arrived.sequence:
-            self._newest = self._decoded(arrived, self._drain.counts) or self._newest
+            self._newest = self._decode(arrived, self._drain.counts) or self._newest
         return self._newest if self._newest and self._newest.stamp > after else None
 
     def close(self) -> None:
@@ -76,7 +76,7 @@ class V4l2Camera:
             self._drain.close()
             self._drain = None
 
-    def _decoded(self, arrived: Arrived, counts: Counts) -> CameraFrame | None:
+    def _decode(self, arrived: Arrived, counts: Counts) -> CameraFrame | None:
         """The decoded frame, or None where its bytes are not a picture."""
         image = arrived.picture.decode(arrived.capture.content)
         if image is None:

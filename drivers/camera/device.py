@@ -1,18 +1,47 @@
 """An open V4L2 device: ioctl requests with named errors, identity, formats."""
 
 import errno
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Self, TypeVar
 
 from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Request
 from drivers.camera.errors import CameraLost, CameraRefused, named
 from drivers.camera.kernel import Kernel
-from drivers.camera.users import users_of
 
 A = TypeVar("A", bound=Argument)
 
 NO_MORE = frozenset({errno.EINVAL, errno.ENOTTY})
+
+
+NOBODY_KNOWN = "another program of a user whose processes are hidden"
+
+
+def users_of(device: str, processes: Path = Path("/proc")) -> str:
+    """Names and numbers of the other processes that hold `device`, as far as they may be seen."""
+    node = os.path.realpath(device)
+    found = [
+        f"{_name(process)} (process {process.name})"
+        for process in sorted(processes.glob("[0-9]*"))
+        if process.name != str(os.getpid()) and _holds(process, node)
+    ]
+    return ", ".join(found) or NOBODY_KNOWN
+
+
+def _holds(process: Path, node: str) -> bool:
+    try:
+        return any(str(entry.readlink()) == node for entry in (process / "fd").iterdir())
+    except OSError:
+        return False  # ended meanwhile, or not ours to look at
+
+
+def _name(process: Path) -> str:
+    try:
+        return (process / "comm").read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return "a program"
 
 
 @dataclass(frozen=True, slots=True)

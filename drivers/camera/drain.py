@@ -140,14 +140,14 @@ class Drain:
             self.counts.corrupt += 1
             return
         self._last_whole, self._patience = capture.taken, self._settings.stall
-        arrived = self._placed(session, capture)
+        arrived = self._place(session, capture)
         self.counts.arrived += 1
         self.counts.restamped += arrived.source is StampSource.DEQUEUE
         with self._changed:
             self._newest, self._recovered = arrived, True
             self._changed.notify_all()
 
-    def _placed(self, session: Session, capture: Capture) -> Arrived:
+    def _place(self, session: Session, capture: Capture) -> Arrived:
         """The capture with times on the cell's clock; stamps increase and never lie after the
         arrival.
         """

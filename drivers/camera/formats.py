@@ -30,18 +30,18 @@ JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 Decoder = Callable[[Image], Image]
 
 
-def _converted(code: int) -> Decoder:
+def _convert(code: int) -> Decoder:
     return lambda pixels: np.asarray(cv2.cvtColor(pixels, code), np.uint8)
 
 
 # A Bayer pattern is named by its first row and the one below it: RGGB has red at (0, 0).
 RAW: dict[str, tuple[int, Decoder]] = {
-    "YUYV": (2, _converted(cv2.COLOR_YUV2BGR_YUYV)),
-    "GREY": (1, _converted(cv2.COLOR_GRAY2BGR)),
-    "RGGB": (1, _converted(cv2.COLOR_BayerRGGB2BGR)),
-    "GRBG": (1, _converted(cv2.COLOR_BayerGRBG2BGR)),
-    "BA81": (1, _converted(cv2.COLOR_BayerBGGR2BGR)),
-    "GBRG": (1, _converted(cv2.COLOR_BayerGBRG2BGR)),
+    "YUYV": (2, _convert(cv2.COLOR_YUV2BGR_YUYV)),
+    "GREY": (1, _convert(cv2.COLOR_GRAY2BGR)),
+    "RGGB": (1, _convert(cv2.COLOR_BayerRGGB2BGR)),
+    "GRBG": (1, _convert(cv2.COLOR_BayerGRBG2BGR)),
+    "BA81": (1, _convert(cv2.COLOR_BayerBGGR2BGR)),
+    "GBRG": (1, _convert(cv2.COLOR_BayerGBRG2BGR)),
 }
 
 

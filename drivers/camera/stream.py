@@ -79,7 +79,7 @@ class Stream:
             if error.errno == errno.EINVAL:  # the queue has stopped by itself
                 raise CameraFaulty(device.path, "the kernel stopped the stream") from None
             raise named(error, device.path, "taking a frame", "") from None
-        capture = self._copied(buffer)
+        capture = self._copy(buffer)
         self._give(buffer.index)
         return capture
 
@@ -104,11 +104,11 @@ class Stream:
         if count < FEWEST:
             raise CameraFaulty(device.path, f"gave {count} buffers of {buffers}")
         for index in range(count):
-            self._mappings.append(self._shared(index))
+            self._mappings.append(self._share(index))
             self._give(index)
         device.call(Request.STREAMON, Number(CAPTURE), "starting the stream")
 
-    def _shared(self, index: int) -> Mapping:
+    def _share(self, index: int) -> Mapping:
         device = self._device
         asked = Buffer(index=index, type=CAPTURE, memory=MMAP)
         said = device.call(Request.QUERYBUF, asked, "asking for a buffer")
@@ -121,7 +121,7 @@ class Stream:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)
         self._device.call(Request.QBUF, buffer, "giving a buffer back")
 
-    def _copied(self, buffer: Buffer) -> Capture:
+    def _copy(self, buffer: Buffer) -> Capture:
         """Sequence, flags and bytes as they are now: giving the buffer back rewrites them."""
         time = buffer.timestamp
         return Capture(

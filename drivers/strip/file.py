@@ -4,13 +4,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
-from drivers.settings import Settings
+from drivers.settings import Metres, Seconds, Settings, Unit
 
 GRAVITY = 9.81  # m/s^2
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
 PAPER_SPACING = 0.002  # m
 
 Positive = Annotated[float, Field(gt=0)]
+ArealDensity = Annotated[float, Unit("kg/m^2")]
 Channel = Annotated[int, Field(ge=0, le=255)]
 
 
@@ -32,12 +33,12 @@ class StripFile(Settings):
     schema_: Literal[1] = Field(1, alias="schema")
     kind: Literal["strip"] = "strip"
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
-    length: float = Field(ge=0.1, le=2.0)  # m, fixed edge to grasped edge
-    width: float = Field(gt=0, le=1.0)  # m
-    areal_density: float = Field(gt=0, le=50.0)  # kg/m^2; the paper's spheres make 33
-    bending_length: float = Field(ge=0.002, le=0.2)  # m, (B / areal weight)^(1/3)
-    retardation_time: float = Field(ge=0, le=10.0)  # s, Kelvin-Voigt
-    thickness: float = Field(0.001, gt=0, le=0.02)  # m
+    length: Metres = Field(ge=0.1, le=2.0)  # fixed edge to grasped edge
+    width: Metres = Field(gt=0, le=1.0)
+    areal_density: ArealDensity = Field(gt=0, le=50.0)  # the paper's spheres make 33
+    bending_length: Metres = Field(ge=0.002, le=0.2)  # (B / areal weight)^(1/3)
+    retardation_time: Seconds = Field(ge=0, le=10.0)  # Kelvin-Voigt
+    thickness: Metres = Field(0.001, gt=0, le=0.02)
     colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
     law: dict[str, float] = Field(default_factory=dict, exclude_if=lambda law: not law)

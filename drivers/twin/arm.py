@@ -72,7 +72,7 @@ class TwinArm:
             arrival=self._clock.now(),
             source=SOURCE,
             pose=self._measured(),
-            velocity=Velocity(*self._reported()[3:]),
+            velocity=Velocity(*self._report()[3:]),
             commanded=self._profile.pose,
             moving=self._profile.moving or not self._settled,
             expired=self._profile.expired,
@@ -130,7 +130,7 @@ class TwinArm:
         self._actual = [a + s for a, s in zip(self._actual, step, strict=True)]
         self._rate = [s / TICK for s in step]
 
-    def _reported(self) -> list[float]:
+    def _report(self) -> list[float]:
         """Pose and rate (6,) that the arm can report at this time."""
         ticks = max(self._delay, 0.0) / TICK
         whole = int(ticks)
@@ -140,14 +140,14 @@ class TwinArm:
     @property
     def _settled(self) -> bool:
         commanded = self._profile.pose
-        x, z, pitch, *_ = self._reported()
+        x, z, pitch, *_ = self._report()
         behind = hypot(commanded.x - x, commanded.z - z, commanded.pitch - pitch)
         return behind <= SETTLED
 
     def _measured(self) -> Pose:
         """The robot's measurement, transformed to the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
-        x, z, pitch, *_ = self._reported()
+        x, z, pitch, *_ = self._report()
         pose = self._cell_in_robot.to_robot(x, z, pitch + noise[3])
         pose[:3, 3] += noise[:3]
         return Pose(*self._cell_in_robot.to_cell(pose))

@@ -115,7 +115,7 @@ def _show(
         return
     x, y = _on_board(optics, pose, (left, top, right, bottom))
     scale = max(2.5 * optics.focal / depth * square, 24.0)
-    print_, share = _sampled(board, x / square, y / square, round(scale))
+    print_, share = _sample(board, x / square, y / square, round(scale))
     part = image[top:bottom, left:right]
     paper = print_[..., None] * glow[top:bottom, left:right]
     part[:] = np.minimum(part + share[..., None] * (paper - part) + 0.5, 255)
@@ -138,7 +138,7 @@ def _on_board(
     return x, y
 
 
-def _sampled(
+def _sample(
     board: cv2.aruco.CharucoBoard, x: Pixels, y: Pixels, scale: int
 ) -> tuple[Pixels, Pixels]:
     """Grey level of the print and coverage of the pixel, at x, y [squares]."""

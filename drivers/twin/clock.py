@@ -70,11 +70,11 @@ class TwinClock:
         if nanoseconds(period) < 1:
             raise CellError(f"clock: a period of {period} s is too short; use 1 ns or more")
         begin = self.now() if start is None else start
-        return self._push(Event(action, turn, self._numbered(), begin, period, count=1))
+        return self._push(Event(action, turn, self._number(), begin, period, count=1))
 
     def at(self, time: float, action: Action, turn: Turn) -> Event:
         """Call `action(now)` once at `time` [s], or as soon as the clock moves when it is past."""
-        return self._push(Event(action, turn, self._numbered(), max(time, self.now()), None))
+        return self._push(Event(action, turn, self._number(), max(time, self.now()), None))
 
     def wait_until(self, time: float) -> None:
         """Run every event up to and including `time` [s]; return at once when it is past.
@@ -104,7 +104,7 @@ class TwinClock:
             self._now = max(self._now, due)
             event.action(self._now / NANO)
 
-    def _numbered(self) -> int:
+    def _number(self) -> int:
         self._numbers += 1
         return self._numbers
 

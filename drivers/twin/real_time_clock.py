@@ -19,7 +19,7 @@ class RealTimeClock:
     slower than the wall falls behind `now`, and so do the arm's stamps, which a monitor checks.
 
     With `patience` [s] a late caller is kept no longer than that, and the world catches up when
-    there is time: right for a robot that is not part of the world and must be told where to go.
+    there is time: right for a robot that is not part of the world and must be sent where to go.
     """
 
     def __init__(self, twin: TwinClock, patience: float = math.inf) -> None:

@@ -96,11 +96,13 @@ class ArmSettings(Settings):
     """The twin's arm. Lengths [m], angles [rad], times [s].
 
     It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
-    sigma).
+    sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead.
     """
 
     home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
     lag: float = Field(0.004, ge=0, le=0.1)
+    robot_delay: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)
+    robot_lag: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)
     noise: float = Field(2e-5, ge=0, le=0.005)
     pitch_noise: float = Field(1e-4, ge=0, le=0.05)
 

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.bias import IN_ROD, Bias
 from policies.adaptive.critic import Critic, Judgement, middle
 from policies.adaptive.features import USUAL, Features
-from policies.adaptive.roll import wanted
 from policies.adaptive.steering import Steering
+from policies.adaptive.transfer import Transfer
 from policies.foretelling import Foretold
 from policies.path import Path, unpushed
 from policies.policy import Decision, Observation
@@ -47,10 +46,11 @@ class Adaptive:
 
     name = "adaptive"
 
-    def __init__(self, critic: Critic, bias: Bias = IN_ROD) -> None:
-        """With the `bias` that `critic` has where it folds."""
+    def __init__(self, critic: Critic, transfer: Transfer | None = None) -> None:
+        """With the `transfer` of `critic` to where it folds; None in the rod."""
         self.critic = critic
-        self.bias = bias
+        self.transfer = transfer or Transfer()
+        self._seen, self._unseen = 0.0, 0.0
         self.judgement: Judgement | None = None
         self._recent: deque[Judgement] = deque(maxlen=TOLD)
         self.blind: NDArray[np.bool_] = np.zeros(0, dtype=bool)
@@ -59,6 +59,12 @@ class Adaptive:
         self._steering = Steering(USUAL, SPEED, 1)
         self._features = Features(USUAL, 1)
         self._fold: Fold = _begun(USUAL, 1, critic.memory)
+
+    def correct(self, seen: float, unseen: float) -> None:
+        """Expect displacements `seen` [m] above the critic's in images, and `unseen` [m] above
+        those in truth.
+        """
+        self._seen, self._unseen = seen, unseen
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Forget; prepare to fold `count` strips of the length of `strip` at `speed` [m/s].
@@ -87,10 +93,10 @@ class Adaptive:
         if not self._recent:
             return None
         judged = middle(self._recent)
-        bias = self.bias.of(judged.belief, self._thickness)
+        bias = self.transfer.bias.of(judged.belief, self._thickness)
         return Foretold(
-            displacement=float(judged.displacement[0] - bias[0]),
-            sigma=float(self.bias.sigma_of(judged.sigma, self._thickness)[0]),
+            displacement=float(judged.displacement[0] - bias[0] + self._seen),
+            sigma=float(self.transfer.bias.sigma_of(judged.sigma, self._thickness)[0]),
             **judged.belief.first(),
             blind=bool(self.blind[0]),
         )
@@ -118,8 +124,9 @@ class Adaptive:
 
     def _moved(self, judgement: Judgement, time: Array) -> Array:
         """The rises (n,) at which d is as wanted, approached smoothly."""
-        bias = self.bias.of(judgement.belief, self._thickness)
-        missing = wanted(judgement.belief) + bias - judgement.displacement
+        bias = self.transfer.bias.of(judgement.belief, self._thickness)
+        aim = self.transfer.roll.aim(judgement.belief) - self._seen - self._unseen
+        missing = aim + bias - judgement.displacement
         rise = self.rise + missing / judgement.slope
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)

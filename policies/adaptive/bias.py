@@ -1,7 +1,8 @@
-"""Displacement that the critic foresees minus the one that comes, where folds differ from those of
+"""Displacement that the critic predicts minus the one that comes, where folds differ from those of
 its training.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from drivers.types import Array
 from policies.adaptive.critic import Belief
 
-LENGTH = np.log(0.02)  # ln of m, about which the fit is made
+LENGTH = math.log(0.02)  # ln of m, about which the fit is made
 THICKNESS = 1e-3  # m, likewise
 
 
@@ -30,18 +31,18 @@ class Bias:
 
     def of(self, belief: Belief, thickness: float | None) -> Array:
         """Bias (n,) [m] for n folds of this `belief`; `thickness` [m] is None where not known."""
-        length = belief.log_bending_length[:, 0] - LENGTH
-        beyond = 0.0 if thickness is None else thickness - THICKNESS
-        return np.asarray(self.always + self.of_length * length + self.of_thickness * beyond)
+        beyond = np.array(0.0 if thickness is None else thickness - THICKNESS)
+        terms = bias_terms(belief.log_bending_length[:, 0], beyond)
+        return np.asarray(terms @ np.array([self.always, self.of_length, self.of_thickness]))
 
     def sigma_of(self, sigma: Array, thickness: float | None) -> Array:
-        """Sigma (n,) [m] of what is left, where the critic tells `sigma` (n,) [m]."""
+        """Sigma (n,) [m] of what is left, where the critic states `sigma` (n,) [m]."""
         return np.hypot(self.sigma * sigma, self.unmeasured if thickness is None else 0.0)
 
 
-IN_ROD = Bias()
-"""Of folds like those of the training."""
-THROUGH_IMAGES = Bias(0.66e-3, -1.05e-3, 0.47, sigma=1.0, unmeasured=0.6e-3)
-"""Of folds of the chain through images: least squares over 46 folds of smooth and rough strips,
-0.5 mm rms (`python -m tests.benchmarks.measure_unknown --calipers`).
-"""
+def bias_terms(log_length: Array, beyond: Array) -> Array:
+    """Terms (n, 3) of the bias, by ln of the bending length (n,) and the thickness beyond 1 mm
+    (n,) [m].
+    """
+    length, beyond = np.broadcast_arrays(log_length - LENGTH, beyond)
+    return np.stack([np.ones_like(length), length, beyond], axis=1)

@@ -1,18 +1,22 @@
-"""Checkpoints of the critic: arrays and their origin in one file, loaded without pickles."""
+"""Checkpoints of the critic: arrays, transfer and origin in one file, loaded without pickles."""
 
 import json
 import zipfile
+from io import BytesIO
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
 from drivers.errors import ConfigurationError
+from drivers.files import read_bytes, replace_file, writing
 from drivers.types import Array
 from policies.adaptive.critic import NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
+from policies.adaptive.transfer import Transfer
 
 COMMITTED = FilePath(__file__).parents[1] / "weights" / "adaptive.npz"
+THROUGH_IMAGES = "through_images"  # of the origin: the transfer, and how it came about
 ABOUT = "about"  # JSON: schema, policy, how the weights came about
 LARGEST = 50_000_000  # bytes of a file that is opened at all
 SCHEMA = 1
@@ -31,35 +35,43 @@ def about(path: FilePath | None = None) -> dict[str, Any]:
     return _about(_arrays(path or COMMITTED), path or COMMITTED)
 
 
+def load_transfer(path: FilePath | None = None) -> Transfer:
+    """The transfer to folds through images at `path`, or the committed one.
+
+    A checkpoint whose training ended in the rod has none, which reads as no bias. Raises
+    ConfigurationError for a file that is missing, broken, or of another policy.
+    """
+    place = path or COMMITTED
+    found = about(place).get(THROUGH_IMAGES)
+    try:
+        return Transfer() if found is None else Transfer.read(found["transfer"])
+    except (ValueError, KeyError, TypeError):
+        raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
+
+
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:
     """Write `critic` with `facts` about its training to `path`, whole or not at all.
 
     Raises ConfigurationError where that is not possible.
     """
-    told = json.dumps({"schema": SCHEMA, "policy": "adaptive", **facts})
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with partial.open("wb") as stream:
-            arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
-            np.savez_compressed(stream, allow_pickle=False, **arrays, about=np.array(told))
-        partial.replace(path)
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room or name another folder"
-        ) from None
+    origin = json.dumps({"schema": SCHEMA, "policy": "adaptive", **facts})
+    arrays = {name: array.astype(np.float32) for name, array in critic.weights.items()}
+    content = BytesIO()
+    np.savez_compressed(content, allow_pickle=False, **arrays, about=np.array(origin))
+    with writing(path, "make room or name another folder"):
+        replace_file(path, content.getvalue())
 
 
 def _arrays(path: FilePath) -> dict[str, Any]:
     try:
-        if path.stat().st_size > LARGEST:
-            raise _broken(path, "is too large")
-        with np.load(path, allow_pickle=False) as held:
+        content = read_bytes(path, LARGEST)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{error}; name another checkpoint or train one") from None
+    try:
+        with np.load(BytesIO(content), allow_pickle=False) as held:
             return {name: held[name] for name in held.files}
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: checkpoint cannot be read: {error.strerror or 'not a file of arrays'}; "
-            "name another or train one"
-        ) from None
+    except OSError:
+        raise _broken(path, "not a file of arrays") from None
     except (ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile, TypeError):
         raise _broken(path, "not a file of arrays") from None
 

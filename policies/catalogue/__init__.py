@@ -1,5 +1,5 @@
-"""Registry of policies that an operator can name: every module of this folder
-is one, its `ENTRY`.
+"""Registry of policies that an operator can name: every module of this folder is one, its `ENTRY`,
+and so is every plug-in of the kind `policies`.
 """
 
 import importlib
@@ -7,6 +7,7 @@ import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
+from drivers.plugins import plugins
 from policies.catalogue.entry import Entry
 
 
@@ -15,4 +16,5 @@ def entries() -> Mapping[str, Entry]:
     """Entries by the policy's name, which is its module's, in the order in which to show them."""
     names = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "entry"]
     found = {name: importlib.import_module(f"{__name__}.{name}").ENTRY for name in names}
+    found |= plugins("policies", Entry, found)
     return dict(sorted(found.items(), key=lambda item: (item[1].rank, item[0])))

@@ -2,23 +2,24 @@
 
 from pathlib import Path
 
-from policies.catalogue.entry import Entry
+from policies.catalogue.entry import Entry, Look
 from policies.policy import Policy
 
 
 def _make(checkpoint: Path | None) -> Policy:
     from policies.adaptive.adaptive import Adaptive
-    from policies.adaptive.bias import THROUGH_IMAGES
-    from policies.adaptive.checkpoint import load_critic
+    from policies.adaptive.checkpoint import load_critic, load_transfer
 
-    return Adaptive(load_critic(checkpoint), THROUGH_IMAGES)
+    return Adaptive(load_critic(checkpoint), load_transfer(checkpoint))
 
 
 def _in_rod(checkpoint: Path | None) -> Policy:
     from policies.adaptive.adaptive import Adaptive
-    from policies.adaptive.checkpoint import load_critic
+    from policies.adaptive.checkpoint import load_critic, load_transfer
+    from policies.adaptive.transfer import Transfer
 
-    return Adaptive(load_critic(checkpoint))
+    roll = load_transfer(checkpoint).roll
+    return Adaptive(load_critic(checkpoint), Transfer(roll=roll))
 
 
-ENTRY = Entry(rank=6, make=_make, learned=True, in_rod=_in_rod)
+ENTRY = Entry(rank=6, make=_make, learned=True, in_rod=_in_rod, look=Look("#c2352b", "P"))

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from policies.catalogue.entry import Entry
+from policies.catalogue.entry import Entry, Look
 from policies.policy import Policy
 
 
@@ -12,4 +12,4 @@ def _make(_: Path | None) -> Policy:
     return Circular()
 
 
-ENTRY = Entry(rank=2, make=_make)
+ENTRY = Entry(rank=2, make=_make, look=Look("#cf6a1f", ">"))

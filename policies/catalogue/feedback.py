@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from policies.catalogue.entry import Entry
+from policies.catalogue.entry import Entry, Look
 from policies.policy import Policy
 
 
@@ -12,4 +12,4 @@ def _make(checkpoint: Path | None) -> Policy:
     return load_feedback(checkpoint)
 
 
-ENTRY = Entry(rank=5, make=_make, learned=True)
+ENTRY = Entry(rank=5, make=_make, learned=True, look=Look("#3a8a5c", size=7.0))

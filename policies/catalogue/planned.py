@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from policies.catalogue.entry import Entry
+from policies.catalogue.entry import Entry, Look
 from policies.policy import Policy
 
 
@@ -12,4 +12,4 @@ def _make(_: Path | None) -> Policy:
     return Planned()
 
 
-ENTRY = Entry(rank=4, make=_make)
+ENTRY = Entry(rank=4, make=_make, look=Look("#8a5fb0", "s", 4.2))

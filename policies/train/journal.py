@@ -6,14 +6,16 @@ generation begins; a truncated last line is dropped.
 """
 
 import json
-import os
 from pathlib import Path as FilePath
 from typing import Any
 
 from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
+JOURNAL = 512 * MEGABYTE  # of hundreds of thousands of generations
+ELSEWHERE = "name another output folder"
 KEYS = {"asked", "costs", "validated"}  # of a generation, from which the search goes on
 
 
@@ -29,7 +31,7 @@ class Journal:
         """Open or begin."""
         self.path = path
         text = self._read()
-        self._lines = self._parsed(text)
+        self._lines = self._parse(text)
         header: Line = json.loads(
             json.dumps({"schema": 1, "settings": settings.model_dump(mode="json")})
         )
@@ -49,13 +51,8 @@ class Journal:
 
     def append(self, line: Line) -> None:
         """Write `line`; it is on disk on return."""
-        try:
-            with self.path.open("a", encoding="utf-8") as stream:
-                stream.write(json.dumps(line) + "\n")
-                stream.flush()
-                os.fsync(stream.fileno())
-        except OSError as error:
-            raise self._unwritable(error) from None
+        with writing(self.path, ELSEWHERE):
+            append_line(self.path, (json.dumps(line) + "\n").encode())
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
@@ -80,17 +77,11 @@ class Journal:
             )
 
     def _read(self) -> str:
-        try:
+        with writing(self.path, ELSEWHERE):
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            return self.path.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            return ""
-        except OSError as error:
-            raise self._unwritable(error) from None
-        except UnicodeDecodeError:
-            raise self._strange() from None
+        return read_text(self.path, JOURNAL) if self.path.exists() else ""
 
-    def _parsed(self, text: str) -> list[Line]:
+    def _parse(self, text: str) -> list[Line]:
         """The whole lines; the first is the settings, the others are generations."""
         whole = text[: text.rindex("\n")].split("\n") if "\n" in text else []
         try:
@@ -106,19 +97,8 @@ class Journal:
         return lines
 
     def _replace(self, text: str) -> None:
-        partial = self.path.with_name(self.path.name + ".partial")
-        try:
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(self.path)
-        except OSError as error:
-            raise self._unwritable(error) from None
-
-    def _unwritable(self, error: OSError) -> ConfigurationError:
-        return ConfigurationError(
-            f"{self.path}: cannot be written: {error.strerror}; name another output folder"
-        )
+        with writing(self.path, ELSEWHERE):
+            replace_file(self.path, text.encode())
 
     def _strange(self) -> ConfigurationError:
-        return ConfigurationError(
-            f"{self.path}: is not a training journal; name another output folder"
-        )
+        return ConfigurationError(f"{self.path}: is not a training journal; {ELSEWHERE}")

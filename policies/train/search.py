@@ -11,13 +11,32 @@ from threadpoolctl import ThreadpoolController
 
 from drivers.errors import ConfigurationError
 from drivers.types import Array
+from policies.network import CENTRE, HIDDEN, INPUTS, SPREAD
 from policies.train.journal import Journal, Line
 from policies.train.objective import Scores
 from policies.train.settings import TrainingSettings
-from policies.train.start import first_weights
 
 Evaluate = Callable[[Array, int], Scores]  # of candidates (p, WEIGHTS) in a generation
 Validate = Callable[[Array], float]  # weights (WEIGHTS,) -> rms d [m] over strips kept apart
+
+
+APEX = 0.5  # of the strip's length, where the heading turns
+TURN = 0.06  # of the strip's length, over which it turns
+RISING, FALLING = 0.73, 1.25  # headings over pi of the two legs
+
+
+def first_weights(rng: np.random.Generator) -> Array:
+    """Weights (WEIGHTS,): one unit turns the heading at the apex, the others are zero.
+
+    y = (FALLING + RISING - 2) - (FALLING - RISING) tanh((x - APEX) / TURN), phi = pi (1 + y / 2).
+    """
+    inward = rng.normal(size=(HIDDEN, INPUTS))
+    bias = rng.normal(size=HIDDEN)
+    inward[0] = np.array([1.0, 0.0, 0.0]) @ np.array(SPREAD) / TURN
+    bias[0] = (CENTRE[0] - APEX) / TURN
+    outward = np.zeros(HIDDEN)
+    outward[0] = -(FALLING - RISING)
+    return np.concatenate([inward.ravel(), bias, outward, [FALLING + RISING - 2.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,20 +83,22 @@ class Search:
         number = self._optimiser.generation
         start = time.monotonic()
         asked = self._ask()
-        told = evaluate(asked, number)
-        self._tell(asked, told.cost)
+        scores = evaluate(asked, number)
+        self._tell(asked, scores.cost)
         validated = None
         if self._is_judged(number):
             validated = validate(self._optimiser.mean)
             self._keep(validated)
         done = Progress(
             generation=number,
-            best=float(told.miss.min()),
-            mean=float(told.miss.mean()),
+            best=float(scores.miss.min()),
+            mean=float(scores.miss.mean()),
             validated=validated,
             seconds=round(time.monotonic() - start, 3),
         )
-        self._journal.append({"asked": _digest(asked), "costs": told.cost.tolist(), **asdict(done)})
+        self._journal.append(
+            {"asked": _digest(asked), "costs": scores.cost.tolist(), **asdict(done)}
+        )
         return done
 
     def _is_judged(self, number: int) -> bool:
@@ -102,9 +123,9 @@ class Search:
         with self._blas.limit(limits=1, user_api="blas"):
             return np.array([self._optimiser.ask() for _ in range(self.settings.population)])
 
-    def _tell(self, asked: Array, told: Array) -> None:
+    def _tell(self, asked: Array, costs: Array) -> None:
         with self._blas.limit(limits=1, user_api="blas"):
-            self._optimiser.tell([(x, float(c)) for x, c in zip(asked, told, strict=True)])
+            self._optimiser.tell([(x, float(c)) for x, c in zip(asked, costs, strict=True)])
 
     def _keep(self, validated: float) -> None:
         if validated < self.validated:

@@ -39,8 +39,8 @@ class TrainingRun:
         A checkpoint is also saved whenever a generation validates better than all before it.
         """
         search, done = self._search, self.known
-        told = search.run(evaluator(self.settings, executor), validator(self.settings, executor))
-        for step in told:
+        steps = search.run(evaluator(self.settings, executor), validator(self.settings, executor))
+        for step in steps:
             done = step.generation + 1
             if step.validated == search.validated:
                 self._save(done)

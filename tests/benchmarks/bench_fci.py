@@ -13,7 +13,7 @@ import sys
 import time
 from statistics import median
 
-from drivers.twin.server.server import RobotServer
+from drivers.fci_server.server import RobotServer
 
 CONNECTIONS, ROUNDS, TICKS = 15, 7, 4000
 TICKS_BAR, CONNECT_BAR = 3000.0, 0.2  # 1/s, s

@@ -11,19 +11,19 @@ import cv2
 import numpy as np
 from PIL import Image as Picture
 
-from calibration.perception.perception import Perception
-from calibration.perception.preflight import inspect
-from calibration.perception.settings import PerceptionSettings
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.studies.kit.twin_fold import TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import looks
 from drivers.twin.renderer.looks.look import Look
 from drivers.twin.settings import CameraSettings
 from drivers.types import Image
 from policies.fixed_paths import triangular
-from tests.benchmarks.measure_perception import STRIPS
 from tests.support.look_camera import LookCamera
+from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
-from tests.support.twin_fold import TwinFold, simulate_fold
 
 CAMERA, SETTINGS = CameraSettings(noise=0.5), PerceptionSettings()
 SHOWN = (slice(200, 680), slice(300, 1060))  # rows, columns
@@ -36,7 +36,7 @@ RED, YELLOW, WHITE, DARK = (40, 40, 230), (0, 230, 255), (255, 255, 255), (40, 4
 def tile(look: Look, fold: TwinFold) -> Image:
     """One look: its name, what is seen of `fold` or why the strip was refused."""
     camera, calibration = LookCamera(fold.strip, look, CAMERA), twin_calibration(CAMERA)
-    judged = inspect(camera.waiting(fold.strip), calibration, SETTINGS, fold.strip)
+    judged = inspect(camera.flat(fold.strip), calibration, SETTINGS, fold.strip)
     frame = camera.frame(fold, SEQUENCE)
     image = frame.image.copy()
     words = look.name

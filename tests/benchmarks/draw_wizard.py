@@ -13,16 +13,18 @@ from pathlib import Path
 import cv2
 from rich.console import Console
 
+from calibration.wizard.lens_verdict import lens_lines
 from calibration.wizard.news import TouchNews, ViewNews
-from calibration.wizard.words import Line, lens_lines, touch_lines
+from calibration.wizard.touch_verdict import touch_lines
+from calibration.wizard.verdict import Line
+from cell.calibrating.calibrate import NO_STRIP
+from cell.calibrating.homography_wizard import calibrate_homography
+from cell.calibrating.keyboard import TwinOperator
+from cell.calibrating.lens_wizard import calibrate_lens
+from cell.calibrating.wizard_panel import WizardPanel, verdict_text
 from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.open import open_cell
-from cell.operations.calibrate import NO_STRIP
-from cell.operations.homography_wizard import calibrate_homography
-from cell.operations.keyboard import TwinOperator
-from cell.operations.lens_wizard import calibrate_lens
-from cell.operations.wizard_panel import WizardPanel, verdict_text
 from cell.orchestrator.operator import Unattended
 
 SETTINGS = Configs(BESIDE).cell()
@@ -42,7 +44,7 @@ class Half:
         self.panel(news)
         self._left -= 1
         if self._left == 0:
-            self.shown = self.panel.drawn(news)
+            self.shown = self.panel.draw(news)
 
 
 def _devices() -> Devices:

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 from cell.exam.report.page import TIERS, by_tier, write_report
 from cell.exam.scoring.results import Ledger
-from cell.record.documents import replace_file
+from drivers.files import replace_file
 
 
 def main() -> int:

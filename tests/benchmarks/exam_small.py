@@ -7,9 +7,13 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from rich.console import Console
+
+from cell.campaign.local import Local
+from cell.campaign.progress import Meter
 from cell.exam.cases.draw import cases
 from cell.exam.report.page import GOOD
-from cell.exam.run import run_exam
+from cell.exam.run import run_exam, said
 
 COUNT, SEED, LEAST, JOBS = 6, 0, 5, 2
 
@@ -18,16 +22,12 @@ def main() -> int:
     """Draw, make, judge, and tell."""
     with TemporaryDirectory() as folder:
         drawn = cases("state", COUNT, SEED, jobs=JOBS)
-        entries = run_exam(drawn, Path(folder), jobs=JOBS, progress=_told)
+        with Meter(Console(), said) as meter:
+            entries = run_exam(drawn, Path(folder), engine=Local(JOBS), watcher=meter)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     good = sum(result in GOOD for result in results)
     sys.stdout.write(f"{good} of {COUNT} right\n")
     return int(good < LEAST or "false_alarm" in results)
-
-
-def _told(done: int, total: int, said: str) -> None:
-    sys.stdout.write(f"{done}/{total}  {said}\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

@@ -28,12 +28,12 @@ from hypothesis import strategies as st
 from calibration.calibration import load_calibration, save_calibration
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
-from cell.gap.subject.pendulum.load import load_pendulum
+from cell.folding.replay import replay
+from cell.gap.subject.pendulum.subject import load_pendulum
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.gap.verdict.schema import read_verdict
-from cell.operations.replay import replay
 from cell.record.header import Header, Result
 from cell.record.listing import list_runs
 from cell.record.run import read_run
@@ -41,7 +41,7 @@ from cell.record.salvage import Salvage
 from cell.record.truth import read_truth, write_truth
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
-from cell.viz.recording import viz_from_run
+from cell.report.viz.recording import viz_from_run
 from drivers.errors import CellError
 from drivers.settings import load
 from drivers.strip.describe import load_plant, load_strip

@@ -26,11 +26,11 @@ from typing import Any
 
 import yaml
 
+from cell.calibrating.calibrate import calibration_of
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.fci import start_joints
-from cell.operations.calibrate import calibration_of
-from cell.operations.fold import Request, fold
+from cell.folding.fold import Request, fold
 from cell.record.run import read_run
 from drivers.arm.errands import go_to
 from drivers.arm.process import Task
@@ -38,9 +38,9 @@ from drivers.arm.scheduling import PRIORITY, schedule
 from drivers.arm.settings import RealTime
 from drivers.arm.timing import Timing
 from drivers.errors import Fault
+from drivers.fci_server.server import RobotServer
+from drivers.fci_server.settings import ServerSettings
 from drivers.strip.describe import load_strip
-from drivers.twin.server.server import RobotServer
-from drivers.twin.server.settings import ServerSettings
 from drivers.types import frozen
 
 PROCESSORS = sorted(os.sched_getaffinity(0))

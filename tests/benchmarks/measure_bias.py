@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 
 from calibration.calibration import Calibration
-from calibration.perception.layer_touch import LayerTouch
-from calibration.perception.perception import Perception
-from calibration.perception.preflight import inspect
-from calibration.perception.settings import PerceptionSettings
 from cell.gap.subject.strip.bias import half
 from cell.gap.subject.strip.phases import zones
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.studies.kit.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.types import Array
-from policies.standard import FIRST, STANDARD
+from policies.experiments.standard import FIRST, STANDARD
 from tests.support.twin_calibration import twin_calibration
-from tests.support.twin_fold import CameraSettings, FoldCamera, TwinFold, simulate_fold
 
 STRIPS = Path(__file__).parents[2] / "configs" / "strips"
 TAKE_OVER = 0.10  # m of height from which a policy decides

@@ -26,8 +26,8 @@ from cell.gap.subject.strip.ways import way_of
 from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
+from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
-from policies.standard import STANDARD
 
 LINKS, STEP = 100, 0.004
 BY = Instruments(contact_x=0.0015, profile=0.001, rate=60.0)

@@ -23,14 +23,15 @@ from cell.devices.devices import DeviceSelection
 from cell.exam.case import Scattered
 from cell.exam.runs.scatter import LEVELS
 from cell.exam.runs.through_images import Open
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from cell.folding.standard_runs import check_empty, folded, standard_requests
 from cell.gap.fit import fit
-from cell.gap.verdict.accept import accept, dumped
+from cell.gap.verdict.accept import accept
 from cell.gap.verdict.schema import Verdict
-from cell.operations.fold import Request, fold
-from cell.operations.result import FoldResult
-from cell.operations.standard_runs import check_empty, folded, standard_requests
 from drivers.strip.describe import load_plant
 from drivers.types import Array
+from drivers.yaml_edit import dump_text
 
 BEFORE, STANDARD, AFTER = 0, 1000, 2000  # first seeds: no noise is seen twice
 Effects = Mapping[str, Mapping[str, float]]
@@ -100,7 +101,7 @@ def begin(
     if not isinstance(plant, Path):
         content = configs.strip(strip).model_dump(mode="json", by_alias=True)
         hidden = {name: dict(values) for name, values in plant.items()}
-        plant, text = work / "plant.yaml", dumped(content | {"effects": hidden})
+        plant, text = work / "plant.yaml", dump_text(content | {"effects": hidden})
         plant.write_text(text, encoding="utf-8")
     load_plant(plant)
     return Circle(strip, plant, work, jobs, scatter)

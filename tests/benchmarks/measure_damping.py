@@ -21,8 +21,8 @@ from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.twin.chain.engine import Chain
+from policies.experiments.standard import STANDARD, standard_order
 from policies.registry import MOTION
-from policies.standard import STANDARD, standard_order
 
 LINKS = 200
 STRIPS = ("denim", "trouser-twill", "rib-knit", "interlock", "tablecloth")

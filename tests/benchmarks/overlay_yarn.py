@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.perception.midline import extract_midline
+from cell.perception.midline import extract_midline
 from drivers.types import Image
 
 TILE = (1100, 330)  # height, width [px]

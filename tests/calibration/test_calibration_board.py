@@ -5,10 +5,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from calibration.board_settings import BoardSettings
-from calibration.board_views import BoardViews
+from calibration.board import BoardSettings
+from calibration.wizard.board_views import BoardViews
+from calibration.wizard.coverage import WantedView
 from calibration.wizard.lens_verdict import LensVerdict
-from calibration.wizard.wanted_view import WantedView
 from drivers.errors import ConfigurationError
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.optics import Optics
@@ -57,7 +57,7 @@ def test_lens_is_found_through_images_to_half_a_percent() -> None:
 def test_shaken_board_gives_no_view() -> None:
     views = BoardViews(SETTINGS)
     answers = [views.tell(_frame(Held(0.5 + 0.004 * (k % 2), 0.5, 0.4))) for k in range(6)]
-    assert all(told.view is None for told in answers)
+    assert all(told.taken is None for told in answers)
     assert "the board moved by 5." in str(answers[1].refused)
     assert "hold it still" in str(answers[1].refused)
 

@@ -74,3 +74,13 @@ def test_far_edge_appears_drawn_towards_the_foot() -> None:
     plane = CENTRE + ray * (2.0 / ray[1])
     drawn = np.array([0.5, 0.02]) + where.sweep(depth) * (where.foot() - (0.5, 0.02))
     assert np.abs(drawn - plane[[0, 2]]).max() < 1e-4
+
+
+def test_camera_that_looks_from_behind_the_strip_is_refused() -> None:
+    look = np.array([[-1.0, 0, 0], [0, 0, -1], [0, -1, 0]])  # along -y, from y = +2
+    world = np.column_stack([POINTS[:, 0], np.zeros(len(POINTS)), POINTS[:, 1]])
+    rays = (world - CENTRE * (1, -1, 1)) @ look.T
+    pixels = rays[:, :2] / rays[:, 2:] * 3400.0 + MATRIX[:2, 2]
+    fit = fit_homography(pixels, POINTS)
+    with pytest.raises(ConfigurationError, match="from behind"):
+        viewpoint(LENS, fit.homography)

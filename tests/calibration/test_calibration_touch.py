@@ -8,9 +8,9 @@ import pytest
 
 from calibration.lens import Lens
 from calibration.pointer import find_pointer
-from calibration.touch_settings import TouchSettings
-from calibration.touched_points import TouchedPoints
 from calibration.wizard.touch_verdict import Grade, TouchVerdict
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.camera_info import read_lens, write_camera_info, write_opencv
-from calibration.lens import CameraFile, Lens
+from calibration.lens import CameraFile, Lens, read_lens, write_camera_info, write_opencv
 from drivers.errors import ConfigurationError
 from drivers.types import frozen
 

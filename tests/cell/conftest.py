@@ -11,7 +11,7 @@ import pytest
 from calibration.calibration import Calibration, calibrated, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
-from calibration.perception.measurement import StripMeasurement
+from cell.perception.measurement import StripMeasurement
 from cell.record.files import CALIBRATION
 from cell.record.frames import Keep
 from cell.record.tick import Tick

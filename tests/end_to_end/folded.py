@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cell.operations.fold
+import cell.folding.fold
 from cell.devices.devices import Devices, DeviceSelection
-from cell.operations.fold import Request, fold
-from cell.operations.result import FoldResult
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
 from cell.record.run import Run, read_run
 from drivers.twin.scene import Truth
 
@@ -42,14 +42,14 @@ class Folded:
 def fold_and_keep(request: Request) -> Folded:
     """Fold, and keep the twin's truth besides."""
     opened: list[Devices] = []
-    open_cell = cell.operations.fold.open_cell
+    open_cell = cell.folding.fold.open_cell
 
     def keeping(*arguments, **options) -> Devices:
         opened.append(open_cell(*arguments, **options))
         return opened[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cell.operations.fold, "open_cell", keeping)
+        patch.setattr(cell.folding.fold, "open_cell", keeping)
         result = fold(request, page=False)
     run = read_run(Path(result.run))
     truth = opened[-1].plant.twin.truth()

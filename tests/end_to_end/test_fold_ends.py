@@ -5,18 +5,18 @@ from types import SimpleNamespace
 
 import pytest
 
-import cell.operations.fold
+import cell.folding.fold
 from cell.config.places import BESIDE
 from cell.devices.devices import DeviceSelection
-from cell.operations.fold import Request, conduct, fold
+from cell.folding.fold import Request, conduct, fold
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.recorder import Recorder
 from cell.record.files import is_under_way
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
 from drivers.errors import Fault
+from tests.cell.calibrating.test_calibration_kept import made
 from tests.cell.conftest import HEADER
-from tests.cell.operations.test_calibration_kept import made
 
 DONE = Outcome("path_done", "the path ended and no touch was seen", 1, None, None, 9.0)
 
@@ -27,6 +27,7 @@ class Devices:
     def __init__(self, wrong: str = "") -> None:
         self.clock = SimpleNamespace(now=lambda: 3.5)
         self.arm_timing = dict
+        self.real_time = False
         self._wrong = wrong
         self.closed = 0
 
@@ -125,7 +126,7 @@ def test_what_controls_a_fold_has_no_way_to_the_plant(tmp_path, monkeypatch) -> 
         seen.append(devices)
         return SimpleNamespace(execute=lambda: DONE)
 
-    monkeypatch.setattr(cell.operations.fold, "Run", blind)
+    monkeypatch.setattr(cell.folding.fold, "Run", blind)
     facts = {"frames": "none", "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
     request = Request(
         strip="denim", policy="triangular", choice=DeviceSelection(), runs=tmp_path, **facts

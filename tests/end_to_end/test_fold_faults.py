@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import cell.operations.fold
+import cell.folding.fold
 from cell.devices.devices import Devices
-from cell.operations.fold import fold
+from cell.folding.fold import fold
 from cell.record.run import read_run
 from cell.report.page import write_report
 from drivers.errors import SimulationNotFinite
@@ -60,10 +60,8 @@ def black(frame: Frame, kept: Frame) -> Frame:
 
 
 def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
-    open_cell = cell.operations.fold.open_cell
-    monkeypatch.setattr(
-        cell.operations.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k))
-    )
+    open_cell = cell.folding.fold.open_cell
+    monkeypatch.setattr(cell.folding.fold, "open_cell", lambda *a, **k: change(open_cell(*a, **k)))
     result = fold(request_for("denim", "triangular", runs), page=False)
     return result, read_run(Path(result.run))
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cell.devices.devices import DeviceSelection
+from cell.folding.replay import replay
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.subject import open_strip
-from cell.operations.replay import replay
 from cell.report.page import write_report
-from cell.viz.recording import viz_from_run
+from cell.report.viz.recording import viz_from_run
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
 from tests.support.gap_strip_cases import STRIP, in_noise, residuals
 

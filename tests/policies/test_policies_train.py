@@ -15,9 +15,8 @@ from policies.network import WEIGHTS, HeadingNetwork
 from policies.rollout import Folds
 from policies.train.journal import Journal
 from policies.train.objective import Scores, fold_cost, misses
-from policies.train.search import Search
+from policies.train.search import Search, first_weights
 from policies.train.settings import TrainingSettings
-from policies.train.start import first_weights
 
 SETTINGS = TrainingSettings(generations=12, population=6, validate_every=2)
 

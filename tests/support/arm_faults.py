@@ -13,13 +13,13 @@ from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.fci import start_joints
 from cell.devices.open import open_cell
-from cell.operations.fold import Request, fold
+from cell.folding.fold import Request, fold
 from cell.orchestrator.snapshot import Snapshot
 from cell.record.run import read_run
 from drivers.arm.bridge import Bridge
 from drivers.arm.process import Task
 from drivers.errors import CellError, Fault
-from drivers.twin.server.faults import (
+from drivers.fci_server.faults import (
     ContactFault,
     DropFault,
     FreezeFault,
@@ -28,8 +28,8 @@ from drivers.twin.server.faults import (
     UserStopFault,
     VersionFault,
 )
-from drivers.twin.server.server import RobotServer
-from drivers.twin.server.settings import ServerSettings
+from drivers.fci_server.server import RobotServer
+from drivers.fci_server.settings import ServerSettings
 from drivers.types import frozen
 
 PHASES = ("PREFLIGHT", "GRASP", "LIFT", "FOLD", "LAY")

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from calibration.board_settings import BoardSettings
-from calibration.board_view import BoardView
+from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
-from calibration.wizard.wanted_view import WantedView, wanted_views
+from calibration.wizard.coverage import WantedView, wanted_views
 from drivers.types import frozen
 
 MATRIX = frozen([[3413.0, 0, 645.0], [0, 3413.0, 355.0], [0, 0, 1]])
@@ -18,10 +17,15 @@ def projected(
     settings: BoardSettings,
     lens: Lens = LENS,
     noise: float = 0.05,
+    bow: float = 0.0,
 ) -> BoardView:
-    """`wanted` seen through `lens`, its corners with `noise` [px]; those outside are missing."""
+    """`wanted` seen through `lens`, its corners with `noise` [px]; those outside are missing.
+
+    `bow` [m] is by how much the ends of the board bend away from its middle.
+    """
     board = np.asarray(settings.board().getChessboardCorners(), dtype=np.float64)
     centred = board - (settings.width / 2, settings.rows * settings.square / 2, 0)
+    centred[:, 2] += bow * (centred[:, 0] / (settings.width / 2)) ** 2
     turned = centred @ _turned(wanted).T
     depth = float(lens.matrix[0, 0]) * settings.width / (wanted.size * lens.width)
     middle = np.array([wanted.x * lens.width, wanted.y * lens.height]) - lens.matrix[:2, 2]
@@ -40,6 +44,17 @@ def session(
     leaning = settings.lean if lean is None else lean
     views = wanted_views(leaning, settings.sizes)
     return {k: projected(view, rng, settings, noise=noise) for k, view in enumerate(views)}
+
+
+def bent_session(settings: BoardSettings, bow: float, seed: int) -> dict[int, BoardView]:
+    """All wanted views of a board bent by `bow` [m], through a camera drawn at random."""
+    rng = np.random.default_rng(seed)
+    focal, noise, off = rng.uniform(2200, 4500), rng.uniform(0.03, 0.15), rng.uniform(-15, 15, 2)
+    matrix = [[focal, 0, 640 + off[0]], [0, focal, 360 + off[1]], [0, 0, 1]]
+    distortion = [rng.uniform(-0.3, 0.05), rng.uniform(-0.1, 0.2), 0.0, 0.0, 0.0]
+    lens = Lens(1280, 720, frozen(matrix), frozen(distortion))
+    views = wanted_views(settings.lean, settings.sizes)
+    return {k: projected(view, rng, settings, lens, noise, bow) for k, view in enumerate(views)}
 
 
 def _turned(wanted: WantedView) -> np.ndarray:

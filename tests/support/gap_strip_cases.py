@@ -14,7 +14,7 @@ from drivers.strip.describe import describe, load_strip
 from drivers.strip.file import StripFile
 from drivers.strip.model import Effects
 from drivers.types import Array
-from policies.standard import STANDARD
+from policies.experiments.standard import STANDARD
 
 STRIP = Path("configs/strips/denim.yaml")
 CELL = Instruments()

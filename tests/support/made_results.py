@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cell.operations.result import FoldResult
+from cell.folding.result import FoldResult
 
 DONE = FoldResult(
     run="runs/one",

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from calibration.perception.measurement import StripMeasurement
 from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
@@ -16,6 +15,7 @@ from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.vision import StripReader
+from cell.perception.measurement import StripMeasurement
 from drivers.limits import Workspace
 from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
@@ -120,13 +120,15 @@ class Bench:
     record: NullRecorder = field(default_factory=NullRecorder)
     observers: tuple = ()
     interrupted: Callable[[], bool] = lambda: False
+    reader: object = None
 
     def run(self) -> Outcome:
         settings = Configs(BESIDE).cell()
         strip = Configs(BESIDE).strip("denim")
         context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
         touch = SimpleNamespace(tell=lambda measurement, gripper: None)
-        context.reader = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
+        here = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
+        context.reader = self.reader or here
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)
         return Run(devices, context, self.record, self.observers, self.interrupted).execute()
 

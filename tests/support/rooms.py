@@ -44,10 +44,34 @@ def house_room(name: str) -> str:
     return ".".join(parts[:2]) if parts[0] == "cell" else parts[0]
 
 
-def gap_room(name: str) -> str | None:
-    """The room of a module within `cell.gap`; None outside."""
+def inner_room(name: str) -> str:
+    """The room of a module to depth two, to depth three within `cell.gap`, where the mechanism is a
+    room beside the other subjects.
+
+    A module that lies loose in a package belongs to the package.
+    """
     parts = name.split(".")
-    return ".".join(parts[:3]) if parts[:2] == ["cell", "gap"] and len(parts) > 2 else None
+    depth = 3 if parts[:2] == ["cell", "gap"] else 2
+    depth += parts[2:4] == ["subject", "mechanism"]
+    room = parts[:depth]
+    while len(room) > 1 and not ROOT.joinpath(*room).is_dir():
+        room = room[:-1]
+    return ".".join(room)
+
+
+def floor_room(name: str) -> str:
+    """The room of a module to depth two, a loose module being a room of its own."""
+    room = inner_room(name)
+    return name if room in {"calibration", "cell.gap", "drivers", "policies"} else room
+
+
+def sizes() -> dict[str, int]:
+    """Lines of code of every room to depth two."""
+    found: dict[str, int] = {}
+    for name, path in modules():
+        room = inner_room(name)
+        found[room] = found.get(room, 0) + len(path.read_text(encoding="utf-8").splitlines())
+    return found
 
 
 def edges(room) -> Edges:

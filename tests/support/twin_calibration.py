@@ -4,14 +4,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from calibration.board_settings import BoardSettings
-from calibration.board_views import BoardViews
+from calibration.board import BoardSettings
 from calibration.calibration import Calibration, calibrated
 from calibration.lens import Lens
-from calibration.touch_settings import TouchSettings
-from calibration.touched_points import TouchedPoints
+from calibration.wizard.board_views import BoardViews
 from calibration.wizard.lens_verdict import LensVerdict
 from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import TouchSettings
+from drivers.errors import Fault
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -31,7 +32,7 @@ def show_boards(camera: CameraSettings, settings: BoardSettings) -> LensVerdict:
         pose = held_before(camera, settings.board(), held)
         views.tell(board_frame(camera, settings.board(), pose, seed=1, sequence=sequence))
         sequence += 1
-    views.measured(settings.width)
+    views.set_length(settings.width)
     return views.verdict()
 
 
@@ -56,13 +57,13 @@ def touch_points(camera: CameraSettings, lens: Lens, settings: TouchSettings) ->
 
 @lru_cache
 def twin_calibration(camera: CameraSettings) -> Calibration:
-    """Lens and homography as images show them; refused verdicts raise AssertionError."""
+    """Lens and homography as images show them. Raises Fault where the wizards refuse them."""
     lens = show_boards(camera, BoardSettings())
-    assert lens.passed, lens.reasons
-    assert lens.fit is not None
+    if not lens.passed or lens.fit is None:
+        raise Fault("calibration_refused", "; ".join(lens.reasons))
     plane = touch_points(camera, lens.fit.lens, TouchSettings())
-    assert plane.passed, plane.reasons
-    assert plane.homography is not None
+    if not plane.passed or plane.homography is None:
+        raise Fault("calibration_refused", "; ".join(plane.reasons))
     return calibrated(
         lens.fit.lens,
         plane.homography,

@@ -10,7 +10,7 @@ from cell.exam.case import Case
 from cell.exam.runs.from_model import MOTIONS
 from cell.record.documents import write_document
 from drivers.settings import load
-from policies.standard import FIRST, STANDARD, TWICE
+from policies.experiments.standard import FIRST, STANDARD, TWICE
 
 KEYS = "keys"
 ENGINE = ("gap", "record")

@@ -21,8 +21,8 @@ from drivers.errors import Fault
 from drivers.strip.effects import registry
 from drivers.strip.effects.effect import Effect
 from drivers.strip.file import StripFile
-from policies.by_hand import by_hand
-from policies.standard import standard_order
+from policies.experiments.by_hand import by_hand
+from policies.experiments.standard import standard_order
 
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACED = 4  # draws of where one of them sits

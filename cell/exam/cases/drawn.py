@@ -8,8 +8,8 @@ from pydantic import ValidationError
 from cell.exam.case import Case, Kind, Tier
 from cell.exam.cases.answer_key import KEYS
 from cell.exam.progress import Progress, quiet
-from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 
 DRAWN = "drawn.json"
 USUAL = {"state": 300, "images": 90, "small": 6}
@@ -78,9 +78,7 @@ def _cases(path: Path, known: dict[str, object]) -> tuple[Case, ...]:
 
 
 def _keep(path: Path, content: dict[str, object]) -> None:
-    try:
+    with writing(f"--out: {path}"):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         replace_file(path, json.dumps(content, indent=1).encode())
-    except OSError as error:
-        raise ConfigurationError(f"--out: {path}: cannot be written: {error.strerror}") from None
     path.chmod(0o600)

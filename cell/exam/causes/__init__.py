@@ -1,6 +1,7 @@
 """Causes that only the makers of exam cases know: no effect of the library is their law.
 
-Every module of this folder that has a `CAUSE` is one cause, named like the module.
+Every module of this folder that has a `CAUSE` is one cause, named like the module, and so is every
+plug-in of the kind `causes`.
 """
 
 import importlib
@@ -10,15 +11,21 @@ from functools import cache
 
 from cell.exam.causes.cause import Cause
 from drivers.errors import ConfigurationError
+from drivers.plugins import plugins
 from drivers.settings import parse
 
 
 @cache
 def causes() -> Mapping[str, type[Cause]]:
-    """Causes by name, sorted."""
+    """Causes by name, sorted; ConfigurationError for a plug-in that is none."""
     names = sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
     modules = {name: importlib.import_module(f"{__name__}.{name}") for name in names}
-    return {name: module.CAUSE for name, module in modules.items() if hasattr(module, "CAUSE")}
+    own = {name: module.CAUSE for name, module in modules.items() if hasattr(module, "CAUSE")}
+    added = plugins("causes", type, own)
+    wrong = [name for name, cause in added.items() if not issubclass(cause, Cause)]
+    if wrong:
+        raise ConfigurationError(f"plug-in folding_cell.causes: {wrong[0]}: is no Cause")
+    return {**own, **added}
 
 
 def cause_of(name: str, values: Mapping[str, float]) -> Cause:

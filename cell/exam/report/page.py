@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
-from cell.exam.case import Tier
+from cell.exam.case import Scattered, Tier
 from cell.exam.report.figures import figure
-from cell.exam.report.tables import scatter_table, table
+from cell.exam.runs.scatter import LEVELS
 from cell.exam.scoring.results import Entry
 from cell.exam.scoring.score import Outcome
 from cell.exam.scoring.statistics import (
@@ -20,19 +20,52 @@ from cell.exam.scoring.statistics import (
 )
 from cell.exam.scoring.targets import (
     Target,
+    by_group,
     checked,
     outcomes,
     shown,
+    spread_errors,
     targets,
 )
-from cell.record.documents import replace_file
-from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
 
 DPI = 160
 GOOD = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
 TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
 PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
         "wrong_name": "a wrong one"}  # fmt: skip
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table of `head` and `rows`."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def scatter_table(entries: Sequence[Entry]) -> str:
+    """Rates split by level of scatter and by who moves, and estimated spreads against true ones."""
+    groups = {_level(name): [e for e in entries if e.case.scatter == name] for name in LEVELS}
+    led = [e for e in entries if e.case.motions == "by_hand"]
+    if led:
+        groups["standard motions"] = [e for e in entries if e.case.motions == "standard"]
+        groups["by hand"] = led
+    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
+    parts = [table(["what", *groups], rows)]
+    errors = {name: values for name, values in spread_errors(entries).items() if values}
+    if errors:
+        rows = [
+            (name, str(len(values)), f"{median(values):.2f}", shown(rate(v > 0.0 for v in values)))
+            for name, values in errors.items()
+        ]
+        parts.append("Estimated spread over the true one, at full scatter:")
+        parts.append(table(["quantity", "cases", "median", "seen"], rows))
+    return "\n\n".join(parts)
+
+
+def _level(name: Scattered) -> str:
+    of = LEVELS[name]
+    sizes = f"{1e3 * of.grip:g} mm, {100 * of.damping:g} %, {100 * of.stiffness:g} %"
+    return "no scatter" if name == "none" else sizes
 
 
 def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tuple[Path, ...]:
@@ -44,12 +77,10 @@ def write_report(entries: Sequence[Entry], page: Path, command: str = "") -> tup
     for tier, mine in by_tier(entries):
         if outcomes(mine):
             content[_picture(page, tier)] = _png(mine)
-    try:
+    with writing(page):
         page.parent.mkdir(parents=True, exist_ok=True)
         for path, data in content.items():
             replace_file(path, data)
-    except OSError as error:
-        raise ConfigurationError(f"{page}: cannot be written: {error.strerror}") from None
     return tuple(content)
 
 
@@ -114,7 +145,10 @@ def _engines(entries: Iterable[Entry]) -> str:
 
 def _targets(lines: Iterable[Target]) -> str:
     words = {True: "met", False: "**missed**", None: ""}
-    rows = [(line.words, line.found, line.wanted, words[line.met]) for line in lines]
+    rows = [
+        (line.words, line.found, line.wanted, "too few cases" if line.few else words[line.met])
+        for line in lines
+    ]
     return table(["what", "found", "wanted", ""], rows)
 
 

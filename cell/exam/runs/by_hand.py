@@ -5,7 +5,7 @@ import numpy as np
 from cell.gap.subject.strip.ways import EVERY
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
-from policies.by_hand import STEP, generator, led, wavering
+from policies.experiments.by_hand import STEP, generator, led, wavering
 from policies.path import lift_pitch
 
 TREMOR = 0.0002  # m, one sigma in x and in z

@@ -21,8 +21,8 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.motions import GripperPath
 from drivers.twin.chain.engine import Chain
+from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
-from policies.standard import STANDARD
 
 MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()

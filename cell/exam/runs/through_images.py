@@ -12,6 +12,7 @@ import cv2
 import yaml
 
 from calibration.calibration import Calibration
+from cell.calibrating.calibrate import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import Devices, DeviceSelection
@@ -22,16 +23,16 @@ from cell.exam.case import Case, Scattered
 from cell.exam.causes import cause_of
 from cell.exam.causes.cause import Cause
 from cell.exam.runs.specimen import Aged, Specimen
-from cell.operations.calibrate import calibration_of
-from cell.operations.fold import Request, fold
-from cell.operations.result import FoldResult
-from cell.operations.standard_runs import standard_requests
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from cell.folding.standard_runs import standard_requests
 from cell.orchestrator.outcome import INTERRUPTED
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.record.documents import write_document
 from cell.record.files import PROFILE, RESULT, RUN, TICKS
-from drivers.errors import ConfigurationError, Fault
+from drivers.errors import Fault
+from drivers.files import writing
 from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
@@ -246,9 +247,5 @@ def measured(result: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _write(path: Path, content: Mapping[str, Any]) -> None:
-    try:
+    with writing(path, "make room for temporary files"):
         path.write_text(yaml.safe_dump(dict(content), sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room for temporary files"
-        ) from None

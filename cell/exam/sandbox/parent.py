@@ -81,7 +81,8 @@ def stage(workdir: Path, strip: Path, runs: Sequence[Path]) -> None:
 def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     """What the process may open, as its argument: no code of the exam, and nothing `sealed`."""
     root = Path(cell.__file__).resolve().parents[1]
-    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages())
+    python = (sys.prefix, sys.base_prefix, sysconfig.get_path("purelib"), *site.getsitepackages(),
+              *(path for path in sys.path if Path(path).name == "site-packages"))  # fmt: skip
     fonts = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "matplotlib"
     code = [str(root / name) for name in PACKAGES]
     return {

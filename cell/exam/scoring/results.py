@@ -71,11 +71,6 @@ class Ledger:
         """The entries of these cases, in their order."""
         return tuple(self._known[c.name] for c in cases if c.name in self._known)
 
-    def finished(self, name: str, of: str) -> bool:
-        """Whether the case was scored, made of the same."""
-        entry = self._known.get(name)
-        return entry is not None and entry.of == of and entry.state == "scored"
-
     def put(self, entry: Entry) -> None:
         """Keep a case."""
         self._known[entry.case.name] = entry

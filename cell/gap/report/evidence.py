@@ -57,7 +57,8 @@ def candidates(found: Findings, verdict: Verdict) -> str:
     )
     bars = figures.candidate_bars(verdict.candidates, accepted) if verdict.candidates else ""
     same = "<p class='note'>Same amplitude: whether one size serves all conditions.</p>"
-    table = f"<details><summary>All numbers</summary>{same}<table>{head}{rows}</table></details>"
+    numbers = f"<div class='wide'><table>{head}{rows}</table></div>"
+    table = f"<details><summary>All numbers</summary>{same}{numbers}</details>"
     silent = [p.candidate.name for p in found.screened.probed if p.dead]
     dead = f"<p class='note'>Changes nothing in these runs: {', '.join(silent)}.</p>"
     return f"<p class='note'>{note}</p>{bars}{_steps(found)}{dead if silent else ''}{table}"
@@ -106,8 +107,9 @@ def base(found: Findings, verdict: Verdict) -> str:
     weak = found.fitted.weak
     note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
     return (
-        "<table><tr><th>parameter<th class='n'>stated<th class='n'>refitted<th class='n'>95 %"
-        f"<th>unit</tr>{rows}</table><p class='note'>{note}</p>"
+        "<div class='wide'><table><tr><th>parameter<th class='n'>stated<th class='n'>refitted"
+        "<th class='n'>95 %"
+        f"<th>unit</tr>{rows}</table></div><p class='note'>{note}</p>"
     )
 
 

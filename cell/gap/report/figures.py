@@ -15,10 +15,10 @@ from cell.gap.report.replayed import Replayed
 from cell.gap.report.sentence import motion
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.schema import Compared
-from cell.report.drawing import INK, RULE, STYLE, page_svg
+from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, page_svg
 from drivers.types import Array
 
-FAINT, BEFORE, AFTER = "#9aa4b2", "#c2553b", "#2f6db3"
+FAINT, BEFORE, AFTER = MUTED, ORANGE, BLUE
 CHARACTER = 0.075  # inches of a tick's label
 
 
@@ -28,7 +28,7 @@ def svg(figure: Figure) -> str:
     with mpl.rc_context(STYLE | {"svg.hashsalt": "gap"}):
         figure.savefig(text, format="svg", metadata={"Date": None})
     width = figure.get_size_inches()[0] * 72
-    return f"<div style='max-width:{width:.0f}pt'>{page_svg(text.getvalue())}</div>"
+    return f"<div class='chart' style='--width:{width:.0f}pt'>{page_svg(text.getvalue())}</div>"
 
 
 def blank(
@@ -67,8 +67,8 @@ def heat_map(places: Sequence[Bin]) -> str:
     steps = (0, 1, 3, 10, 30) if highest < 2.0 else (0, 10, 100, 1000, 10000)
     ticks = [z for z in steps if np.log10(1 + z) <= highest]
     bar.set_ticks([float(np.log10(1 + z)) for z in ticks], labels=[str(z) for z in ticks])
-    bar.set_label("sigma beyond noise", fontsize=8)
-    bar.ax.tick_params(labelsize=8)
+    bar.set_label("sigma beyond noise", fontsize=8, color=INK)
+    bar.ax.tick_params(labelsize=8, colors=INK)
     axis.set_xlabel("condition", fontsize=8)
     return svg(figure)
 
@@ -169,7 +169,10 @@ def _midline(axis: Axes, run: Replayed, k: int) -> None:
 def _legend_above(figure: Figure, axis: Axes) -> None:
     """The legend of `axis` above all axes, where it covers nothing."""
     handles, labels = axis.get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper right")
+    figure.legend(
+        handles, labels, fontsize=8, frameon=False, ncols=3, loc="outside upper right",
+        labelcolor=INK,
+    )  # fmt: skip
 
 
 def run_bars(names: Sequence[str], before: Array, after: Array) -> str:

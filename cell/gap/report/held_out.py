@@ -39,7 +39,7 @@ def shown(found: Findings, verdict: Verdict) -> str:
         "the grey band is two sigma of one reading.</p>"
         + figures.residual_traces(before, after, typical, quantities)
         + f"<p>{_shrank(found, verdict)}: {escape(change(found, verdict))}.</p>"
-        f"<table><tr><th>rms{columns}<th class='n'>noise</tr>{rows}</table>"
+        f"<div class='wide'><table><tr><th>rms{columns}<th class='n'>noise</tr>{rows}</table></div>"
         + _excess(names, was, now)
     )
 
@@ -109,5 +109,6 @@ def _detectable(found: Findings, verdict: Verdict) -> str:
     never = f"Not detectable here at any possible size: {', '.join(silent)}." if silent else ""
     return (
         "<p class='note'>The smallest size of each effect that these runs would have shown "
-        f"(8 sigma or more after the base is refitted). {escape(never)}</p><table>{rows}</table>"
+        f"(8 sigma or more after the base is refitted). {escape(never)}</p>"
+        f"<div class='wide'><table>{rows}</table></div>"
     )

@@ -17,6 +17,7 @@ from cell.gap.report.replayed import Replayed, replayed
 from cell.gap.subject.scene import Curve, Scene
 from cell.gap.verdict.findings import Findings
 from drivers.errors import ConfigurationError
+from drivers.files import replacing
 from drivers.types import Array
 
 COLOURS = {"measured": 0xFFAA32FF, "before": int(BEFORE[1:] + "ff", 16),
@@ -34,12 +35,13 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
     """Write the recording of `runs` of `name`; ConfigurationError where it cannot be written."""
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
-        recording.set_sinks(rr.FileSink(path))
-        recording.send_blueprint(blueprint(runs))
-        recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for run in runs:
-            _write(recording, run)
-        recording.flush()
+        with replacing(path) as scratch:
+            recording.set_sinks(rr.FileSink(scratch))
+            recording.send_blueprint(blueprint(runs))
+            recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+            for run in runs:
+                _write(recording, run)
+            recording.disconnect()
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
     finally:

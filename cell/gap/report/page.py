@@ -6,7 +6,8 @@ from pathlib import Path
 from cell.gap.report.evidence import base, candidates, where
 from cell.gap.report.held_out import conditions, remains, shown
 from cell.gap.report.repeats import repeats
-from cell.gap.report.sentence import headline, sentence
+from cell.gap.report.sentence import capital, deviation, headline, sentence
+from cell.gap.subject.subject import EditsModel
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Verdict, write_text
 from cell.report.markup import Tone, masthead, section, steps, table, verdict_box
@@ -21,7 +22,7 @@ TONES: dict[Kind, Tone] = {
 STYLE = """<style>
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 td.p { font-size: .92em; } summary { cursor: pointer; } tr.best { background: var(--wash); }
-main svg { max-width: 100%; height: auto; } .wide table { width: auto; }
+main svg { height: auto; } .wide table { width: auto; }
 </style>"""
 
 
@@ -35,7 +36,7 @@ def page(found: Findings, verdict: Verdict) -> str:
     runs, held = len(found.subject.runs), len(verdict.held_out)
     name = found.subject.name
     title = f"{name}: simulation against {runs} measured runs, {held} of them held out"
-    notes = "".join(f"<p class='note'>{escape(note)}</p>" for note in found.subject.notes)
+    notes = "".join(f"<p class='note'>{escape(note)}</p>" for note in verdict.notes)
     parts = [
         STYLE,
         masthead(title, name),
@@ -60,16 +61,26 @@ def _card(found: Findings, verdict: Verdict) -> str:
     if verdict.effects and verdict.gap.before["excess"]:
         number, below = f"{100 * verdict.gap.shrink:.0f} %", "of the gap closed"
     lines = [sentence(found, verdict)]
-    return verdict_box(TONES[verdict.verdict], headline(verdict), lines, number, below)
+    tone = TONES[verdict.verdict]
+    if verdict.deviates:
+        tone = "bad" if tone == "bad" else "fair"
+        lines = [capital(deviation(verdict.deviates)) + ".", *lines]
+    return verdict_box(tone, headline(verdict), lines, number, below)
 
 
 def _following(found: Findings, verdict: Verdict) -> str:
     """The command to type next, in the folder where the fit was called."""
     name = f"--strip configs/strips/{found.subject.name}.yaml"
+    if isinstance(found.subject, EditsModel):
+        name = "--model FILE"
     todo = []
     if verdict.verdict == "named":
         todo += [f"`cell gap accept OUT {name}` puts it into the file; `cell gap undo OUT {name}` "
                  "takes it back."]  # fmt: skip
+    elif verdict.deviates and not found.accepted.model.effects:
+        todo += [f"`cell gap accept OUT {name}` puts the refitted values into the file, and `cell "
+                 f"gap undo OUT {name}` takes them back. If these runs are of another strip, name "
+                 "its file instead."]  # fmt: skip
     if verdict.verdict == "ambiguous":
         todo += ["`cell gap advise OUT` says which run would split them."]
     if found.offered is not None:

@@ -1,11 +1,13 @@
 """The verdict in plain words."""
 
+from collections.abc import Sequence
+
 from cell.gap.report.units import interval, number, quantity
 from cell.gap.selection.likelihood import margin
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.decide import lone_run
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Measured, Verdict
+from cell.gap.verdict.schema import Deviation, Measured, Verdict
 
 TITLES = {
     "ambiguous": "Something is missing, and these runs cannot tell what",
@@ -15,10 +17,15 @@ TITLES = {
 
 
 def headline(verdict: Verdict) -> str:
-    """The verdict in a line: the name with its size and interval, or what stands open."""
-    if verdict.verdict != "named":
-        return TITLES[verdict.verdict]
+    """The verdict in a line: values that the file does not state, then the name with its size and
+    interval, or what stands open.
+    """
     parts = []
+    if verdict.deviates:
+        names = ", ".join(d.parameter.replace("_", " ") for d in verdict.deviates)
+        parts.append(f"Not as the file states: {names}")
+    if verdict.verdict != "named":
+        return "; ".join([*parts, TITLES[verdict.verdict]])
     for effect in verdict.effects:
         name, value = next(iter(effect.parameters.items()))
         parts.append(f"{effect.name}: {name.replace('_', ' ')} {interval(value)}")
@@ -131,6 +138,18 @@ def at_their_ends(found: Findings) -> list[str]:
         for p, value in zip(e.parameters, values[e.name], strict=True)
         if value in (p.low, p.high) and value != p.start
     ]
+
+
+def deviation(deviates: Sequence[Deviation]) -> str:
+    """What deviates from the file, in a line for an operator."""
+    parts = []
+    for d in deviates:
+        ends = (quantity(end, d.unit) if end is not None else "any" for end in d.tolerated)
+        parts.append(
+            f"{d.parameter.replace('_', ' ')} {interval(d)}, the file states "
+            f"{quantity(d.stated, d.unit)} and tolerates {' to '.join(ends)}"
+        )
+    return f"not as the file states: {'; '.join(parts)}"
 
 
 def _values(parameters: dict[str, Measured]) -> str:

@@ -11,7 +11,7 @@ from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 HEAD = "run.yaml"
-TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet")
+TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet")
 
 
 @dataclass(frozen=True, slots=True)

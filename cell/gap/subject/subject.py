@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ class Parameter:
     so that a null at infinity is a zero here. `shape` parameters say where or how an effect is,
     not how much of it there is: a probe keeps its own whatever its amount. `random` unknowns of
     a run are drawn anew in each run; their `spread` is estimated from the runs; `common` ones
-    are expected to differ in any laboratory, unless the runs refute it.
+    are expected to differ in any laboratory, unless the runs refute it. `tolerated` is the range
+    that the file states for a value of the base; None where it states a `spread` alone.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Parameter:
     shape: bool = False
     random: bool = False
     common: bool = False
+    tolerated: tuple[float, float] | None = None
 
     def shown(self, value: float) -> float:
         """`value` as files state it."""
@@ -57,7 +59,7 @@ class Candidate:
 
     name: str
     sentence: str
-    of: Literal["strip", "cell"]
+    of: Literal["strip", "cell", "model", "rig"]
     parameters: tuple[Parameter, ...]
     probes: tuple[tuple[tuple[float, ...], ...], ...]
     revealed_by: str = ""
@@ -238,4 +240,15 @@ class Subject(Protocol):
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The file after acceptance, and the cell's effects where some belong to the cell."""
+        ...
+
+
+@runtime_checkable
+class EditsModel(Protocol):
+    """A subject whose acceptance writes a model of its own beside the file."""
+
+    def model_text(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    ) -> str:
+        """Text of the model after acceptance; the patch names its file under `model`."""
         ...

@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from cell.record.documents import replace_file
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE
+from drivers.files import MEGABYTE, replace_file
 from drivers.settings import parse, read_json
 
 VERDICT = 8 * MEGABYTE
@@ -34,11 +33,19 @@ class Measured(Interval):
     unit: str
 
 
+class Deviation(Measured):
+    """A refitted value of the base beyond what the file tolerates; no upper end for infinity."""
+
+    parameter: str
+    stated: float
+    tolerated: tuple[float, float | None]
+
+
 class NamedEffect(Entry):
     """An effect that the patch adds."""
 
     name: str
-    of: Literal["strip", "cell"]
+    of: Literal["strip", "cell", "model", "rig"]
     parameters: dict[str, Measured]
     confidence: float
 
@@ -111,10 +118,12 @@ class Verdict(Entry):
     runtime: float
     simulations: int
     notes: list[str] = Field(default_factory=list)
+    deviates: list[Deviation] = Field(default_factory=list)
 
     def to_json(self) -> str:
-        """Text of verdict.json."""
-        return self.model_dump_json(by_alias=True, indent=1) + "\n"
+        """Text of verdict.json; `deviates` stands there only where something does."""
+        absent = set() if self.deviates else {"deviates"}
+        return self.model_dump_json(by_alias=True, indent=1, exclude=absent) + "\n"
 
 
 def read_verdict(path: Path) -> Verdict:

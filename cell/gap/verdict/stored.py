@@ -37,13 +37,14 @@ class StoredLaw(Stored):
 class FitRecord(Stored):
     """fit.json: hash of the file that was fitted, and the effects that were named.
 
-    `scatter` are quantities that differ from run to run; by `steadier` sigma the runs would tell
-    two explanations apart better, had one differed by half as much; `law` describes what nothing
-    explains.
+    `values` of the base leave what the file states; `scatter` are quantities that differ from run
+    to run; by `steadier` sigma the runs would separate two explanations better, had one differed by
+    half as much; `law` describes what nothing explains.
     """
 
     file_sha256: str
     effects: tuple[str, ...]
+    values: tuple[str, ...] = ()
     scatter: tuple[StoredSpread, ...] = ()
     steadier: Mapping[str, float] = Field(default_factory=dict)
     law: StoredLaw | None = None

@@ -1,12 +1,16 @@
-"""The registry of effects: every module of this folder is one effect, its `EFFECT`."""
+"""The registry of effects: every module of this folder is one, its `EFFECT`, and so is every
+plug-in of the kind `effects`.
+"""
 
 import importlib
 import pkgutil
 from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Literal
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
+from drivers.plugins import plugins
 from drivers.strip.effects.effect import Effect
 from drivers.strip.model import Effects, StripModel
 
@@ -15,7 +19,8 @@ from drivers.strip.model import Effects, StripModel
 def registry() -> Mapping[str, Effect]:
     """Effects by name, in the order in which they apply: laws, boundary, observation."""
     modules = [name for _, name, _ in pkgutil.iter_modules(__path__) if name != "effect"]
-    effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
+    own = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
+    effects = [*own, *plugins("effects", Effect, {effect.name for effect in own}).values()]
     return {e.name: e for e in sorted(effects, key=lambda e: (e.stage, e.name))}
 
 
@@ -25,6 +30,14 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
         if name in effects:
             model = effect.applied(model, _on_strip(effect, effects[name], model))
     return model
+
+
+def _beside(name: str) -> str:
+    """Why a file of that name in a checkout is no effect of the package that runs."""
+    path = Path("drivers", "strip", "effects", f"{name}.py")
+    if not path.is_file():
+        return ""
+    return f"; {path} is not a part of the installed package: run `pip install -e .` here"
 
 
 def _on_strip(
@@ -43,6 +56,7 @@ def check_effects(effects: Effects, origin: str, of: Literal["strip", "cell"]) -
         known = [e.name for e in registry().values() if e.of == of]
         if name not in known:
             raise ConfigurationError(
-                f"{origin}: effects.{name}: unknown effect of the {of}; allowed: {', '.join(known)}"
+                f"{origin}: effects.{name}: unknown effect of the {of}{suggestion(name, known)}; "
+                f"allowed: {', '.join(known)}{_beside(name)}"
             )
         registry()[name].check(values, f"{origin}: effects.{name}")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import Drag, StripModel
 
 
@@ -28,5 +28,6 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (0.3, 1.5),
+    textile={"coefficient": Span(0.3, 1.5)},
     revealed_by="a fast fold against a slow one: the falling fold arrives late",
 )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.strip.crease import set_down
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -36,5 +36,9 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (1.0, 5.0, 20.0),
+    textile={
+        "yield_curvature": Span(2.0, 60.0, log=True),  # KES tables hold 20 to 60
+        "stiffness_ratio": Span(5.0, 12.0),
+    },
     revealed_by="a slow fold there and back: the shapes on the two ways differ at the same place",
 )

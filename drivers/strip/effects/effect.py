@@ -1,13 +1,13 @@
 """An effect: one physical or measurement phenomenon that a model may lack."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal
 
 import numpy as np
 
-from drivers.errors import ConfigurationError
+from drivers.errors import ConfigurationError, suggestion
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 
@@ -22,6 +22,26 @@ class Stage(IntEnum):
     LAW = 1
     BOUNDARY = 2
     OBSERVATION = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Values from `low` to `high`, uniform or uniform in their logarithm; times the length."""
+
+    low: float
+    high: float
+    log: bool = False
+    of_length: bool = False
+
+    def draw(self, rng: np.random.Generator, length: float) -> float:
+        """A value, for a strip of `length` [m]."""
+        if self.log:
+            return float(np.exp(rng.uniform(np.log(self.low), np.log(self.high))))
+        value = self.low if self.low == self.high else float(rng.uniform(self.low, self.high))
+        return value * length if self.of_length else value
+
+
+PLACE = Span(0.15, 0.95, of_length=True)  # along a strip, away from its fixed end
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +72,7 @@ class Effect:
     `sentence` is for a technician; `revealed_by` is the motion that shows it best; `typical`
     gives, for a strip, values of the switch from just visible in ten runs to as large as
     laboratories report, one of the other sign among them where the two sides act unlike;
+    `textile` are the spans of its parameters over textiles, in the order in which to draw them;
     `looks_like` names effects that no run of a fold tells from this one.
     """
 
@@ -63,6 +84,7 @@ class Effect:
     apply: Callable[[StripModel, Mapping[str, float]], StripModel]
     revealed_by: str
     typical: Callable[[StripFile], tuple[float, ...]] | None = None
+    textile: Mapping[str, Span] = field(default_factory=dict)
     looks_like: frozenset[str] = frozenset()
 
     def sizes(self, strip: StripFile) -> tuple[float, ...]:
@@ -101,7 +123,8 @@ class Effect:
         for name in values:
             if name not in known:
                 raise ConfigurationError(
-                    f"{origin}.{name}: unknown parameter; allowed: {', '.join(known)}"
+                    f"{origin}.{name}: unknown parameter{suggestion(name, known)}; "
+                    f"allowed: {', '.join(known)}"
                 )
         complete = self.complete(values)
         for name, parameter in known.items():

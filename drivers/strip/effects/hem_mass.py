@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 from drivers.types import frozen
 
@@ -28,5 +28,10 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda strip: (0.05 * strip.mass,),
+    textile={
+        "mass": Span(2.5e-4, 1e-3, of_length=True),  # 2 to 8 % of a usual strip's
+        "position": Span(0.3, 0.95, of_length=True),
+        "width": Span(0.01, 0.01),
+    },
     revealed_by="the strip on scales; slow folds of other heights",
 )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -20,5 +20,6 @@ EFFECT = Effect(
     parameters=(Parameter("error", "m", low=-0.02, high=0.02),),
     apply=_apply,
     typical=lambda _: (0.0005, -0.002, 0.003),  # too short it is taut, too long it buckles
+    textile={"error": Span(-0.001, 0.002)},
     revealed_by="a ruler; a taut lift: slack or pull before the strip hangs",
 )

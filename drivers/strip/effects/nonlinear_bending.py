@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -26,5 +26,6 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (-4e-6, 3e-5, 2e-4),
+    textile={"cubic": Span(3e-5, 2e-4, log=True)},
     revealed_by="a slow fold with a low and a high carry: only sharp bends change",
 )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 from drivers.types import frozen
 
@@ -22,5 +22,6 @@ EFFECT = Effect(
     parameters=(Parameter("curvature", "1/m", low=-60.0, high=60.0),),
     apply=_apply,
     typical=lambda _: (0.5, 5.0),
+    textile={"curvature": Span(-5.0, 5.0)},
     revealed_by="a strip that hangs free; while both edges are clamped it shows little",
 )

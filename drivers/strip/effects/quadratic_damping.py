@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -20,5 +20,6 @@ EFFECT = Effect(
     parameters=(Parameter("coefficient", "m s^2", low=0.0, high=0.02),),
     apply=_apply,
     typical=lambda _: (1e-4, 1e-3),
+    textile={"coefficient": Span(1e-4, 1e-3, log=True)},
     revealed_by="a fast fold against a slow one, and a shake: only quick bending changes",
 )

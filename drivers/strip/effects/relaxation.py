@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.strip.crease import set_down
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -26,5 +26,6 @@ EFFECT = Effect(
     ),
     apply=_apply,
     typical=lambda _: (0.03, 0.2),
+    textile={"ratio": Span(0.03, 0.2), "time": Span(0.1, 2.0, log=True)},
     revealed_by="a fold that stops and holds: the shape goes on sagging",
 )

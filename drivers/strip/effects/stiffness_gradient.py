@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -21,5 +21,6 @@ EFFECT = Effect(
     parameters=(Parameter("slope", "1", low=-1.8, high=1.8),),
     apply=_apply,
     typical=lambda _: (0.2, 0.8),
+    textile={"slope": Span(-0.8, 0.8)},
     revealed_by="the strip with its ends swapped, and folds of other heights",
 )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from drivers.strip.effects.effect import Effect, Parameter, Stage
+from drivers.strip.effects.effect import Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
@@ -20,5 +20,6 @@ EFFECT = Effect(
     parameters=(Parameter("stiffness", "N", low=0.5, high=1e6, null=None),),
     apply=_apply,
     typical=lambda strip: tuple(strip.weight / strain for strain in (0.002, 0.006, 0.02)),
+    textile={"stiffness": Span(6.0, 39.0, log=True)},
     revealed_by="a taut lift and a high carry: the hanging part grows longer",
 )

@@ -53,7 +53,7 @@ class Chain:
         for strip, pose in zip(self._strips, targets, strict=True):
             strip.advance(pose, dt, parts)
         self._time += dt
-        return self._observed()
+        return self._observe()
 
     def release(self) -> None:
         """Release the strips: later gripper poses have no effect."""
@@ -68,7 +68,7 @@ class Chain:
         """Arc lengths of the nodes (n, links + 1) [m] from the fixed edge."""
         return np.stack([strip.arc for strip in self._strips])
 
-    def _observed(self) -> Observables:
+    def _observe(self) -> Observables:
         heights = [model.observation.contact_height for model in self._models]
         pairs = list(zip(self._strips, heights, strict=True))
         return Observables(

@@ -39,10 +39,10 @@ class Loads:
             # their stiffness, even while they slide; its share at the present rate is taken back.
             moment += h * lumps.presliding * data.qvel[hinges]
         if self._fades:
-            moment += self._faded(data.qpos[hinges], h)
+            moment += self._fade(data.qpos[hinges], h)
         return moment
 
-    def _faded(self, angle: Array, h: float) -> Array:
+    def _fade(self, angle: Array, h: float) -> Array:
         """Moments (n + 1,) by which Maxwell elements have relaxed below springs.
 
         Their strain obeys dq/dt = dangle/dt - q / time; exact for a uniform rate between calls.

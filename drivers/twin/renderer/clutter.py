@@ -58,7 +58,7 @@ def _filled(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
 def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uint8]:
     knots = np.array(cable.points)
     at = np.linspace(0, len(knots) - 1, CURVE * (len(knots) - 1) + 1)
-    smooth = np.stack([_bent(at, knots[:, c]) for c in range(3)], axis=-1)
+    smooth = np.stack([_bend(at, knots[:, c]) for c in range(3)], axis=-1)
     pixels = optics.project(smooth)
     away = float(np.linalg.norm(smooth.mean(axis=0) - optics.centre))
     thickness = max(round(cable.thickness * optics.focal / away), 1)
@@ -68,7 +68,7 @@ def _line(cable: Cable, optics: Optics, size: tuple[int, ...]) -> NDArray[np.uin
     return mask
 
 
-def _bent(at: Array, values: Array) -> Array:
+def _bend(at: Array, values: Array) -> Array:
     """Values (n,) at whole numbers, interpolated smoothly."""
     degree = min(len(values) - 1, 3)
     fit = np.polynomial.polynomial.polyfit(np.arange(len(values)), values, degree)

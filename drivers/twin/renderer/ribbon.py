@@ -94,7 +94,7 @@ def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material
     s, y = curve.s[which], depth * look.width
     shade = _lit(curve, optics)[which] * material.at(s, y)
     cloud = Cloud(u, v, (area * share)[which], shade, look.tint(s, y))
-    return _blurred(cloud, picture, which, row)
+    return _blur(cloud, picture, which, row)
 
 
 def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> Cloud:
@@ -109,7 +109,7 @@ def near_edge(curve: Curve, picture: Seen, look: StripLook, material: Weave) -> 
     shade = CUT * material.cut_at(curve.s)
     which, row = np.divmod(np.arange(len(u)), rows)
     tint = look.tint(curve.s[which], np.zeros(len(which)))
-    return _blurred(Cloud(u, v, area[which], shade[which], tint), picture, which, row)
+    return _blur(Cloud(u, v, area[which], shade[which], tint), picture, which, row)
 
 
 def _surface(curve: Curve, picture: Seen, optics: Optics, look: StripLook) -> Array:
@@ -128,7 +128,7 @@ def _area(along: Array, across: Array) -> Array:
     return np.abs(along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0])
 
 
-def _blurred(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
+def _blur(cloud: Cloud, picture: Seen, which: Indices, row: Indices) -> Cloud:
     """`cloud` with each point at a random instant of the exposure, so that neighbours together
     blur.
 

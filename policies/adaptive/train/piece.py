@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from drivers.files import replacing
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
@@ -44,10 +45,8 @@ class Piece(NamedTuple):
 
     def save(self, path: FilePath) -> None:
         """Write the piece to `path` at once."""
-        partial = path.with_name(path.name + ".partial")
-        with partial.open("wb") as stream:
+        with replacing(path) as scratch, scratch.open("wb") as stream:
             np.savez(stream, **self._asdict())
-        partial.replace(path)
 
     @classmethod
     def load(cls, path: FilePath) -> Self:
@@ -63,10 +62,10 @@ def explore(settings: CriticSettings, turn: int, number: int, critic: Critic | N
     Linear algebra keeps to one thread, on whose number its rounding depends.
     """
     with threadpool_limits(1, user_api="blas"):
-        return _explored(settings, turn, number, critic)
+        return _explore(settings, turn, number, critic)
 
 
-def _explored(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
+def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | None) -> Piece:
     rng = np.random.default_rng([settings.seed, turn, number])
     draw = unknown if settings.friction else plain
     length = LENGTH if number % 2 == 0 else float(rng.uniform(*LENGTHS))

@@ -51,7 +51,7 @@ class Network(nn.Module):
         p = self.get_parameter
         recalled = torch.tanh(whitened @ p("recall") + p("recall_bias")) * told
         memory = torch.cumsum(recalled, 1) / torch.cumsum(told, 1).clamp(min=1.0)
-        known = torch.cat([_picked(whitened, picked), _picked(memory, picked)], dim=-1)
+        known = torch.cat([_pick(whitened, picked), _pick(memory, picked)], dim=-1)
         hidden = torch.tanh(known @ p("first") + p("first_bias"))
         hidden = torch.tanh(hidden @ p("second") + p("second_bias"))
         return hidden @ p("last") + p("last_bias")
@@ -121,7 +121,7 @@ def biases(count: int) -> Tensor:
     """Random errors (count, COUNT) of a fold's inputs that stay the same in all its images.
 
     Of contact and tip, and of the profile an error that changes linearly along it: what images
-    leave, as `tests.benchmarks.measure_sensing` shows.
+    leave, as `cell study perception` shows.
     """
     along = torch.linspace(0.0, 1.0, POINTS)[:, None]
     begin, end = BIAS * torch.randn(2, count, 1, 2)
@@ -171,7 +171,7 @@ def _mean(values: Tensor, weight: Tensor) -> Tensor:
     return (values * weight).sum() / weight.sum().clamp(min=1.0)
 
 
-def _picked(values: Tensor, picked: Tensor) -> Tensor:
+def _pick(values: Tensor, picked: Tensor) -> Tensor:
     return values.gather(1, picked[..., None].expand(-1, -1, values.shape[-1]))
 
 

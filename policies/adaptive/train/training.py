@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes, replace_file, writing
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic
 from policies.adaptive.train.piece import Piece, explore, gathered
@@ -88,7 +89,7 @@ class CriticTraining:
         if path.exists():
             return load_critic(path)
         known = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
-        piece = gathered([self._loaded(t, n) for t, n in known])
+        piece = gathered([self._load(t, n) for t, n in known])
         seed, epochs = self.settings.seed, self.settings.epochs[turn]
         save_critic(path, fit(piece, self.settings, epochs, seed, self._critic), {"round": turn})
         return load_critic(path)
@@ -96,7 +97,7 @@ class CriticTraining:
     def _finish(self) -> None:
         """Set the sigmas by the trials and save the weights."""
         rounds = self.settings.rounds
-        pieces = [self._loaded(rounds, n) for n in range(self.settings.trials)]
+        pieces = [self._load(rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
         self._critic, self._trial = calibrated(last, gathered(pieces))
         facts = {"settings": self.settings.model_dump(mode="json"), "trial": self._trial.facts()}
@@ -111,7 +112,7 @@ class CriticTraining:
         except (OSError, ValueError, KeyError, EOFError):
             return None
 
-    def _loaded(self, turn: int, number: int) -> Piece:
+    def _load(self, turn: int, number: int) -> Piece:
         piece = self._stored(turn, number)
         if piece is None:
             raise ConfigurationError(
@@ -120,12 +121,8 @@ class CriticTraining:
         return piece
 
     def _store(self, piece: Piece, turn: int, number: int) -> None:
-        try:
+        with writing(self.folder, "make room and go on"):
             piece.save(self._path(turn, number))
-        except OSError as error:
-            raise ConfigurationError(
-                f"{self.folder}: cannot be written: {error.strerror}; make room and go on"
-            ) from None
 
 
 def _claim(path: FilePath, settings: CriticSettings) -> None:
@@ -134,9 +131,9 @@ def _claim(path: FilePath, settings: CriticSettings) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists():
-            path.write_text(json.dumps(asked, indent=1) + "\n", encoding="utf-8")
+            replace_file(path, (json.dumps(asked, indent=1) + "\n").encode())
             return
-        begun = json.loads(path.read_text(encoding="utf-8"))
+        begun = json.loads(read_bytes(path, MEGABYTE))
     except OSError as error:
         raise ConfigurationError(
             f"{path}: cannot be used: {error.strerror}; name another output folder"

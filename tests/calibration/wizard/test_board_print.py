@@ -9,8 +9,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from calibration.board_settings import BoardSettings
-from calibration.board_view import find_board
+from calibration.board import BoardSettings, find_board
 from calibration.pointer import find_pointer
 from calibration.wizard.board_print import board_figures, paper, print_board
 from drivers.errors import ConfigurationError

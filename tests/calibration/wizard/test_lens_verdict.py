@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibration.board_settings import BoardSettings
+from calibration.board import BoardSettings
 from calibration.lens import fit_lens
 from calibration.wizard.lens_verdict import LensVerdict, lens_verdict
 from drivers.errors import ConfigurationError

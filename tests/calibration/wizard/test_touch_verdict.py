@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from calibration.touch_settings import TouchSettings
-from calibration.touched_points import held_out, touch_plan
-from calibration.wizard.touch_fit import Touched, suspects
 from calibration.wizard.touch_verdict import Grade, touch_verdict
+from calibration.wizard.touches import Touched, TouchSettings, held_out, suspects, touch_plan
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from tests.support.board_sessions import LENS

@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.board_settings import BoardSettings
+from calibration.board import BoardSettings
 from calibration.lens import CameraFile
-from calibration.touch_settings import TouchSettings
-from calibration.touched_points import touch_plan
 from calibration.wizard.session import Row, Session, SessionFolder
+from calibration.wizard.touches import TouchSettings, touch_plan
 from cell.config.places import BESIDE
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer

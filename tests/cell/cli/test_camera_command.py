@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 import drivers.camera.kernel
 from cell.cli.app import app
 from cell.config.places import find_configs
+from cell.devices.camera_check import suggested
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, open_cell
 from cell.devices.real_camera import with_real_camera
-from cell.operations.camera import suggested
 from drivers.camera.camera import V4l2Camera
 from drivers.camera.listing import UnusableDevice, device_links, list_cameras, report
 from drivers.camera.settings import V4l2Settings

@@ -9,8 +9,8 @@ import pytest
 
 from cell.__main__ import main
 from cell.config.places import BESIDE
-from cell.operations.fold import Request
-from cell.operations.result import FoldResult
+from cell.folding.fold import Request
+from cell.folding.result import FoldResult
 from drivers.errors import CellError, ConfigurationError
 from tests.support.made_results import DONE, STOPPED
 
@@ -31,8 +31,8 @@ def folds(monkeypatch, tmp_path) -> Callable[..., tuple[int, list[dict], list[Re
                 interrupted._asked = True
             return end
 
-        monkeypatch.setattr("cell.operations.fold.fold", fold)
-        monkeypatch.setattr("cell.operations.calibrate.calibration_of", lambda *_: None)
+        monkeypatch.setattr("cell.folding.fold.fold", fold)
+        monkeypatch.setattr("cell.calibrating.calibrate.calibration_of", lambda *_: None)
         words = ("fold", "--strip", "denim", "--json", "--runs", tmp_path / "r", *words)
         monkeypatch.setattr("sys.argv", ["cell", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
@@ -54,7 +54,8 @@ def test_a_line_holds_what_programs_agreed_on_and_no_more(folds, capsys) -> None
     assert remarks == []
     assert list(line) == [
         *("run", "strip", "policy", "seed", "outcome", "displacement", "displacement_true"),
-        *("layer_touch", "duration", "wall", "calibration", "exit_code"),
+        *("layer_touch", "edge_offset", "edge_offset_true", "like_model"),
+        *("duration", "wall", "calibration", "exit_code"),
     ]
     assert line["displacement"] == -0.033765
     assert line["displacement_true"] is None
@@ -116,7 +117,7 @@ def test_a_defect_of_the_program_is_one_line_and_no_traceback(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("nobody foresaw this")
 
-    monkeypatch.setattr("cell.record.listing.list_runs", defect)
+    monkeypatch.setattr("cell.record.catalogue.Catalogue.rows", defect)
     monkeypatch.setattr("sys.argv", ["cell", "runs", "--runs", str(tmp_path)])
     with pytest.raises(SystemExit) as ended:
         main()

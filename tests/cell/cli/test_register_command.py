@@ -13,11 +13,11 @@ pytest.importorskip("pylibfranka", reason="the robot's library is not installed"
 
 from cell.cli.app import app
 from cell.config.places import BESIDE, Configs
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.server import RobotServer
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import HOME
 from drivers.installation import Mounting
-from drivers.twin.server.posture import Posture
-from drivers.twin.server.server import RobotServer
 from drivers.types import frozen
 
 TRUE = Mounting(x=0.38, y=-0.28, z=0.11, yaw=1.55)

@@ -5,8 +5,8 @@ import pytest
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import open_cell
+from drivers.fci_server import server
 from drivers.strip.describe import load_strip
-from drivers.twin.server import server
 from drivers.twin.settings import CameraSettings
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")

@@ -17,7 +17,7 @@ from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError, Fault
 from drivers.strip.describe import load_strip
-from policies.standard import STANDARD
+from policies.experiments.standard import STANDARD
 from tests.support.gap_strip_cases import denim
 
 FOUR = ["profile.parquet", "result.yaml", "run.yaml", "ticks.parquet"]

@@ -9,10 +9,11 @@ from typer.testing import CliRunner
 from cell.cli.app import app
 from cell.exam.case import Case
 from cell.exam.cases import answer_key
-from cell.exam.cases.answer_key import KEYS, case_hash
+from cell.exam.cases.answer_key import KEYS, Sources, case_hash
 from cell.exam.cases.drawn import DRAWN, load_or_draw
 from cell.exam.report.page import markdown, write_report
 from cell.exam.run import LEDGER
+from cell.exam.run_case import Examined
 from cell.exam.scoring.results import Baselines, Entry, Ledger, Oracle
 from cell.exam.scoring.score import score
 from cell.exam.scoring.targets import targets
@@ -67,6 +68,15 @@ def test_few_cases_without_an_alarm_do_not_show_that_there_are_few() -> None:
     assert met(quiet[:20], "an effect named where nothing", "state") is False
     assert met(quiet, "an effect named where nothing", "state") is True
     assert met(quiet[:20], "an effect named where nothing") is True
+
+
+def test_six_cases_of_six_are_no_miss_where_a_single_one_decides() -> None:
+    quiet = [scored(case(f"n{i}", "nothing", {}), verdict("no_gap")) for i in range(6)]
+    rows = [line for line in markdown(quiet).splitlines() if "where nothing is hidden" in line]
+    assert any("too few cases" in row for row in rows)
+    assert not any("missed" in row for row in rows)
+    alarms = [scored(case(f"n{i}", "nothing", {}), named("seam")) for i in range(60)]
+    assert markdown(alarms).count("**missed**") >= 2
 
 
 def test_a_gap_claimed_without_a_name_is_no_false_alarm_but_counted() -> None:
@@ -150,6 +160,12 @@ def test_a_page_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         write_report(entries(), tmp_path / "file" / "exam.md")
 
 
+def by_these_sources(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Entries were made by the sources of today, and whoever makes one again fails."""
+    monkeypatch.setattr(Sources, "entry", lambda *_: "engine-case-scorer")
+    monkeypatch.setattr(Examined, "measure", lambda _: pytest.fail("judged again"))
+
+
 @pytest.fixture
 def kept(tmp_path: Path) -> Path:
     """An exam of two cases that were drawn and scored."""
@@ -199,7 +215,7 @@ def test_the_digest_of_a_case_tells_what_runs_are_made(monkeypatch: pytest.Monke
 def test_an_exam_that_is_finished_is_only_reported(
     kept: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Ledger, "finished", lambda *_: True)
+    by_these_sources(monkeypatch)
     asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
     done = CliRunner().invoke(app, asked)
     assert done.exit_code == 0, done.output
@@ -210,7 +226,7 @@ def test_an_exam_that_is_finished_is_only_reported(
 def test_an_exam_goes_on_by_the_ledger_that_it_is_given(
     kept: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Ledger, "finished", lambda ledger, name, _: name in ledger._known)
+    by_these_sources(monkeypatch)
     ledger = tmp_path_factory.mktemp("elsewhere") / "state-7.jsonl"
     (kept / LEDGER).rename(ledger)
     asked = ["gap", "exam", "--tier", "state", "--cases", "2", "--seed", "7", "--out", str(kept)]
@@ -229,7 +245,7 @@ def test_steps_that_exclude_each_other_are_refused(tmp_path: Path) -> None:
 def test_two_exams_share_a_page(
     kept: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Ledger, "finished", lambda *_: True)
+    by_these_sources(monkeypatch)
     other = tmp_path_factory.mktemp("other")
     last = entries()[-1]
     Ledger(other / LEDGER).put(last)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.exam.report.tables import scatter_table
+from cell.exam.report.page import scatter_table
 from cell.exam.runs import from_model
 from cell.exam.runs.scatter import GRASP, LEVELS, RunScatter
 from cell.exam.scoring.results import Entry

@@ -163,15 +163,6 @@ def test_a_ledger_goes_on_after_a_line_that_was_cut_off(tmp_path: Path) -> None:
     assert path.read_bytes() == whole
 
 
-def test_only_a_case_scored_of_the_same_is_finished(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path / "ledger.jsonl")
-    ledger.put(entry("a", "engine 1", state="scored"))
-    ledger.put(entry("b", "engine 1"))
-    assert ledger.finished("a", "engine 1")
-    assert not ledger.finished("a", "engine 2")
-    assert not ledger.finished("b", "engine 1")
-
-
 def test_the_last_line_of_a_case_counts(tmp_path: Path) -> None:
     ledger = Ledger(tmp_path / "ledger.jsonl")
     ledger.put(entry("a", reason="first"))

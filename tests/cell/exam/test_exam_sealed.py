@@ -9,9 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from cell.campaign.journal import Record
+from cell.campaign.part import Part
+from cell.campaign.progress import Quiet
 from cell.exam.case import Case, Kind
 from cell.exam.cases.answer_key import Sources, opened, seal
-from cell.exam.run import LEDGER, run_exam, spread
+from cell.exam.run import JOURNAL, LEDGER, run_exam, said, spread
 from cell.exam.run_case import VERDICTS, made
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
@@ -172,13 +175,21 @@ def test_what_depends_on_another_engine_is_not_the_same() -> None:
 
 def test_a_case_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
     cases = [case("bad", "nothing", {}, seed=13), case("good", "nothing", {})]
-    told: list[str] = []
-    run_exam(
-        cases, tmp_path, steps="make", make=few_runs, progress=lambda *said: told.append(said[2])
-    )
-    assert any("bad: failed: unexpected RuntimeError" in line for line in told)
-    assert "good: runs made" in told
+    seen = Seen()
+    run_exam(cases, tmp_path, steps="make", make=few_runs, watcher=seen)
+    assert any("bad: failed: unexpected RuntimeError" in line for line in seen.lines)
+    assert "good: runs made" in seen.lines
     assert [e.state for e in Ledger(tmp_path / LEDGER).entries] == ["failed"]
+
+
+class Seen(Quiet):
+    """A watcher that notes what came of each case."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def finished(self, part: Part, record: Record) -> None:
+        self.lines.append(part.key + said(record))
 
 
 def refused(_: Case, __: Path) -> None:
@@ -219,4 +230,6 @@ def test_an_exam_is_carried_out_and_goes_on(
     shutil.rmtree(tmp_path / VERDICTS)
     assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert (tmp_path / LEDGER).read_bytes() == lines
+    shutil.rmtree(tmp_path / JOURNAL)
+    assert run_exam([hidden], tmp_path, make=few_runs) == (entry,)
     assert isinstance(entry, Entry)

@@ -121,7 +121,7 @@ def strip_sigma(**changes: float) -> Spoil:
 
 TICKS, CURVES, ANGLES = "ticks.parquet", "profile.parquet", "angles.parquet"
 SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
-    ("strip", "missing column"): (without(TICKS, "pitch"), (TICKS, "pitch", "add it")),
+    ("strip", "missing column"): (without(TICKS, "z"), (TICKS, "z", "add it")),
     ("strip", "missing column of curves"): (without(CURVES, "z"), (CURVES, "z:", "add it")),
     ("strip", "NaN in the gripper"): (column(TICKS, "x", put(40, np.nan)), (TICKS, "x: row 40")),
     ("strip", "NaN in a curve"): (column(CURVES, "z", put(3, np.nan)), (CURVES, "z: row 3")),
@@ -141,7 +141,7 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
     ("strip", "noise of times in ms"): (
         strip_sigma(touch_time=30.0), ("run.yaml", "sigma.touch_time", "in s")),
     ("strip", "negative sigma"): (
-        strip_sigma(profile=-1e-3), ("run.yaml", "sigma.profile", "greater than 0")),
+        strip_sigma(profile=-1e-3), ("run.yaml", "sigma.profile", "more than 0")),
     ("strip", "another strip"): (
         head(strip="cotton"), ("run.yaml", "'cotton'", "'denim'", "one strip")),
     ("strip", "truncated"): (cut(TICKS), (TICKS, "Parquet")),
@@ -184,8 +184,11 @@ SPOILT: dict[tuple[str, str], tuple[Spoil, tuple[str, ...]]] = {
 
 
 def again(run: Path) -> None:
-    """A third run, so that not all indices are equal."""
+    """A third run, so that not all indices are equal, and no copy."""
     shutil.copytree(run, run.parent / "09")
+    for table, name in ((CURVES, "z"), (ANGLES, "theta_1")):
+        if (run / table).is_file():
+            edit_column(run.parent / "09" / table, name, lambda values: values + 1e-6)
     edit_yaml(run.parent / "09" / "run.yaml", index=5)
 
 

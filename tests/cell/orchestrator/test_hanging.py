@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.hanging import STILL as AT_REST
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.recorder import NullRecorder
 from cell.orchestrator.snapshot import Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
+from cell.perception.measurement import StripMeasurement
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
 
 TICK, FRAME = 0.01, 2  # s, ticks from image to image
@@ -62,7 +62,8 @@ def snapshot(
     seen = StripMeasurement(
         now, k // FRAME, 0.4, 1.0, curve, 1.0, place, nothing, nothing, gripper=place
     )
-    view = View(frame, fresh=k % FRAME == 0, measurement=seen)
+    new = k % FRAME == 0
+    view = View(frame, fresh=new, measurement=seen, read=new)
     return Snapshot(now, State.LIFT, 0.0, arm, HAND, view)
 
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.perception.measurement import SeenTouch
 from cell.orchestrator.lay import BRAKING, PULL, TURNING, follow_lay, lay_path
 from cell.orchestrator.snapshot import Drive
+from cell.perception.measurement import SeenTouch
 from drivers.types import Pose, Velocity
 from policies.path import Path
 from tests.cell.orchestrator.test_monitors import GOOD

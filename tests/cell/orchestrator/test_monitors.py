@@ -4,12 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.perception.measurement import StripMeasurement
 from cell.config.monitor_limits import MonitorLimits
 from cell.orchestrator.monitors import MONITORS, Rules, check_all
 from cell.orchestrator.snapshot import Drive, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
+from cell.perception.measurement import StripMeasurement
 from drivers.errors import Fault
 from drivers.limits import Workspace
 from drivers.types import STILL, ArmState, Frame, HandState, Pose, Velocity
@@ -46,6 +46,8 @@ BROKEN = {
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
     "image_stale": showing(frame=replace(FRAME, stamp=9.5)),
     "image_frozen": showing(identical=LIMITS.identical_images),
+    "image_reader_dead": showing(dead="the process for images has ended"),
+    "image_reading_overdue": showing(reading_since=9.7),
     "low_confidence": showing(doubtful_since=9.0),
     "state_overtime": replace(GOOD, entered=-60.0),
     "overtime": replace(
@@ -75,6 +77,8 @@ WATCHED = {
     "grip_lost": {State.LIFT, State.FOLD, State.TOUCHED, State.LAY},
     "image_stale": MOVING,
     "image_frozen": MOVING,
+    "image_reader_dead": MOVING,
+    "image_reading_overdue": MOVING,
     "low_confidence": {State.LIFT, State.FOLD},
     "state_overtime": MOVING | {State.PREFLIGHT},
     "overtime": MOVING | {State.PREFLIGHT},
@@ -96,6 +100,24 @@ def test_monitor_stops_before_the_command(name: str) -> None:
     rules = replace(RULES, limits=loose)
     with pytest.raises(Fault) as stopped:
         check_all(BROKEN[name], Hold(), rules)
+    assert stopped.value.name == name
+
+
+@pytest.mark.parametrize(
+    ("snapshot", "name"),
+    [
+        (replace(GOOD, arm=replace(ARM, commanded=Pose(0.4, 0.24, 1.5))), "tracking_error"),
+        (replace(GOOD, arm=replace(ARM, force=(0.0, -30.0))), "force"),
+        (replace(GOOD, arm=replace(ARM, velocity=Velocity(0.0, -0.6, 0.0))), "overspeed"),
+        *(
+            (replace(GOOD, arm=replace(ARM, pose=pose, commanded=pose)), "workspace")
+            for pose in (Pose(-0.2, 0.2, 1.5), Pose(0.9, 0.2, 1.5), Pose(0.4, 0.6, 1.5))
+        ),
+    ],
+)
+def test_monitors_watch_every_direction(snapshot: Snapshot, name: str) -> None:
+    with pytest.raises(Fault) as stopped:
+        check_all(snapshot, Hold(), RULES)
     assert stopped.value.name == name
 
 

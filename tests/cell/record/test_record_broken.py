@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from cell.record.documents import replace_file, write_document
+from cell.record.documents import write_document
 from cell.record.files import SIGHT_STREAM
 from cell.record.frames import INDEX, read_index
 from cell.record.listing import list_runs
@@ -19,8 +19,9 @@ from cell.record.run import read_run
 from cell.record.stream import SIGHT_ROWS, read_stream
 from cell.record.writer import RunWriter
 from cell.report.page import write_report
-from cell.viz.recording import viz_from_run
+from cell.report.viz.recording import viz_from_run
 from drivers.errors import ConfigurationError
+from drivers.files import replace_file
 from tests.cell.conftest import HEADER
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.perception.measurement import StripMeasurement
 from cell.orchestrator.recorder import Recorder
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
+from cell.perception.measurement import StripMeasurement
 from cell.record.run import Run, read_run
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, read_stream
 from cell.record.writer import RunWriter

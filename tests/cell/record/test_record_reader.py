@@ -96,7 +96,7 @@ BROKEN = [
     ("result.yaml", {"outcome": None}, "result.yaml: outcome: is missing"),
     ("result.yaml", {"outcome": "layer_touch"}, "needs t_layer_touch"),
     ("result.yaml", {"schema": 2}, "schema: is 2"),
-    ("ticks.parquet", {"contact_x": None}, "ticks.parquet: contact_x: the column is missing"),
+    ("ticks.parquet", {"z": None}, "ticks.parquet: z: the column is missing"),
     ("ticks.parquet", {"x": np.full(50, np.nan)}, "ticks.parquet: x: row 0 is nan"),
     ("ticks.parquet", {"t": np.zeros(50)}, "ticks.parquet: t: row 1"),
     ("ticks.parquet", {"x": np.full(50, 600.0)}, "ticks.parquet: x: reaches 600"),
@@ -132,6 +132,14 @@ def test_broken_parquet_is_refused(laboratory):
 def test_finished_run_without_its_table_is_refused(laboratory):
     (laboratory / "profile.parquet").unlink()
     with pytest.raises(ConfigurationError, match=r"profile.parquet: is missing"):
+        read_run(laboratory)
+
+
+@pytest.mark.parametrize("name", ["ticks.parquet", "profile.parquet"])
+def test_table_that_is_missing_is_the_one_that_is_named(laboratory, name):
+    (laboratory / "result.yaml").unlink()
+    (laboratory / name).unlink()
+    with pytest.raises(ConfigurationError, match=f": {name}: is missing, and"):
         read_run(laboratory)
 
 

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from calibration.perception.measurement import StripMeasurement
+from cell.perception.measurement import StripMeasurement
 from cell.record import frame_writer
 from cell.record.files import is_under_way
 from cell.record.frames import KeyFrames

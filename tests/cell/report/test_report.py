@@ -56,6 +56,9 @@ def dead_page(killed):
     return write_report(killed).read_text(encoding="utf-8")
 
 
+BESIDE = ("frames/", "calibration.yaml", "ticks.parquet", "profile.parquet", "run.yaml")
+
+
 def outline(text: str) -> Outline:
     parsed = Outline()
     parsed.feed(text)
@@ -72,21 +75,22 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
         assert parsed.open == []
         assert parsed.crossed == []
         assert "script" not in parsed.tags
-        assert all(a.startswith(("data:", "#")) for a in parsed.addresses)
+        assert all(a.startswith(("data:", "#", *BESIDE)) for a in parsed.addresses)
         assert "@import" not in text
         assert "url(http" not in text
 
 
 def test_verdict_stands_on_top_with_sign_error_and_truth(page):
     top = words(page[page.index("<main") : page.index("In numbers")])
-    assert "Folded: the layers touched after 7.52 s" in top
-    assert "−36.3 mm ± 1.0 mm repeats ± 0.3 mm calibration" in top
-    assert "stops before the fixed edge" in top
+    assert "Folded: the edges lie 31.0 mm apart" in top
+    assert "−31.0 mm ± 1.0 mm repeats ± 0.3 mm calibration" in top
+    assert "the upper edge lies 31.0 mm before the lower one" in top
+    assert "after 7.52 s, the upper one was shorter by 36.3 mm ± 1.0 mm" in top
     assert "true displacement, −35.1 mm: the camera was off by −1.2 mm" in top
 
 
 def test_page_shows_pictures_figures_events_and_facts(page):
-    assert page.count("data:image/jpeg") == 6
+    assert page.count("data:image/jpeg") == 7  # the last one is on top too
     assert page.count("<svg") == 3
     text = words(page)
     for claim in ("FOLD, after made", "contact 450 mm", "seed 7", "drivers.arm twin", "l1"):
@@ -148,14 +152,18 @@ def test_path_done_claims_no_displacement(make_run, tmp_path):
 
 @pytest.mark.parametrize(("d", "tone"), [(0.012, "good"), (-0.0199, "good"), (-0.04, "fair")])
 def test_tone_follows_the_papers_bound(make_run, tmp_path, d, tone):
+    for changes in (
+        {"edge_offset": None, "displacement": d},
+        {"edge_offset": d, "displacement": 0},
+    ):
+        assert verdict_of(read_run(make_run(tmp_path, **changes)), None).tone == tone
     run = read_run(make_run(tmp_path, displacement=d))
-    assert verdict_of(run, None).tone == tone
     assert "true displacement" not in " ".join(verdict_of(run, None).sentences)
 
 
 def test_verdict_in_one_line_carries_its_errors(finished, killed):
     line = verdict(read_run(finished))
-    assert line.startswith("denim: Folded: the layers touched after 7.52 s: −36.3 mm (± 1.0 mm")
+    assert line.startswith("denim: Folded: the edges lie 31.0 mm apart: −31.0 mm (± 1.0 mm")
     assert "\n" not in line
     assert verdict(read_run(killed)).startswith("denim: The process died at t = 4.28 s")
 

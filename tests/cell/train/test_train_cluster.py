@@ -1,7 +1,9 @@
 """Training on a Dask cluster: the same numbers, whoever folds and whoever dies."""
 
 import os
+import shutil
 import signal
+import subprocess
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
@@ -10,13 +12,14 @@ from threading import Event, Thread
 import numpy as np
 import pytest
 
-from cell.train.cluster import cluster
+from cell.campaign.cluster import executor as cluster
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 from policies.train.settings import TrainingSettings
 from policies.train.training import TrainingRun
 
 distributed = pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+dask = pytest.importorskip("dask", reason="pip install '.[cluster]'")
 
 TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, substeps=1)
 
@@ -25,7 +28,7 @@ TINY = TrainingSettings(generations=3, population=14, strips=1, segments=20, sub
 def local() -> Iterator[distributed.LocalCluster]:
     """Two worker processes on loopback, each started again when it dies."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
     ) as started:
         yield started
 
@@ -70,7 +73,7 @@ def test_worker_killed_in_mid_run_changes_nothing(local, tmp_path: Path) -> None
 
 
 def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
-    monkeypatch.setattr("cell.train.cluster.version", lambda _: "0.0")
+    monkeypatch.setattr("cell.campaign.versions.version", lambda _: "0.0")
     with (
         pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"),
         cluster(local.scheduler_address),
@@ -80,7 +83,49 @@ def test_workers_of_another_version_are_refused(local, monkeypatch) -> None:
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere at all"])
 def test_address_without_a_scheduler_is_one_line(monkeypatch, address: str) -> None:
-    monkeypatch.setattr("cell.train.cluster.PATIENCE", 0.2)
+    monkeypatch.setattr("cell.campaign.cluster.PATIENCE", 0.2)
     with pytest.raises(ConfigurationError, match="no scheduler answers") as told, cluster(address):
         pass
     assert "\n" not in str(told.value)
+
+
+def certificate(folder: Path) -> tuple[str, str]:
+    """A certificate that signs itself, and its key."""
+    cert, key = str(folder / "cell.pem"), str(folder / "cell-key.pem")
+    made = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1"]
+    subprocess.run(
+        [*made, "-subj", "/CN=cell", "-keyout", key, "-out", cert], check=True, capture_output=True
+    )
+    return cert, key
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
+def test_cluster_with_tls_serves_who_has_the_certificate_alone(tmp_path: Path) -> None:
+    cert, key = certificate(tmp_path)
+    known = {"distributed.comm.tls.ca-file": cert, "distributed.comm.require-encryption": True}
+    for role in ("scheduler", "worker", "client"):
+        known |= {
+            f"distributed.comm.tls.{role}.cert": cert,
+            f"distributed.comm.tls.{role}.key": key,
+        }
+    security = distributed.Security(
+        tls_ca_file=cert,
+        require_encryption=True,
+        **{f"tls_{role}_{kind}": path for role in ("scheduler", "worker", "client")
+           for kind, path in (("cert", cert), ("key", key))},
+    )  # fmt: skip
+    with distributed.LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address="127.0.0.1:0",
+        protocol="tls://",
+        security=security,
+    ) as started:
+        address = started.scheduler_address
+        assert address.startswith("tls://")
+        with pytest.raises(ConfigurationError, match="no scheduler answers"), cluster(address):
+            pass
+        with dask.config.set(known), cluster(address) as executor:
+            assert executor.submit(max, 1, 2).result(timeout=30) == 2

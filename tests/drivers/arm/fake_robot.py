@@ -10,6 +10,7 @@ class FakeRobot:
         self.pose = pose
         self.joints = joints
         self.force = [0.0] * 6
+        self.torques = [0.0] * 7
         self.written: list[list[float]] = []
         self.ended = False
         self.clock = 0
@@ -29,6 +30,7 @@ class FakeRobot:
             O_T_EE=self.pose,
             O_T_EE_c=self.pose,
             O_F_ext_hat_K=self.force,
+            tau_ext_hat_filtered=self.torques,
             control_command_success_rate=1.0,
         )
 

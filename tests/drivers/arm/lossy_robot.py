@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.twin.server.robot import PATIENCE, resting_robot
-from drivers.twin.server.wire import MoveRequest, RobotCommand
+from drivers.fci_server.robot import PATIENCE, resting_robot
+from drivers.fci_server.wire import MoveRequest, RobotCommand
 
 JOINT_POSITION, CARTESIAN_POSE = 0, 2
 
@@ -53,6 +53,7 @@ class LossyRobot:
             O_dP_EE_c=rounded(posture.tool.velocity),
             O_ddP_EE_c=rounded(posture.tool.acceleration),
             O_F_ext_hat_K=[0.0] * 6,
+            tau_ext_hat_filtered=[0.0] * 7,
             control_command_success_rate=float(self._heard),
         )
 

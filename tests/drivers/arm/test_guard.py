@@ -49,6 +49,15 @@ def test_guard_objects_to_what_braking_could_not_stop() -> None:
     assert "could not follow" in guard.objection(hasty)
 
 
+def test_guard_objects_to_joints_that_turn_too_fast_here(monkeypatch) -> None:
+    slow = Soon(Pose(*START), Velocity(0.02, 0.0, 0.0), STILL)
+    assert ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS).objection(slow) == ""
+    few = np.full(7, 1e-3)
+    monkeypatch.setattr(limits, "velocity_bounds", lambda _: (-few, few))
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    assert "could not follow" in guard.objection(slow)
+
+
 def test_guard_objects_beyond_the_arm_s_reach() -> None:
     guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
     x, z, pitch = START

@@ -13,8 +13,10 @@ from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Repor
 from drivers.arm.plane import StripPlane, matrix
 from drivers.arm.reach import plan_reach
 from drivers.arm.settings import FciSettings
+from drivers.franka.tracking import rotation
 from drivers.installation import Installation
 from tests.drivers.arm.fake_robot import FakeRobot
+from tests.drivers.arm.lossy_robot import LossyRobot
 
 INSTALLATION = FciSettings().installed(Installation())
 PLANE = INSTALLATION.mounting.transform()
@@ -65,12 +67,19 @@ def begun(pose: list[float], *, keep: bool = False) -> Setup:
     return setup
 
 
-def begun_with(robot, *, lock_step: bool = True) -> Setup:
+def begun_with(robot, *, lock_step: bool = True, guard=None) -> Setup:
     context = get_context("spawn")
     orders = Latest(allocate(ORDER_LAYOUT, context), Order, ORDER_LAYOUT)
     reports = Latest(allocate(REPORT_LAYOUT, context), Report, REPORT_LAYOUT)
     loop = Loop(
-        robot, FciSettings(), INSTALLATION, orders, reports, lambda: 0.0, lock_step=lock_step
+        robot,
+        FciSettings(),
+        INSTALLATION,
+        orders,
+        reports,
+        lambda: 0.0,
+        lock_step=lock_step,
+        guard=guard,
     )
     loop.begin()
     return Setup(robot, loop, orders, reports)
@@ -91,6 +100,26 @@ def test_arm_out_of_the_strip_s_plane_is_not_taken_over() -> None:
     with pytest.raises(Failed, match="beside the strip's plane") as failed:
         begun(columns(aside))
     assert failed.value.failure.cause is Cause.PLACE
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_hand_that_leans_out_of_the_plane_is_not_taken_over(axis: int) -> None:
+    leaning = StripPlane(PLANE).matrix(*START)
+    leaning[:3, :3] = leaning[:3, :3] @ rotation(0.1 * np.eye(3)[axis])
+    with pytest.raises(Failed) as failed:
+        begun(columns(leaning))
+    assert failed.value.failure.cause is Cause.PLACE
+
+
+def test_motion_ends_only_once_the_arm_rests() -> None:
+    robot = LossyRobot(JOINTS, 1, 1, share=0.0)
+    setup = begun_with(robot)
+    setup.order(Kind.FOLLOW, -0.1, 0.1, 0.3)
+    setup.steps(60)
+    assert np.linalg.norm(robot.robot.posture.tool.velocity[:3]) > 0.05
+    setup.loop.end()
+    assert robot.ended
+    assert not robot.robot.errors
 
 
 def test_turned_hand_is_half_a_turn_about_its_own_axis() -> None:

@@ -11,10 +11,11 @@ from cell.config.places import find_configs
 from cell.devices.fci import fci_arm, start_joints
 from drivers.arm.plane import StripPlane
 from drivers.errors import Fault
+from drivers.fci_server.server import RobotServer
 from drivers.franka import limits as robot
+from drivers.franka.kinematics import forward
 from drivers.motion import TICK
 from drivers.twin.clock import TwinClock
-from drivers.twin.server.server import RobotServer
 from drivers.types import Pose, Velocity, frozen
 
 CELL = find_configs(None).cell()
@@ -46,7 +47,7 @@ class Told:
         self.poses: list[np.ndarray] = []
         self.clock = TwinClock()
         self.server = RobotServer(
-            start=frozen(joints), on_command=lambda command: self.poses.append(command.pose)
+            start=frozen(joints), on_command=lambda command: self.poses.append(forward(command.q))
         ).start()
         self.arm, _ = fci_arm(CELL, self.clock, self.server.address)
         self.arm.connect()

@@ -13,6 +13,7 @@ from collections import deque
 import numpy as np
 
 from drivers.camera.abi import (
+    PROGRESSIVE,
     Argument,
     Buffer,
     BufferFlag,
@@ -59,6 +60,7 @@ class FakeKernel:
         self.opened: set[int] = set()
         self.waits = 0
         self.jpeg: bytes | None = None
+        self.field = PROGRESSIVE
         self._time = 0.0
         self._next_fd = 100
         self._gone: set[int] = set()
@@ -236,7 +238,7 @@ class FakeKernel:
         known = {fourcc(code) for code in ("YUYV", "GREY", "MJPG")}
         self._format = pix.pixelformat if pix.pixelformat in known else fourcc("YUYV")
         pix.width, pix.height = self.size
-        pix.pixelformat, pix.field = self._format, 1
+        pix.pixelformat, pix.field = self._format, self.field
         pix.bytesperline, pix.sizeimage = self._line(), self._length()
 
     def _s_parm(self, fd: int, asked: StreamParameters) -> None:

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 from drivers.camera import abi
 from drivers.camera.abi import Request, fourcc, letters
 from drivers.camera.camera import V4l2Camera
+from drivers.camera.device import users_of
 from drivers.camera.errors import CameraRefused
 from drivers.camera.formats import Picture
 from drivers.camera.settings import V4l2Settings
-from drivers.camera.users import users_of
 from tests.drivers.camera.fake_kernel import LINK, FakeKernel
 
 
@@ -70,6 +70,15 @@ def test_setting_that_the_camera_changes_is_refused(changed: dict, said: str) ->
     kernel = FakeKernel()
     with pytest.raises(CameraRefused, match=said):
         connected(kernel, **changed)
+    assert kernel.opened == set()
+
+
+@pytest.mark.parametrize("field", [2, 3, 4, 8, 9])  # one of two fields, both of them, alternating
+def test_interlaced_video_is_refused(field: int) -> None:
+    kernel = FakeKernel()
+    kernel.field = field
+    with pytest.raises(CameraRefused, match="interlaced"):
+        connected(kernel)
     assert kernel.opened == set()
 
 

@@ -18,7 +18,7 @@ from drivers.strip.rod.motions import GripperPath, simulate_all
 from drivers.strip.rod.static import overhang
 from drivers.strip.rod.terms import air, lagging, resist, sliding_late
 from drivers.types import Array
-from policies.standard import STANDARD
+from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
 from tests.support.rod_cases import paper_model
 

@@ -7,10 +7,10 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from policies.adaptive.adaptive import Adaptive
-from policies.adaptive.checkpoint import about, load_critic, save_critic
+from policies.adaptive.checkpoint import about, load_critic, load_transfer, save_critic
 from policies.adaptive.critic import Belief, Judgement, middle
 from policies.adaptive.features import COUNT
-from policies.adaptive.roll import MOST, SHARE, rolled, wanted
+from policies.adaptive.roll import MOST, SHARE
 from policies.adaptive.steering import Steering
 from policies.adaptive.window import SPAN, Window
 from policies.registry import make_policy
@@ -150,5 +150,6 @@ def test_fold_that_rolls_further_is_displaced_further_to_the_other_side() -> Non
     belief = critic.judge(whitened, critic.recalled(whitened)).belief
     smooth = belief._replace(friction=0.0 * belief.friction)
     rough = belief._replace(friction=0.0 * belief.friction + np.log1p(6.0))
-    assert MOST >= rolled(smooth)[0] > rolled(rough)[0] >= 0
-    assert -SHARE * MOST <= wanted(smooth)[0] < wanted(rough)[0] <= 0
+    roll = load_transfer().roll
+    assert MOST >= roll.of(smooth)[0] > roll.of(rough)[0] >= 0
+    assert -SHARE * MOST <= roll.aim(smooth)[0] < roll.aim(rough)[0] <= 0

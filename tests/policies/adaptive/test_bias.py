@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from policies.adaptive.bias import IN_ROD, LENGTH, THROUGH_IMAGES
+from policies.adaptive.bias import LENGTH, Bias
 from policies.adaptive.critic import Belief
 
 
@@ -17,19 +17,19 @@ def belief(length: float = 0.0) -> Belief:
 
 
 def test_nothing_is_wrong_in_the_rod() -> None:
-    assert IN_ROD.of(belief(0.3), 0.002) == pytest.approx([0.0])
-    assert IN_ROD.sigma_of(np.array([5e-4]), None) == pytest.approx([5e-4])
+    assert Bias().of(belief(0.3), 0.002) == pytest.approx([0.0])
+    assert Bias().sigma_of(np.array([5e-4]), None) == pytest.approx([5e-4])
 
 
-def test_soft_and_thick_strips_fall_further_than_foreseen() -> None:
-    usual, stiff = (float(THROUGH_IMAGES.of(belief(each), 0.001)[0]) for each in (0.0, 0.4))
-    thick = float(THROUGH_IMAGES.of(belief(), 0.002)[0])
-    assert usual == pytest.approx(THROUGH_IMAGES.always)
-    assert stiff < usual < thick
+def test_bias_is_linear_in_the_logarithm_of_the_length_and_in_thickness() -> None:
+    bias = Bias(always=1e-3, of_length=-2e-3, of_thickness=0.5)
+    assert bias.of(belief(), 0.001) == pytest.approx([1e-3])
+    assert bias.of(belief(0.4), 0.001) == pytest.approx([0.2e-3])
+    assert bias.of(belief(), 0.002) == pytest.approx([1.5e-3])
 
 
 def test_thickness_that_nobody_measured_widens_sigma() -> None:
-    sigma = np.array([5e-4])
-    known, unknown = (THROUGH_IMAGES.sigma_of(sigma, each)[0] for each in (0.001, None))
-    assert unknown > 1.5 * known
-    assert THROUGH_IMAGES.of(belief(0.5), None) == THROUGH_IMAGES.of(belief(0.5), 0.001)
+    sigma, bias = np.array([5e-4]), Bias(of_thickness=0.5, sigma=1.2, unmeasured=6e-4)
+    assert bias.sigma_of(sigma, 0.001) == pytest.approx([6e-4])
+    assert bias.sigma_of(sigma, None) == pytest.approx([np.hypot(6e-4, 6e-4)])
+    assert bias.of(belief(0.5), None) == bias.of(belief(0.5), 0.001)

@@ -4,24 +4,63 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.load import load_pendulum
 from cell.gap.subject.pendulum.runs import Swing, read_run
-from cell.gap.subject.pendulum.scope import scope
+from cell.gap.subject.pendulum.scope import check_effects, scope
 from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
 from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
-from drivers.settings import read_yaml
+from drivers.settings import load, read_yaml
 from drivers.types import Array
 
 BATCH = 768  # swings integrated at once: their arrays stay in the cache
 STEP = 0.08  # rad of the fastest small swing in one step
+
+
+def patched(
+    pendulum: PendulumFile,
+    base: Mapping[str, float],
+    effects: Mapping[str, Mapping[str, float]],
+    source: str,
+) -> dict[str, object]:
+    """File content with refitted base values and named effects; old values in provenance."""
+    content: dict[str, Any] = pendulum.model_dump(mode="json", by_alias=True)
+    notes = list(content.pop("provenance"))
+    known = dict(content.pop("effects"))
+    for name, value in base.items():
+        if "." in name:
+            effect, key = name.split(".")
+            notes.append(_note(f"effects.{effect}.{key}", known[effect][key], source))
+            known[effect] = {**known[effect], key: value}
+            continue
+        key, number = name.rsplit("_", 1)
+        link = content["links"][int(number) - 1]
+        notes.append(_note(f"links.{int(number) - 1}.{key}", link[key], source))
+        link[key] = value
+    for effect, values in effects.items():
+        notes.append({"key": f"effects.{effect}", "source": source, "note": "was absent"})
+        known[effect] = dict(values)
+    return {**content, "effects": known, "provenance": notes}
+
+
+def _note(key: str, old: float, source: str) -> dict[str, str]:
+    return {"key": key, "source": source, "note": f"was {old:.9g}"}
+
+
+def load_pendulum(path: Path) -> PendulumFile:
+    """Read the pendulum file at `path`.
+
+    Raises ConfigurationError where it is broken, or names an effect that the library lacks.
+    """
+    pendulum = load(path, PendulumFile)
+    check_effects(pendulum, str(path))
+    return pendulum
 
 
 class Pendulum:
@@ -140,7 +179,7 @@ class Pendulum:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The pendulum file with refitted base and named effects; a pendulum has no cell."""
-        from cell.gap.subject.pendulum.patch import patched
+        from cell.gap.subject.pendulum.subject import patched
 
         return patched(self.file, base, effects, source), None
 

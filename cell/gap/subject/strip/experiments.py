@@ -14,8 +14,8 @@ from drivers.strip.file import StripFile
 from drivers.strip.rod.motions import GripperPath
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
+from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
-from policies.standard import STANDARD
 
 SET_UP = 1.5  # minutes to lay the strip flat again
 IMAGES = 0.06  # s between images

@@ -14,6 +14,7 @@ from cell.gap.subject.strip.plausible import check_plausible
 from cell.gap.subject.strip.repeats import sort_out
 from cell.record.files import RUN, is_under_way
 from cell.record.header import Header, Result, Sigma
+from cell.record.outcomes import NOT_FOLDED
 from cell.record.run import Run as Recorded
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
@@ -21,7 +22,9 @@ from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch
 from drivers.types import Array, frozen
+from policies.path import lift_pitch
 
+TOUCHED = NOT_FOLDED | {"layer_touch"}  # the touch is a measurement, whatever came after it
 LEAST = 30  # rows of a usable run
 SLOWEST = 0.02  # s between rows, slower than any servo; the contract asks for 0.01
 NEAR = 0.03  # m from where a run must start
@@ -97,7 +100,7 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
 def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRun]:
     _check_kind(folder)
     try:
-        recorded = read_run(folder)
+        recorded = _with_pitch(read_run(folder))
     except ConfigurationError as error:
         raise ConfigurationError(str(error).splitlines()[0]) from None
     if recorded.result is None and is_under_way(folder):
@@ -114,6 +117,19 @@ def _read(folder: Path, name: str, strip: StripFile) -> tuple[Header, MeasuredRu
     notes = _notes(name, recorded, usable=usable)
     condition = recorded.header.condition or name
     return recorded.header, MeasuredRun(name, condition, measured, notes)
+
+
+def _with_pitch(run: Recorded) -> Recorded:
+    """`run`, where it has no pitch with that of its start: hanging straight down, or flat and
+    growing over the first stretch (formats.md, start).
+    """
+    ticks = run.ticks
+    if not len(ticks.t) or np.isfinite(ticks.pitch).any():
+        return run
+    travel = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(ticks.x), np.diff(ticks.z)))])
+    flat = run.header.start == "flat"
+    pitch = lift_pitch(travel) if flat else np.full(len(ticks.t), np.pi / 2)
+    return replace(run, ticks=replace(ticks, pitch=frozen(pitch)))
 
 
 def _left_out(run: MeasuredRun, first: str) -> MeasuredRun:
@@ -155,7 +171,7 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
         force_x=frozen(ticks.f_x[felt]),
         touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
-        seen=header.policy is not None,
+        seen=header.by_cell,
     )
 
 
@@ -173,7 +189,7 @@ def _notes(name: str, run: Recorded, *, usable: bool) -> tuple[str, ...]:
         return (f"{name}: has {len(run.ticks.t)} rows only and is left out",)
     if run.result is None:
         return (f"{name}: died after {run.ticks.t[-1]:.1f} s and is used as far as it goes",)
-    if run.result.outcome not in ("layer_touch", "path_done"):
+    if run.result.outcome not in TOUCHED | {"path_done"}:
         return (f"{name}: ended with {run.result.outcome} and is used as far as it goes",)
     return ()
 
@@ -240,7 +256,9 @@ def _check_start(folder: Path, run: Recorded, strip: StripFile) -> None:
 def _touch(folder: Path, run: Recorded, strip: StripFile) -> Touch | None:
     """The layer_touch that was seen, checked against itself and the strip."""
     result = run.result
-    if result is None or result.outcome != "layer_touch":
+    if result is None or result.outcome not in TOUCHED:
+        return None
+    if None in (result.t_layer_touch, result.displacement, result.l1, result.l2):
         return None
     origin, length = folder / "result.yaml", strip.length
     time, d, l1, l2 = _numbers(result)

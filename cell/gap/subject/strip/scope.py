@@ -25,6 +25,7 @@ WIDE = 0.5  # of its default: the spread of a number that shapes an effect
 UNKNOWN = 4.0  # of its start: the spread of such a number where there is no default
 LEFT = 0.1  # of a gap, that effects may leave together: a single wrong law leaves more
 UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn friction 15 %
+SPECIMEN = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
 EXACT = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
 
@@ -68,10 +69,13 @@ def simulated(effect: Effect, strip: StripFile) -> bool:
 def _base(strip: StripFile) -> list[Parameter]:
     """Bending length and retardation time: laboratories know them within a factor."""
     c, b = strip.bending_length, max(strip.retardation_time, 0.005)
+    near = ((1 - SPECIMEN) * c, (1 + SPECIMEN) * c)
     return [
-        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c),
-        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), 0.02 * b, 2 * b),
-    ]
+        Parameter("bending_length", "m", c, max(0.002, c / 3), min(0.2, 3 * c), 0.003 * c, 0.5 * c,
+                  tolerated=strip.spread.get("bending_length", near)),
+        Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), 0.02 * b, 2 * b,
+                  tolerated=strip.spread.get("retardation_time")),
+    ]  # fmt: skip
 
 
 def _accepted(strip: StripFile) -> list[Parameter]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
-from policies.motion import Motion
+from policies.experiments.motion import Motion
 from policies.path import lift_pitch
 
 STEP = 0.001  # s

@@ -111,7 +111,8 @@ def test_effect_at_null_changes_no_bit_and_otherwise_does(candidate: Any) -> Non
 
 def cosines(count: int) -> list[Made]:
     t = np.arange(0.0, 1.0, 0.01)
-    return [Made(t, np.pi + 0.3 * np.cos(10.0 * t)[None], "c")] * count
+    sizes = 0.3 + 0.01 * np.arange(count)
+    return [Made(t, np.pi + size * np.cos(10.0 * t)[None], "c") for size in sizes]
 
 
 def broken(run: Path, fault: str) -> None:

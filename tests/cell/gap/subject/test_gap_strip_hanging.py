@@ -12,8 +12,8 @@ from cell.gap.subject.strip.ways import way_of
 from cell.gap.verdict.schema import Verdict
 from drivers.strip.describe import describe
 from drivers.strip.rod.motions import GripperPath
+from policies.experiments.standard import STANDARD
 from policies.path import TAKEOVER_HEIGHT
-from policies.standard import STANDARD
 from tests.support.gap_strip_cases import SEGMENTS, STEP, STRIP, denim, written
 
 pytestmark = pytest.mark.slow

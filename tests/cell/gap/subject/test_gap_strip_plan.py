@@ -6,15 +6,15 @@ from pathlib import Path
 
 import pytest
 
+from cell.arm.arm_settings import at_speed
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request, fold
+from cell.folding.standard_runs import check_empty, standard_requests, went_as_planned
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
-from cell.operations.arm_settings import at_speed
-from cell.operations.fold import Request, fold
-from cell.operations.standard_runs import check_empty, standard_requests, went_as_planned
 from drivers.errors import ConfigurationError
-from policies.standard import STANDARD
+from policies.experiments.standard import STANDARD
 from tests.support.gap_strip_cases import denim
 
 

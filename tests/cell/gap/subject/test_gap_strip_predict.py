@@ -20,9 +20,9 @@ from drivers.strip.describe import describe
 from drivers.strip.effects import registry
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array
-from policies.motion import motion
+from policies.experiments.motion import motion
+from policies.experiments.standard import WHOLE
 from policies.path import triangular
-from policies.standard import WHOLE
 from tests.support.gap_strip_cases import (
     CELL,
     STRIP,

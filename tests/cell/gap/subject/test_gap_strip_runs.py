@@ -79,8 +79,8 @@ def test_what_was_measured_comes_back(runs: Path) -> None:
 
 WRONG: dict[str, tuple[str, Change]] = {
     "a missing column": (
-        "ticks.parquet: pitch: the column is missing",
-        lambda f: drop_column(f / "ticks.parquet", "pitch"),
+        "ticks.parquet: z: the column is missing",
+        lambda f: drop_column(f / "ticks.parquet", "z"),
     ),
     "a gripper that is nowhere": (
         "ticks.parquet: x: row 40 is nan",

@@ -13,8 +13,7 @@ import yaml
 from cell.config.places import BESIDE
 from cell.gap.fit import fit
 from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.load import load_pendulum
-from cell.gap.subject.pendulum.subject import Pendulum
+from cell.gap.subject.pendulum.subject import Pendulum, load_pendulum
 from cell.gap.subject.subject import Request, Residuals
 from cell.gap.verdict.accept import accept, undo
 from cell.gap.verdict.schema import Verdict, read_verdict

@@ -1,0 +1,142 @@
+"""The printed calibration board: its settings, and its corners in one view."""
+
+from dataclasses import dataclass
+from math import radians
+from typing import Annotated
+
+import cv2
+import numpy as np
+from pydantic import Field
+
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings
+from drivers.types import Array, Image
+
+Squares = Annotated[int, Field(ge=5, le=25)]
+DICTIONARY = cv2.aruco.DICT_5X5_100
+
+
+class BoardSettings(Settings):
+    """The printed ChArUco board, the required views, and the acceptance criteria.
+
+    `square` and `marker` are side lengths [m]; `rows` must be odd (older patterns with even rows
+    show markers and no corners). `sizes` are the board's width over the image's, far and near;
+    `lean` the largest tilt [rad]; ranges are fractions of the image.
+    """
+
+    columns: Squares = 9
+    rows: Squares = 7
+    square: float = Field(0.028, gt=0.002, le=0.2)
+    marker: float = Field(0.021, gt=0.001, le=0.2)
+    sizes: tuple[float, float] = (0.31, 0.40)
+    lean: float = Field(radians(32), ge=radians(10), le=radians(50))
+    corners: int = Field(16, ge=6)  # that a view must show
+    smallest: float = Field(14.0, gt=4)  # px, side of a marker, below which corners are coarse
+    still: float = Field(0.6, gt=0, le=5)  # px between two images of a board at rest
+    distinct: float = Field(15.0, gt=0)  # px by which a view must differ from every other
+    range_x: float = Field(0.5, gt=0, le=1)  # of the views' centres
+    range_y: float = Field(0.3, gt=0, le=1)
+    range_size: float = Field(0.08, gt=0, le=1)
+    skew: float = Field(0.25, gt=0, le=1)
+    views: int = Field(10, ge=6)
+    tilted: float = Field(radians(15), gt=0)  # rad from which a view counts as tilted
+    tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
+    covered: float = Field(0.8, gt=0, le=1)  # share of image cells that corners must reach
+    rms: float = Field(0.6, gt=0, le=5)  # px allowed
+    split: float = Field(0.02, gt=0, le=0.2)  # allowed difference in focal length of two halves
+    bow_mm: float = Field(0.3, gt=0, le=5)  # by which the board may be bent, peak to peak
+    length: float = Field(0.005, gt=0, le=0.05)  # allowed error of the printed length, its share
+    patience: int = Field(3, ge=1, le=50)  # refused images at one pose before it is given up
+
+    @property
+    def width(self) -> float:
+        """Total length [m] of all columns of squares, to be checked with a ruler."""
+        return self.columns * self.square
+
+    def outline(self) -> Array:
+        """Outer corners (4, 2) [m] of the pattern, clockwise from its top left, y down."""
+        return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * (self.width, self.rows * self.square)
+
+    def board(self) -> cv2.aruco.CharucoBoard:
+        """The board as an OpenCV object; even rows are a ConfigurationError."""
+        if self.rows % 2 == 0:
+            raise ConfigurationError(f"board: rows: is {self.rows}, must be odd; print another")
+        if self.marker >= self.square:
+            raise ConfigurationError("board: marker: must be smaller than square; measure both")
+        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+        return cv2.aruco.CharucoBoard(
+            (self.columns, self.rows), self.square, self.marker, dictionary
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class BoardView:
+    """Corners of one view: `ids` (n,), `board` (n, 3) [m] on it, `image` (n, 2) [px]."""
+
+    ids: Array
+    board: Array
+    image: Array
+
+    def distance(self, other: "BoardView") -> float:
+        """Median distance [px] of corners common to both views; inf without any."""
+        _, i, j = np.intersect1d(self.ids, other.ids, return_indices=True)
+        if len(i) == 0:
+            return float("inf")
+        return float(np.median(np.hypot(*(self.image[i] - other.image[j]).T)))
+
+    def tilt(self, lens: Lens) -> tuple[float, float]:
+        """Angles [rad] by which the board's top and right edge lean away from the camera."""
+        turned = cv2.Rodrigues(self._pose(lens)[0])[0]
+        return float(np.arcsin(-turned[2, 1])), float(np.arcsin(turned[2, 0]))
+
+    def depth(self, lens: Lens) -> float:
+        """Distance [m] from the camera to the middle of the corners, along the optical axis."""
+        rotation, shift = self._pose(lens)
+        middle = cv2.Rodrigues(rotation)[0] @ self.board.mean(axis=0) + shift.ravel()
+        return float(middle[2])
+
+    def _pose(self, lens: Lens) -> tuple[Array, Array]:
+        ideal = lens.undistort(self.image)
+        _, rotation, shift = cv2.solvePnP(self.board, ideal, lens.matrix, None)
+        return rotation, shift
+
+
+@dataclass(frozen=True, slots=True)
+class BoardLook:
+    """Detection of the board in one image: the `view`, None without a corner, the number of
+    `markers` and their mean `side` [px].
+    """
+
+    view: BoardView | None
+    markers: int
+    side: float
+
+    @property
+    def corners(self) -> int:
+        """Number of detected corners."""
+        return 0 if self.view is None else len(self.view.ids)
+
+
+def find_board(
+    image: Image, detector: cv2.aruco.CharucoDetector, board: cv2.aruco.CharucoBoard
+) -> BoardLook:
+    """Detection of `board` in `image` (h, w, 3)."""
+    corners, ids, outlines, marks = detector.detectBoard(image)
+    markers = 0 if marks is None else len(marks)
+    side = _side(outlines) if markers else 0.0
+    if ids is None or len(ids) == 0:
+        return BoardLook(None, markers, side)
+    on_board, in_image = board.matchImagePoints(corners, ids)
+    view = BoardView(
+        np.ravel(ids).astype(np.float64),
+        np.asarray(on_board, dtype=np.float64).reshape(-1, 3),
+        np.asarray(in_image, dtype=np.float64).reshape(-1, 2),
+    )
+    return BoardLook(view, markers, side)
+
+
+def _side(outlines: object) -> float:
+    """Mean side [px] of marker outlines, each (4, 2)."""
+    square = np.asarray(outlines, dtype=np.float64).reshape(-1, 4, 2)
+    return float(np.hypot(*np.moveaxis(square - np.roll(square, 1, axis=1), -1, 0)).mean())

@@ -1,0 +1,166 @@
+"""Lens calibration from views of a board, by ask and tell: asks for views, takes images, gives a
+verdict.
+"""
+
+import cv2
+import numpy as np
+
+from calibration.board import BoardLook, BoardSettings, BoardView, find_board
+from calibration.lens import MINIMUM_VIEWS, Lens
+from calibration.wizard.coverage import (
+    Gate,
+    Placement,
+    WantedView,
+    coverage,
+    guessed_lens,
+    placement,
+    wanted_views,
+)
+from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
+from calibration.wizard.news import Result, ViewResult
+from drivers.types import Frame
+
+ENOUGH = 4  # views from which a lens is fitted, to compute how the board leans
+NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view may miss the wanted
+
+
+class BoardViews:
+    """Ask and tell: the caller shows the board as `ask()` says and passes the camera's image to
+    `tell()`.
+
+    Views that were not asked for count as well. With `patience` a requested view is given up after
+    that many refused images; a person (`patient`) calls `skip` instead.
+    """
+
+    def __init__(self, settings: BoardSettings, *, patient: bool = False) -> None:
+        self._settings = settings
+        self._board = settings.board()
+        self._detector = cv2.aruco.CharucoDetector(self._board)
+        self._wanted = list(wanted_views(settings.lean, settings.sizes))
+        self._patience = None if patient else settings.patience
+        self._tries = 0
+        self._count = 0
+        self._length: float | None = None
+        self._last: BoardView | None = None
+        self._views: dict[int, BoardView] = {}
+        self._size: tuple[int, int] | None = None
+        self._lens: Lens | None = None
+
+    def ask(self) -> WantedView | None:
+        """The next view to show; None when the views suffice."""
+        return self._wanted[0] if self._wanted else None
+
+    def tell(self, frame: Frame) -> ViewResult:
+        """Process an image of the board; a view is accepted once two in a row show it at the same
+        place.
+        """
+        number, self._count = self._count, self._count + 1
+        look = find_board(frame.image, self._detector, self._board)
+        refused = self._refuse(frame, look)
+        if refused is not None:
+            self._last = None
+            self._give_up()
+            return Result(number, look.view, None, refused)
+        last, self._last = self._last, look.view
+        view = look.view
+        if last is None or view is None:
+            return Result(number, view, None, None, waits=True)
+        moved = view.distance(last)
+        if moved > self._settings.still:
+            self._give_up()
+            reason = f"the board moved by {moved:.1f} px between two images; hold it still"
+            return Result(number, view, None, reason)
+        self._take(number, frame, view)
+        return Result(number, view, view, None)
+
+    def skip(self) -> None:
+        """Give up the requested view."""
+        self._wanted = self._wanted[1:]
+        self._tries, self._last = 0, None
+
+    def set_length(self, length: float) -> None:
+        """Set the ruler's `length` [m] of the board's squares across all columns."""
+        self._length = length
+
+    def drop(self, number: int) -> bool:
+        """Remove the view from image `number`; returns whether there was one."""
+        return self._views.pop(number, None) is not None
+
+    def drop_last(self) -> bool:
+        """Remove the newest view; returns whether there was one."""
+        return bool(self._views) and self.drop(max(self._views))
+
+    @property
+    def views(self) -> tuple[BoardView, ...]:
+        """All accepted views."""
+        return tuple(self._views.values())
+
+    def gates(self) -> tuple[Gate, ...]:
+        """Coverage so far, gate by gate."""
+        return coverage(self.views, self._lens or guessed_lens((1280, 720)), self._settings)
+
+    def verdict(self) -> LensVerdict:
+        """The verdict on the views so far."""
+        return lens_verdict(self._views, self._size, self._length, self._settings)
+
+    def _refuse(self, frame: Frame, look: BoardLook) -> str | None:
+        """Why this image shows no usable view, or None."""
+        size = (frame.image.shape[1], frame.image.shape[0])
+        if self._size is not None and size != self._size:
+            return (
+                f"the image is {size[0]} x {size[1]} px, the others are {self._size[0]} x "
+                f"{self._size[1]} px; set the camera back"
+            )
+        if look.view is None or look.corners < self._settings.corners:
+            return self._unseen(look, size)
+        if look.side < self._settings.smallest:
+            return (
+                f"the board is too far: its markers are {look.side:.0f} px, at least "
+                f"{self._settings.smallest:.0f} px are needed; come nearer"
+            )
+        apart = min((look.view.distance(view) for view in self._views.values()), default=np.inf)
+        if apart < self._settings.distinct:
+            return f"a view that differs by only {apart:.0f} px was taken before; move the board"
+        return None
+
+    def _unseen(self, look: BoardLook, size: tuple[int, int]) -> str:
+        """Why too few corners are seen: too close, too far, or not there."""
+        settings = self._settings
+        need = f"{look.corners} corners of the board are seen, {settings.corners} are needed"
+        width = look.side * settings.columns * settings.square / settings.marker
+        if look.markers and width > size[0]:
+            return f"{need}; the board is too close, it fills {width:.0f} px; go back"
+        if look.markers and look.side < settings.smallest:
+            return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
+        return f"{need}; bring it into the image, light it, uncover it"
+
+    def _take(self, number: int, frame: Frame, view: BoardView) -> None:
+        self._size = (frame.image.shape[1], frame.image.shape[0])
+        self._views[number] = view
+        self._last, self._tries = None, 0
+        lens = self._lens = self._fitted_so_far(self._size)
+        shown = placement(view, self._settings.outline(), lens)
+        width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
+        self._wanted = [want for want in self._wanted if not _meets(want, shown, width)]
+
+    def _give_up(self) -> None:
+        self._tries += 1
+        if self._patience is not None and self._tries >= self._patience and self._wanted:
+            self.skip()
+
+    def _fitted_so_far(self, size: tuple[int, int]) -> Lens:
+        """The lens as far as it is known, to compute the board's tilt."""
+        if len(self._views) < max(ENOUGH, MINIMUM_VIEWS):
+            return guessed_lens(size)
+        return fit_views(self.views, size).lens
+
+
+def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
+    """Whether a view is close enough to the requested one."""
+    misses = (
+        abs(shown.x - wanted.x),
+        abs(shown.y - wanted.y),
+        abs(width / wanted.size - 1.0),
+        max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
+    )
+    return all(miss <= allowed for miss, allowed in zip(misses, NEAR, strict=True))

@@ -1,0 +1,150 @@
+"""Map to the plane by touching, by ask and tell: asks for gripper poses, takes images, gives a
+verdict.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calibration.lens import Lens
+from calibration.pointer import find_pointer
+from calibration.wizard.news import Result, TouchResult
+from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
+from calibration.wizard.touches import (
+    Touched,
+    TouchSettings,
+    checked_plan,
+    held_out,
+    suspects,
+    touch_plan,
+)
+from drivers.errors import ConfigurationError
+from drivers.types import Array, Frame, Pose
+
+
+class TouchedPoints:
+    """Ask and tell: the caller moves the pointer to `ask()` and passes the camera's image to
+    `tell()`.
+
+    After all poses, those whose points disagree with the rest are asked for once more.
+    """
+
+    def __init__(
+        self,
+        lens: Lens,
+        settings: TouchSettings,
+        plan: Sequence[Pose] | None = None,
+        *,
+        fitted: bool = True,
+    ) -> None:
+        """`plan` replaces the poses of the settings' grid, e.g. by edited ones.
+
+        Points that are not `fitted` may be few, and each is touched once.
+        """
+        self._lens = lens
+        self._settings = settings
+        planned = touch_plan(settings) if plan is None else tuple(plan)
+        self._plan = checked_plan(planned, settings) if fitted else planned
+        self._queue = list(range(len(self._plan)))
+        self._fitted, self._second = fitted, False
+        self._tries = 0
+        self._last: tuple[Array, Array] | None = None
+        self._touches: list[Touched] = []
+
+    @property
+    def plan(self) -> tuple[Pose, ...]:
+        """All poses, by number."""
+        return self._plan
+
+    @property
+    def touches(self) -> tuple[Touched, ...]:
+        """All accepted points, in order of time."""
+        return tuple(self._touches)
+
+    @property
+    def number(self) -> int | None:
+        """Number of the requested pose, None when there are enough points."""
+        return self._queue[0] if self._queue else None
+
+    @property
+    def held_out(self) -> bool:
+        """Whether the pose that is asked for decides and is not fitted."""
+        return bool(self._queue) and held_out(self._queue[0], self._settings)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the points make a map, not only check one."""
+        return self._fitted
+
+    @property
+    def again(self) -> bool:
+        """Whether the points that disagreed are being touched once more."""
+        return self._second
+
+    def ask(self) -> Pose | None:
+        """The next pose for the pointer, held still; None when there is enough."""
+        return self._plan[self._queue[0]] if self._queue else None
+
+    def tell(self, frame: Frame, pose: Pose) -> TouchResult:
+        """Process an image of the pointer at rest at the measured `pose`.
+
+        After `patience` images without two that agree the point is given up. Raises
+        ConfigurationError for an image of another size than the lens was calibrated with.
+        """
+        self._check_size(frame)
+        self._tries += 1
+        result = self._take(self._queue[0], frame, pose)
+        if result.taken is not None or self._tries >= self._settings.patience:
+            self.skip()
+        return result
+
+    def skip(self) -> None:
+        """Give up the requested pose."""
+        self._queue = self._queue[1:]
+        self._tries, self._last = 0, None
+        if not self._queue and self._fitted and not self._second:
+            self._second = True
+            self._queue = list(suspects(self._touches, self._lens, self._settings))
+
+    def repeat(self) -> None:
+        """Request the previous point again; its touch is dropped."""
+        if self._touches:
+            dropped = self._touches.pop()
+            self._queue = [dropped.number, *self._queue]
+            self._tries, self._last = 0, None
+
+    def verdict(self) -> TouchVerdict:
+        """The verdict on the points so far."""
+        return touch_verdict(self._touches, self._lens, self._settings)
+
+    def _check_size(self, frame: Frame) -> None:
+        size = (frame.image.shape[1], frame.image.shape[0])
+        if size != (self._lens.width, self._lens.height):
+            raise ConfigurationError(
+                f"touch: the image is {size[0]} x {size[1]} px, the lens was found with "
+                f"{self._lens.width} x {self._lens.height} px; set the camera to that size, "
+                "or run `cell calibrate camera` at this one"
+            )
+
+    def _take(self, number: int, frame: Frame, pose: Pose) -> TouchResult:
+        centre = find_pointer(frame.image)
+        if centre is None:
+            self._last = None
+            reason = "the pointer's disc is not seen exactly once; uncover it, light it"
+            return Result(number, None, None, reason)
+        place = np.array([pose.x, pose.z])
+        last, self._last = self._last, (centre, place)
+        if last is None:
+            return Result(number, centre, None, None, waits=True)
+        moved, drifted = np.hypot(*(centre - last[0])), np.hypot(*(place - last[1]))
+        if drifted > self._settings.arm_still:
+            reason = f"the arm moved by {1e3 * drifted:.1f} mm between two images"
+            return Result(number, centre, None, f"{reason}; wait until it is still")
+        if moved > self._settings.still:
+            reason = f"the pointer moved by {moved:.1f} px between two images"
+            return Result(number, centre, None, f"{reason}; wait until it is still")
+        touched = Touched(
+            number, place, centre, held_out(number, self._settings), again=self._second
+        )
+        self._touches.append(touched)
+        return Result(number, centre, touched, None)

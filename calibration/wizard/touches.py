@@ -1,0 +1,254 @@
+"""Touched points: where to touch, the robust fit of the map, a camera that moved among them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.optimize import least_squares
+
+from calibration.homography import MINIMUM_POINTS, Homography, Rejected, fit_homography
+from calibration.lens import Lens
+from drivers.errors import ConfigurationError
+from drivers.settings import Settings
+from drivers.types import Array, Pose
+
+Count = Annotated[int, Field(ge=3, le=12)]
+
+
+class TouchSettings(Settings):
+    """Positions to touch, images per point, and acceptance criteria.
+
+    The points lie on a grid of `columns` x `rows` over the work area [m]; every `hold_out`-th is
+    held out of the fit and used for the verdict. An image is accepted when two in a row agree
+    within `still` [px] and the arm within `arm_still` [m]. A point that disagrees is touched once
+    more.
+    """
+
+    x_min: float = Field(0.02, ge=-0.5, le=1.0)
+    x_max: float = Field(0.60, gt=0, le=2.0)
+    z_min: float = Field(0.015, ge=0.0, le=0.2)
+    z_max: float = Field(0.30, gt=0, le=1.0)
+    columns: Count = 6
+    rows: Count = 4
+    hold_out: int = Field(4, ge=2, le=10)
+    still: float = Field(0.3, gt=0, le=2)
+    arm_still: float = Field(0.0005, gt=0, le=0.005)
+    patience: int = Field(8, ge=2, le=100)  # images at one pose before it is given up
+    worst_mm: float = Field(1.0, gt=0, le=10)  # allowed at the held-out points
+    median_mm: float = Field(0.5, gt=0, le=10)  # likewise, their median
+    halves_mm: float = Field(1.5, gt=0, le=10)  # by which maps from two halves may differ
+    good_mm: float = Field(0.3, gt=0, le=10)  # rms under which there is nothing to improve
+    rejected: int = Field(2, ge=0, le=10)  # points that may be left out at the end
+    wild: float = Field(0.25, gt=0, lt=0.5)  # share of the first touches that may be wild
+    spread: float = Field(0.6, gt=0, le=1)  # share of the work area that used points enclose
+
+
+def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
+    """Poses over the work area, row by row, back and forth; at least twelve to fit."""
+    poses: list[Pose] = []
+    for i, z in enumerate(np.linspace(settings.z_min, settings.z_max, settings.rows)):
+        columns = np.linspace(settings.x_min, settings.x_max, settings.columns)
+        poses += [Pose(float(x), float(z), pi / 2) for x in columns[:: 1 if i % 2 == 0 else -1]]
+    return checked_plan(poses, settings)
+
+
+def check_plan(settings: TouchSettings) -> tuple[Pose, ...]:
+    """Poses that check whether a calibration still holds: the corners and the middle."""
+    xs, zs = (settings.x_min, settings.x_max), (settings.z_min, settings.z_max)
+    middle = (sum(xs) / 2, sum(zs) / 2)
+    places = [(xs[0], zs[0]), (xs[1], zs[0]), middle, (xs[1], zs[1]), (xs[0], zs[1])]
+    return tuple(Pose(x, z, pi / 2) for x, z in places)
+
+
+def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, ...]:
+    """`plan`, if it leaves at least twelve points to fit; else a ConfigurationError."""
+    fitted = sum(not held_out(number, settings) for number in range(len(plan)))
+    if fitted < MINIMUM_POINTS:
+        raise ConfigurationError(
+            f"touch: {len(plan)} points with every {settings.hold_out}th held out leave "
+            f"{fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
+        )
+    return tuple(plan)
+
+
+def held_out(number: int, settings: TouchSettings) -> bool:
+    """Whether the point with this number is held out of the fit."""
+    return number % settings.hold_out == settings.hold_out // 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touched:
+    """One point: the pose's `number`, where the arm was, `place` (2,) x, z [m], and where the raw
+    image showed it, `pixel` (2,). `again` for a second touch of the same pose.
+    """
+
+    number: int
+    place: Array
+    pixel: Array
+    held_out: bool
+    again: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """The map from the points `used`, and its residuals at all points.
+
+    `decide` are the held-out ones, `off` all outliers, `stubborn` those of them whose second touch
+    is off by the same error, `wild` first touches that a second one replaced.
+    """
+
+    homography: Homography
+    used: tuple[Touched, ...]
+    decide: tuple[Touched, ...]
+    off: tuple[Touched, ...]
+    stubborn: tuple[Touched, ...]
+    wild: tuple[Touched, ...]
+    lens: Lens
+
+    def error(self, touched: Touched) -> Array:
+        """(2,) x, z [m]: where the map puts the point minus where the arm was."""
+        seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
+        return np.asarray(seen - touched.place)
+
+    def named(self, touched: Touched) -> Rejected:
+        """The point by its number, with its distance from the map in the image."""
+        there = self.homography.to_image(touched.place)[0]
+        off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))
+        return Rejected(touched.number, float(touched.place[0]), float(touched.place[1]), off)
+
+
+def solve(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> Solved:
+    """Fit the newest touch of each fitted point robustly, then evaluate the map at all points.
+
+    Independent of the order of `touches`. Raises ConfigurationError where they give no map.
+    """
+    newest = _newest(touches)
+    fitted = [p for p in newest if not p.held_out]
+    fit = fit_homography(
+        lens.undistort(np.reshape([p.pixel for p in fitted], (-1, 2))),
+        np.reshape([p.place for p in fitted], (-1, 2)),
+    )
+    used = tuple(p for p, inside in zip(fitted, fit.used, strict=True) if inside)
+    whole = Solved(fit.homography, used, (), (), (), (), lens)
+    outside = [p for p, inside in zip(fitted, fit.used, strict=True) if not inside]
+    held = [p for p in newest if p.held_out]
+    outside += [p for p in held if 1e3 * np.hypot(*whole.error(p)) > settings.worst_mm]
+    firsts = {p.number: p for p in touches if not p.again}
+    stubborn = tuple(p for p in outside if _repeats(p, firsts, whole, settings))
+    scattered = tuple(p for p in outside if p.again and p not in stubborn)
+    wild = tuple(
+        firsts[p.number] for p in newest if p.again and p.number in firsts and p not in outside
+    )
+    decide = tuple(p for p in held if p not in scattered)
+    return replace(whole, decide=decide, off=tuple(outside), stubborn=stubborn, wild=wild)
+
+
+def _newest(touches: Sequence[Touched]) -> list[Touched]:
+    """The second touch of a pose where there is one, ordered by place."""
+    by_number = {p.number: p for p in sorted(touches, key=lambda p: (p.number, p.again))}
+    return sorted(by_number.values(), key=lambda p: (p.place[0], p.place[1], p.number))
+
+
+def _repeats(
+    again: Touched, firsts: dict[int, Touched], solved: Solved, settings: TouchSettings
+) -> bool:
+    """Whether a second touch has the same error as the first: then the map is wrong there."""
+    first = firsts.get(again.number)
+    if first is None or not again.again:
+        return False
+    return 1e3 * float(np.hypot(*(solved.error(again) - solved.error(first)))) < settings.worst_mm
+
+
+def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) -> tuple[int, ...]:
+    """Numbers of the points that disagree with the map of the rest and are touched again."""
+    try:
+        solved = solve(touches, lens, settings)
+    except ConfigurationError:
+        return ()
+    return tuple(sorted(p.number for p in solved.off))
+
+
+FEWEST = 3  # touches on either side of a move
+SCALE = 0.3  # px, from where a touch counts less: it may be wild
+MAD = 1.4826  # sigma over the median of deviations
+SURE = 3.8  # sigma by which a move must be seen: `tests.benchmarks.measure_wizard_causes`
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """All touches after the point `after` are seen shifted: by `shift_mm` in the plane, which a
+    turn of the camera by `mrad` makes.
+    """
+
+    after: int
+    shift_mm: float
+    mrad: float
+
+
+def camera_move(
+    touches: Sequence[Touched], lens: Lens, homography: Homography, least_mm: float
+) -> Move | None:
+    """The move of the camera by at least `least_mm` that explains `touches` best; None for none.
+
+    For each moment, a map and a shift of the image from then on are fitted robustly (Cauchy loss)
+    to all touches, wild ones too. `homography` is where the fit begins.
+    """
+    ordered = sorted(touches, key=lambda touched: (touched.again, touched.number))
+    places = np.array([touched.place for touched in ordered])
+    pixels = lens.undistort(np.array([touched.pixel for touched in ordered]))
+    moments = range(FEWEST, len(ordered) - FEWEST + 1)
+    if not moments:
+        return None
+    start = _start(homography, places)
+    tried = [(_fit_move(places, pixels, moment, start), moment) for moment in moments]
+    (fit, shift, sigma), moment = min(tried, key=lambda each: each[0][0])
+    middle = homography.to_image(places.mean(axis=0)[None])[0]
+    across = homography.to_plane(np.array([middle, middle + shift]))
+    shift_mm = 1e3 * float(np.hypot(*(across[1] - across[0])))
+    size = float(np.hypot(*shift))
+    if shift_mm < least_mm or size < SURE * sigma or not np.isfinite(fit):
+        return None
+    return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
+
+
+def _start(homography: Homography, places: Array) -> Array:
+    """The map's eight numbers on places over their own middle and reach."""
+    middle, reach = _frame(places)
+    matrix = homography.inverse @ np.array(
+        [[reach, 0.0, middle[0]], [0.0, reach, middle[1]], [0.0, 0.0, 1.0]]
+    )
+    return np.asarray((matrix / matrix[2, 2]).ravel()[:8])
+
+
+def _frame(places: Array) -> tuple[Array, float]:
+    return places.mean(axis=0), float(np.ptp(places, axis=0).max()) / 2.0
+
+
+def _fit_move(
+    places: Array, pixels: Array, moment: int, start: Array
+) -> tuple[float, Array, float]:
+    """Cost of a map with a shift from `moment` on, the shift (2,) and one sigma of it [px]."""
+    middle, reach = _frame(places)
+    plane = np.column_stack([(places - middle) / reach, np.ones(len(places))])
+    later = (np.arange(len(places)) >= moment).astype(np.float64)[:, None]
+
+    def errors(unknown: Array) -> Array:
+        mapped = plane @ np.append(unknown[:8], 1.0).reshape(3, 3).T
+        return np.asarray((mapped[:, :2] / mapped[:, 2:] + later * unknown[8:] - pixels).ravel())
+
+    begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
+    found = least_squares(errors, begin, loss="cauchy", f_scale=SCALE, x_scale="jac")
+    left = errors(found.x)
+    sigma = max(MAD * float(np.median(np.abs(left))), 1e-6) * np.sqrt(len(left) / (len(left) - 10))
+    used = np.abs(left) < 5.0 * sigma
+    slopes = found.jac[used] if used.sum() > 12 else found.jac
+    spread = sigma**2 * np.linalg.pinv(slopes.T @ slopes)[8:, 8:]
+    return float(found.cost), found.x[8:], float(np.sqrt(np.linalg.eigvalsh(spread)[-1]))
+
+
+def _project(plane: Array, start: Array) -> Array:
+    mapped = plane @ np.append(start, 1.0).reshape(3, 3).T
+    return np.asarray(mapped[:, :2] / mapped[:, 2:])

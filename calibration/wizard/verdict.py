@@ -1,0 +1,54 @@
+"""What every verdict of a wizard has: reasons for a refusal, and graded lines for the operator."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Level(StrEnum):
+    """Quality of a fact."""
+
+    GOOD = "good"
+    FAIR = "fair"
+    BAD = "bad"
+    PLAIN = "plain"
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a verdict."""
+
+    level: Level
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """A result with the `reasons` for which it is refused; without any it may be used."""
+
+    reasons: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether the result may be used."""
+        return not self.reasons
+
+    def bad_lines(self) -> list[Line]:
+        """A line for each reason."""
+        return [Line(Level.BAD, reason) for reason in self.reasons]
+
+    def last_line(self, good: str, refused: str) -> Line:
+        """What the operator does next, in both cases."""
+        if self.passed:
+            return Line(Level.GOOD, f"good: {good}")
+        return Line(Level.BAD, f"refused: {refused}")
+
+
+def reasons(*facts: tuple[bool, str]) -> tuple[str, ...]:
+    """The reasons among `facts`, pairs of whether one holds and its text."""
+    return tuple(text for holds, text in facts if holds)
+
+
+def grade_line(value: float, good: float, fair: float, text: str) -> Line:
+    """A line on `value`: good up to `good`, fair up to `fair`, else bad."""
+    level = Level.GOOD if value <= good else Level.FAIR if value <= fair else Level.BAD
+    return Line(level, text)

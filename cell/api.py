@@ -1,0 +1,166 @@
+"""The cell from Python: what `import cell` offers, typed, in SI units.
+
+Every function raises CellError, of which ConfigurationError is one: `file: key: reason`, in one
+line. Paths may be text.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+import pyarrow as pa
+
+from calibration.calibration import Calibration, load_calibration
+from cell.config.places import cache_folder, find_configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request
+from cell.folding.fold import fold as run_fold
+from cell.folding.observe import observe as read_film
+from cell.folding.result import FoldResult
+from cell.gap.fit import fit, quiet
+from cell.gap.report.overlay import write_overlay
+from cell.gap.verdict.schema import Verdict
+from cell.gap.verdict.schema import read_verdict as load_verdict
+from cell.record.catalogue import Catalogue
+from cell.record.columns import Profile, Sights, Ticks
+from cell.record.exchange.export_runs import Format
+from cell.record.exchange.export_runs import export_runs as write_out
+from cell.record.exchange.import_runs import import_runs as take_in
+from cell.record.listing import RunRow
+from cell.record.run import Run
+from cell.record.run import read_run as load_run
+from drivers.strip.effects import registry
+from drivers.strip.effects.effect import Effect
+from drivers.strip.file import StripFile
+
+Place = str | Path
+
+
+def fold(
+    strip: str,
+    policy: str = "adaptive",
+    *,
+    plant: Place | None = None,
+    arm: str | None = None,
+    camera: str | None = None,
+    seed: int = 0,
+    runs: Place = "runs",
+    configs: Place | None = None,
+    speed: float | None = None,
+    frames: Literal["all", "key", "none"] | None = None,
+    truth: bool = True,
+) -> FoldResult:
+    """Fold a strip once, as `cell fold` does, and record it in a new folder under `runs`.
+
+    `strip` is a name, a path to a strip file, or `unknown:0.6` with a length [m]; `plant` the file
+    of another strip on the twin's desk; `speed` [m/s] replaces the cell's own. An error before the
+    motion raises CellError; what happens during the motion is the result's `outcome`.
+    """
+    choice = DeviceSelection(arm, camera, None if plant is None else Path(plant), seed)
+    return run_fold(
+        Request(
+            strip, policy, None, choice, Path(runs), _path(configs), frames, truth, "off", speed
+        )
+    )
+
+
+def read_run(folder: Place) -> Run:
+    """The run in `folder`, complete or not: `ticks`, `profile`, `result`, `header` as arrays."""
+    return load_run(Path(folder))
+
+
+def list_runs(folder: Place = "runs", where: str = "", sort: str = "") -> tuple[RunRow, ...]:
+    """The runs in `folder` for which the SQL expression `where` holds, as `cell runs` lists them.
+
+    Oldest first, or by the column `sort`, downwards with a leading `-`.
+    """
+    with Catalogue(Path(folder), cache_folder() / "catalogue") as found:
+        return found.rows(where, sort)
+
+
+def table(part: Ticks | Profile | Sights) -> pa.Table:
+    """Columns of a run as an Arrow table; `table(run.ticks).to_pandas()` is a data frame."""
+    columns = {name: getattr(part, name) for name in part.__slots__}
+    rows = max(map(len, columns.values()))
+    return pa.table({name: pa.array(v) for name, v in columns.items() if len(v) == rows})
+
+
+def import_runs(
+    places: Sequence[Place], out: Place, mapping: Place | None = None
+) -> tuple[Path, ...]:
+    """Run folders below `out`, made of CSV or Parquet tables, MCAP files or LeRobot data sets."""
+    return take_in([Path(place) for place in places], _path(mapping), Path(out))
+
+
+def export_runs(runs: Sequence[Place], kind: Format, out: Place) -> tuple[Path, ...]:
+    """The files in the new folder `out` that hold `runs`: `lerobot`, `mcap` or `csv`."""
+    return write_out([Path(run) for run in runs], kind, Path(out))
+
+
+def observe(
+    film: Place,
+    calibration: Calibration | Place,
+    strip: str,
+    out: Place,
+    configs: Place | None = None,
+) -> Run:
+    """The run that the film of a fold gives, written into the new folder `out`.
+
+    The camera stands still, `calibration` is its own, and the strip lies flat at the beginning; no
+    arm is needed. Profile, contact, tip and confidence are those of the cell's perception.
+    """
+    known = calibration if isinstance(calibration, Calibration) else read_calibration(calibration)
+    read_film(Path(film), known, strip, Path(out), _path(configs))
+    return load_run(Path(out))
+
+
+def fit_gap(
+    runs: Sequence[Place],
+    out: Place,
+    *,
+    strip: str | None = None,
+    model: Place | None = None,
+    hold_out: Sequence[str] = (),
+    without: Sequence[str] = (),
+    jobs: int = 1,
+    configs: Place | None = None,
+    progress: Callable[[str, float], None] = quiet,
+) -> Verdict:
+    """The verdict on `runs` of a strip, or of a mechanism with its file `model`.
+
+    Written into the folder `out` with report, overlay and patch, as `cell gap fit` does. Effects
+    `without` are withheld from the library. `progress` is called with a stage and its share.
+    """
+    file = (
+        Path(model) if model is not None else find_configs(_path(configs)).strip_path(strip or "")
+    )
+    folders = [Path(run) for run in runs]
+    return fit(folders, file, Path(out), hold_out, progress, jobs, write_overlay, without)
+
+
+def read_verdict(out: Place) -> Verdict:
+    """The verdict that a fit left in the folder `out`."""
+    return load_verdict(Path(out) / "verdict.json")
+
+
+def read_strip(name: str, configs: Place | None = None) -> StripFile:
+    """The strip called `name`, or in the file of that path, checked."""
+    return find_configs(_path(configs)).strip(name)
+
+
+def read_calibration(path: Place) -> Calibration:
+    """The calibration in a file, or of a run where `path` is its folder.
+
+    `to_image` maps points (n, 2) [m] of the strip's plane to pixels (n, 2), `to_plane` back.
+    """
+    place = Path(path)
+    return load_calibration(place / "calibration.yaml" if place.is_dir() else place)
+
+
+def effects() -> Mapping[str, Effect]:
+    """The library of effects by name, those of installed plug-ins among them."""
+    return registry()
+
+
+def _path(place: Place | None) -> Path | None:
+    return None if place is None else Path(place)

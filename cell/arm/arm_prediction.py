@@ -1,0 +1,89 @@
+"""A fold foretold for a Franka arm: joints, margins and clearance on the whole way."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cell.config.cell import CellFile
+from cell.devices.fold_path import whole_path
+from drivers.arm.clearance import RISE, desk_clearance
+from drivers.arm.reach import Reach, dense, plan_reach
+from drivers.strip.file import StripFile
+from drivers.types import Array
+
+SPARSE = 0.01  # m between points of the path that are kept
+
+
+@dataclass(frozen=True, slots=True)
+class ArmPrediction:
+    """How the arm follows the fold, lay and retreat included; `clearance` [m] of hand over desk."""
+
+    reach: Reach
+    clearance: float
+
+    @property
+    def allowed(self) -> bool:
+        """Whether the whole fold can be followed."""
+        return self.reach.allowed and self.clearance > 0
+
+    def line(self) -> dict[str, Any]:
+        """What `cell fold --dry-run --arm fci --json` adds."""
+        return {
+            "reachable": self.allowed,
+            "hand_turned": self.reach.turned,
+            "joint_margin": round(self.reach.margin, 4),
+            "narrowest_joint": self.reach.joint,
+            "start_joints": [round(q, 4) for q in self.reach.start.tolist()],
+            "clearance": round(self.clearance, 4) if np.isfinite(self.clearance) else None,
+            "problems": [str(problem) for problem in self.reach.problems],
+        }
+
+    def text(self) -> str:
+        """For the operator."""
+        reach = self.reach
+        if not reach.allowed:
+            problems = "\n    ".join(str(problem) for problem in reach.problems)
+            return f"the arm cannot follow it from this mounting:\n    {problems}"
+        side = "turned by half a turn" if reach.turned else "as mounted"
+        hand = f"the hand stays {1e3 * self.clearance:.0f} mm clear of the desk"
+        if self.clearance <= 0:
+            hand = f"but the hand would run {-1e3 * self.clearance:.0f} mm into the desk"
+        return (
+            f"the arm can follow it, approach, lay and retreat included, the hand {side}; joint "
+            f"{reach.joint} comes nearest to its end, {reach.margin:.2f} rad\n"
+            f"  {hand}, which must end with the strip and stand {1e3 * RISE:.0f} mm above what is "
+            "beside it"
+        )
+
+
+def predict_arm(
+    settings: CellFile, strip: StripFile, trace: Array, end: float | None
+) -> ArmPrediction:
+    """For a strip carried along `trace` (k, 2) [m] from take-over to touch, laid at `end` [m]."""
+    installation = settings.fci.installed(settings.installation)
+    path, speeds = fold_poses(settings, strip, trace, end)
+    clearance = float(desk_clearance(dense(path, speeds)[0], strip.length).min())
+    return ArmPrediction(plan_reach(installation, path, speeds), clearance)
+
+
+def fold_poses(
+    settings: CellFile, strip: StripFile, trace: Array, end: float | None
+) -> tuple[Array, Array]:
+    """Poses (n, 3) and speeds (n,) of a whole fold by a Franka arm, from its home to the retreat.
+
+    The strip is carried along `trace` (k, 2) [m] from take-over to touch, and laid at `end` [m].
+    """
+    carry = _sparse(np.concatenate([[(strip.length, 0.0)], trace]))
+    limits = settings.fci.installed(settings.installation).limits
+    home = settings.twin.arm.home_height
+    return whole_path(strip.length, home, settings.fold, limits, carry, end)
+
+
+def _sparse(points: Array) -> Array:
+    """Points at least SPARSE apart, the last one kept."""
+    kept = [points[0]]
+    for point in points[1:]:
+        if np.hypot(*(point - kept[-1])) >= SPARSE:
+            kept.append(point)
+    return np.array([*kept, points[-1]])

@@ -1,0 +1,31 @@
+"""The cell's settings for one run, as its speed and its arm change them."""
+
+from cell.config.cell import CellFile
+from cell.config.fold import FoldSettings
+from cell.devices.devices import DeviceSelection
+from drivers.settings import parse
+
+
+def at_speed(settings: CellFile, speed: float | None) -> CellFile:
+    """The cell's settings with another path speed [m/s], within its limits."""
+    if speed is None:
+        return settings
+    content = settings.fold.model_dump() | {"speed": speed}
+    return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
+
+
+def suited(settings: CellFile, choice: DeviceSelection) -> CellFile:
+    """The cell's settings with the limits of its arm, and the start of measured time that suits it.
+
+    Unless `fold.start` states it: the in-process arm follows the lift as planned, so that a model
+    can repeat it from the flat strip. A robot's own limits and reach bend its lift: there a run
+    begins once the strip hangs.
+    """
+    is_robot = choice.arm_driver(settings).real
+    changes: dict[str, object] = {}
+    if is_robot:
+        changes["installation"] = settings.fci.installed(settings.installation)
+    if settings.fold.start is None:
+        start = "hanging" if is_robot else "flat"
+        changes["fold"] = settings.fold.model_copy(update={"start": start})
+    return settings.model_copy(update=changes)

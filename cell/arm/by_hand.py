@@ -1,0 +1,104 @@
+"""The arm by hand: home, park, jog, open; under the monitors of every run."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from cell.calibrating.calibrate import NO_STRIP
+from cell.config.cell import CellFile
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import check_drivers, open_cell
+from cell.orchestrator.context import ManualContext
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.run import Run
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.steps import Motion, move, open_hand
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from drivers.types import Pose
+
+if TYPE_CHECKING:
+    from drivers.arm.process import Task
+
+Asked = Callable[[], bool]
+PARKED = (0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398)  # rad, upright and folded
+
+
+def by_hand(
+    settings: CellFile,
+    choice: DeviceSelection,
+    motion: Callable[[Snapshot], Motion],
+    interrupted: Asked = lambda: False,
+    strip: StripFile = NO_STRIP,
+) -> Outcome:
+    """Open the cell, do one `motion`, and let go; raises CellError for what is wrong before it."""
+    devices = open_cell(settings, strip, choice, calibrating=False)
+    try:
+        devices.arm.connect()
+        devices.camera.connect()
+        context = ManualContext(settings.controller, motion)
+        return Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+    finally:
+        devices.close()
+
+
+def jog(x: float, z: float, pitch: float) -> Callable[[Snapshot], Motion]:
+    """Move by x, z [m] and pitch [rad] from where the gripper is."""
+
+    def motion(snapshot: Snapshot) -> Motion:
+        here = snapshot.arm.commanded
+        return (yield from move(Pose(here.x + x, here.z + z, here.pitch + pitch)))
+
+    return motion
+
+
+def to(pose: Pose) -> Callable[[Snapshot], Motion]:
+    """Move to rest at `pose`."""
+    return lambda _: move(pose)
+
+
+def opened(_: Snapshot) -> Motion:
+    """Open the fingers."""
+    return open_hand()
+
+
+def home_pose(settings: CellFile, strip: StripFile) -> Pose:
+    """Where the gripper begins: over the strip's edge."""
+    return Pose(strip.length, settings.twin.arm.home_height, 0.0)
+
+
+def go_joints(
+    settings: CellFile,
+    joints: tuple[float, ...],
+    share: float,
+    *,
+    recover: bool,
+    reset_tool: bool = False,
+) -> None:
+    """Bring the robot at the cell's address to `joints` (7,) [rad]; Fault where it refuses."""
+    from drivers.arm.errands import go_to
+
+    go_to(robot_task(settings), list(joints), share, recover=recover, reset_tool=reset_tool)
+
+
+def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
+    """Joints (7,) [rad] at the home pose from which a fold of `strip` can be followed best."""
+    check_drivers(settings, DeviceSelection(arm="fci"))
+    from cell.devices.fci import start_joints
+
+    installation = settings.fci.installed(settings.installation)
+    home = settings.twin.arm.home_height
+    return start_joints(installation, settings.fold, strip.length, home)
+
+
+def robot_task(settings: CellFile) -> "Task":
+    """The robot at the address in cell.yaml; ConfigurationError where none is named."""
+    check_drivers(settings, DeviceSelection(arm="fci"))
+    if settings.fci.address is None:
+        raise ConfigurationError(
+            "fci.address: is missing; name the robot's address in cell.yaml, or that of a twin "
+            "that `cell twin serve` has started"
+        )
+    from drivers.arm.process import Task
+
+    return Task(settings.fci.address, settings.fci, settings.installation, None)

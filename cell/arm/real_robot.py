@@ -1,0 +1,62 @@
+"""What a robot that can hurt demands: its cell named, slow motion first, a strip laid again."""
+
+from collections.abc import Callable
+from ipaddress import ip_address
+
+from cell.config.cell import CellFile
+from cell.devices.devices import DeviceSelection
+from drivers.errors import PreflightRefused
+from drivers.limits import MotionLimits
+
+SLOW = 0.1  # share of the speed of first runs
+LONGEST = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
+
+
+def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
+    """Whether the arm that is chosen is a robot of flesh and steel: not on this machine."""
+    address = settings.fci.address
+    if not choice.arm_driver(settings).real or address is None:
+        return False
+    try:
+        return not ip_address(address).is_loopback
+    except ValueError:
+        return address != "localhost"
+
+
+def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
+    """Have the operator type the cell's name before the first motion.
+
+    Raises PreflightRefused where it was not typed.
+    """
+    question = f"A real robot will move. Type the cell's name ({settings.name}) to go on: "
+    try:
+        typed = ask(question).strip()
+    except EOFError:
+        typed = ""
+    if typed != settings.name:
+        raise PreflightRefused(
+            f"the cell's name was not typed; nothing has moved; type {settings.name!r} when asked"
+        )
+
+
+def slowed(settings: CellFile, share: float = SLOW) -> CellFile:
+    """The cell with all speeds at a `share`, and the time that a run then needs."""
+    fold = settings.fold.model_copy(
+        update={
+            "speed": max(share * settings.fold.speed, 0.005),
+            "lay_speed": max(share * settings.fold.lay_speed, 0.005),
+        }
+    )
+    axes = {
+        name: axis.model_copy(update={"velocity": share * axis.velocity})
+        for name, axis in zip(("x", "z", "pitch"), settings.installation.limits.axes, strict=True)
+    }
+    installation = settings.installation.model_copy(update={"limits": MotionLimits(**axes)})
+    times = {
+        name: min(getattr(settings.monitors, name) / share, longest)
+        for name, longest in LONGEST.items()
+    }
+    monitors = settings.monitors.model_copy(update=times)
+    return settings.model_copy(
+        update={"fold": fold, "installation": installation, "monitors": monitors}
+    )

@@ -1,0 +1,78 @@
+"""Where the cell frame stands in the robot's base, from three points that the fingers touch."""
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from cell.config.places import Configs
+from drivers.errors import CellError, ConfigurationError
+from drivers.files import replace_file
+from drivers.installation import Mounting
+from drivers.types import Array
+
+POINTS = (
+    "the middle of the strip's fixed edge, on the desk",
+    "the middle of the strip's other edge, on the desk",
+    "a point of the desk beside the strip, at least 0.1 m from it",
+)
+LEVEL = np.radians(0.5)  # rad that the desk may be tilted
+STRETCH = 0.005  # m between the length touched and the strip's own
+BESIDE = 0.1  # m, at least, of the third point from the line of the first two
+LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
+
+
+def mounting_from(points: Array, length: float) -> Mounting:
+    """The mounting from touched POINTS (3, 3) [m] in the robot's base.
+
+    Raises CellError for a strip of another `length` [m] or a desk that is not level.
+    """
+    fixed, other, beside = points
+    along = other - fixed
+    distance = float(np.linalg.norm(along))
+    if abs(distance - length) > STRETCH:
+        raise CellError(
+            f"register: the edges are {1e3 * distance:.1f} mm apart, the strip is "
+            f"{1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both edges again"
+        )
+    normal = np.cross(along, beside - fixed)
+    if float(np.linalg.norm(normal)) < BESIDE * distance:
+        raise CellError(
+            f"register: the third point is too near the strip; allowed: at least {BESIDE:.1f} m "
+            "beside it; touch it again"
+        )
+    tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
+    if tilt > LEVEL:
+        raise CellError(
+            f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's base, "
+            f"allowed {np.degrees(LEVEL):.1f} deg; level the desk or the robot"
+        )
+    x, y, z = fixed.tolist()
+    yaw = float(np.arctan2(along[1], along[0]))
+    return Mounting(x=round(x, 5), y=round(y, 5), z=round(z, 5), yaw=round(yaw, 5))
+
+
+def write_mounting(configs: Configs, mounting: Mounting) -> Path:
+    """Put `mounting` into cell.yaml, the old one kept as a comment; returns the file, checked.
+
+    Raises ConfigurationError where the file has no such line.
+    """
+    path = configs.folder / "cell.yaml"
+    text = path.read_text(encoding="utf-8")
+    found = LINE.search(text)
+    if found is None:
+        raise ConfigurationError(
+            f"{path}: installation.mounting: must stand on one line, as {_line(mounting)}"
+        )
+    indent, date = found["indent"], datetime.now(UTC).date().isoformat()
+    old = f"{indent}# until {date}: {found[0].strip()}"
+    changed = f"{text[: found.start()]}{old}\n{indent}{_line(mounting)}{text[found.end() :]}"
+    replace_file(path, changed.encode())
+    configs.cell()
+    return path
+
+
+def _line(mounting: Mounting) -> str:
+    m = mounting
+    return f"mounting: {{x: {m.x}, y: {m.y}, z: {m.z}, yaw: {m.yaw}}}"

@@ -1,0 +1,127 @@
+"""Calibration of a cell's camera, by the orchestrator, under its monitors."""
+
+import fcntl
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from calibration.calibration import Calibration, load_calibration, save_calibration
+from calibration.lens import Lens
+from calibration.wizard.board_views import BoardViews
+from cell.calibrating.homography_wizard import assemble, touch
+from cell.calibrating.keyboard import TwinOperator
+from cell.config.cell import CellFile
+from cell.config.places import cache_folder
+from cell.devices.devices import CalibrationAids, Devices, DeviceSelection
+from cell.devices.open import open_cell
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.operator import Unattended
+from drivers.errors import CellError, ConfigurationError
+from drivers.files import own_file
+from drivers.strip.file import StripFile
+
+NO_STRIP = StripFile(
+    schema=1,
+    name="none",
+    length=0.6,
+    width=0.05,
+    areal_density=0.2,
+    bending_length=0.02,
+    retardation_time=0.03,
+)  # the desk is bare while the camera is calibrated
+
+
+def calibration_of(
+    settings: CellFile,
+    report: Callable[[str], None] = lambda _: None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> Calibration:
+    """The calibration that this cell uses.
+
+    That of the cell file if it names one; else, on the twin, one made with boards and touched
+    points and kept for the next run. `report` is called with a message when one is made, and when
+    it cannot be kept. Raises Interrupted when `interrupted` while it is made.
+    """
+    if settings.calibration is not None:
+        return load_calibration(Path(settings.calibration))
+    path = kept_calibration(settings)
+    with _alone(path):
+        try:
+            return load_calibration(path)
+        except ConfigurationError:
+            report("this twin has no calibration yet: its camera is calibrated first")
+            made = calibrate_now(settings, interrupted)
+        try:
+            save_calibration(made, path)
+        except ConfigurationError as error:
+            report(f"{error}; this calibration serves once, the next run calibrates again")
+    return made
+
+
+def calibrate_anew(
+    settings: CellFile, interrupted: Callable[[], bool] = lambda: False
+) -> tuple[Calibration, Path]:
+    """Calibrate on the twin and keep the result for later runs; it and its path."""
+    path = kept_calibration(settings)
+    made = calibrate_now(settings, interrupted)
+    save_calibration(made, path)
+    return made, path
+
+
+def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibration:
+    """A calibration of the twin that is not kept."""
+    twin = DeviceSelection(arm="twin", camera="twin")
+    devices = open_cell(settings, NO_STRIP, twin, calibrating=True)
+    return calibrate(settings, devices, interrupted)
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold a lock while the file at `path` is made, so that other processes wait for it, where
+    locks exist.
+    """
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = path.with_suffix(".lock")
+            own_file(lock)
+            fcntl.flock(held.enter_context(lock.open("rb")), fcntl.LOCK_EX)
+        yield
+
+
+def kept_calibration(settings: CellFile) -> Path:
+    """Path of the kept calibration of this cell and camera."""
+    facts = settings.model_dump_json(include={"twin", "touches", "boards", "latency"})
+    identity = hashlib.sha256(facts.encode()).hexdigest()[:12]
+    return cache_folder() / "calibration" / f"{settings.name}-{identity}.yaml"
+
+
+def calibrate(
+    settings: CellFile, devices: Devices, interrupted: Callable[[], bool] = lambda: False
+) -> Calibration:
+    """Calibrate lens and map to the plane now.
+
+    Raises CellError when they are not good enough, Fault when a monitor stopped the arm, and
+    Interrupted when the operator did.
+    """
+    if devices.aids is None:
+        raise ConfigurationError("calibrate: nobody holds the board; use the wizard")
+    lens = lens_from_boards(settings, devices.aids)
+    operator = TwinOperator(devices.aids, Unattended())
+    context = CalibrationContext(settings.controller, lens, operator)
+    touch(devices, context, interrupted)
+    camera = devices.camera_identity
+    return assemble(lens, context.touches, context.latency, camera=camera)
+
+
+def lens_from_boards(settings: CellFile, aids: CalibrationAids) -> Lens:
+    """The lens from as many views of the board as it takes; raises CellError where it is poor."""
+    views = BoardViews(settings.boards)
+    while (pose := views.ask()) is not None:
+        views.tell(aids.show_board(pose))
+    views.set_length(aids.measure_board())
+    verdict = views.verdict()
+    if verdict.fit is None or not verdict.passed:
+        raise CellError("lens calibration failed: " + "; ".join(verdict.reasons))
+    return verdict.fit.lens

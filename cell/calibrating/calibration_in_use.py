@@ -1,0 +1,91 @@
+"""Validity of a calibration, and its entry in the record."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from calibration.calibration import Calibration
+from cell.devices.devices import Devices
+from drivers.errors import ConfigurationError, PreflightRefused
+
+DAY = 86400.0  # s
+EARLY = 1.0  # days by which two clocks, or their time zones, may differ
+LATENCY, RESIDUAL = (-1.0, 1.0), (0.0, 20.0)  # s, mm
+BIAS, DISTANCE = (-0.05, 0.05), (0.05, 20.0)  # m, of contact_x and of the camera from its plane
+ANEW = "run `cell calibrate camera` and `cell calibrate homography`, name the file in cell.yaml"
+
+
+def age_days(calibration: Calibration, now: datetime) -> float:
+    """Age [days] at `now`; a date that cannot be read is a ConfigurationError."""
+    try:
+        made = datetime.fromisoformat(calibration.date)
+    except ValueError:
+        raise ConfigurationError(
+            f"calibration: date: {calibration.date!r} is no ISO 8601 date; {ANEW}"
+        ) from None
+    made = made if made.tzinfo is not None else made.replace(tzinfo=UTC)
+    return (now - made).total_seconds() / DAY
+
+
+def check_usable(
+    calibration: Calibration, devices: Devices, allowed_days: float, now: datetime
+) -> None:
+    """Refuse a calibration of another camera, and on hardware one that has expired.
+
+    Raises ConfigurationError and PreflightRefused.
+    """
+    if calibration.camera != devices.camera_identity:
+        raise ConfigurationError(
+            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
+            f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
+        )
+    check_current(calibration, allowed_days, now, on_twin=devices.plant is not None)
+
+
+def check_current(
+    calibration: Calibration, allowed_days: float, now: datetime, *, on_twin: bool
+) -> None:
+    """Refuse a calibration that no camera of a cell can have, one from the future, and on hardware
+    one that has expired.
+
+    Raises ConfigurationError and PreflightRefused.
+    """
+    _check_plausible(calibration)
+    age = age_days(calibration, now)
+    if age < -EARLY:
+        raise ConfigurationError(
+            f"calibration: date: {calibration.date} lies in the future; set the clock, or {ANEW}"
+        )
+    if not on_twin and age > allowed_days:
+        raise PreflightRefused(
+            f"calibration: {calibration.id} is {age:.0f} days old, allowed are "
+            f"{allowed_days:.0f} (calibration_days in cell.yaml); {ANEW}"
+        )
+
+
+def _check_plausible(calibration: Calibration) -> None:
+    """Refuse numbers that no wizard gives: whoever wrote them, nothing is to move by them."""
+    for key, value, (low, high), unit in (
+        ("latency", calibration.latency, LATENCY, "s"),
+        ("residual_mm", calibration.residual_mm, RESIDUAL, "mm"),
+        ("contact_bias", calibration.contact_bias, BIAS, "m"),
+        ("homography: the camera's distance", calibration.viewpoint.distance, DISTANCE, "m"),
+    ):
+        if not low <= value <= high:
+            raise ConfigurationError(
+                f"calibration: {key}: is {value:g} {unit}, allowed {low:g} to {high:g} {unit}; "
+                f"{ANEW}"
+            )
+
+
+def recorded(calibration: Calibration, now: datetime) -> dict[str, Any]:
+    """Entry of run.yaml about a calibration: id, error [m], age, reason of an override."""
+    facts: dict[str, Any] = {
+        "id": calibration.id,
+        "error": calibration.residual_mm / 1e3,
+        "latency": calibration.latency,
+        "date": calibration.date,
+        "age_days": round(age_days(calibration, now), 3),
+    }
+    if calibration.accepted_anyway:
+        facts["accepted_anyway"] = list(calibration.accepted_anyway)
+    return facts

@@ -1,0 +1,276 @@
+"""`cell calibrate homography` and `check`: the arm touches points; the map to the plane is fitted
+and kept, or the one in use is checked.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration, calibrated, save_calibration
+from calibration.landmarks import Landmarks
+from calibration.lens import CameraFile, Lens
+from calibration.pointer import find_pointer
+from calibration.wizard.latency import LatencyVerdict, SeenStep, latency_verdict
+from calibration.wizard.news import TouchNews, Watcher
+from calibration.wizard.picture import touches_picture
+from calibration.wizard.session import (
+    PICTURE,
+    VERDICT,
+    Session,
+    SessionFolder,
+    make_folder,
+    new_session,
+    read_latency,
+    read_session,
+    taken_images,
+    write_image,
+    write_yaml,
+)
+from calibration.wizard.touch_verdict import (
+    CheckVerdict,
+    TouchVerdict,
+    refusals,
+    touch_lines,
+    touch_verdict,
+)
+from calibration.wizard.touches import Touched, held_out, touch_plan
+from cell.config.cell import CellFile
+from cell.devices.devices import Devices
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.operator import Operator
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.run import Run
+from drivers.errors import CellError, ConfigurationError, Fault
+from drivers.settings import Settings, load
+from drivers.types import Pose
+
+CALIBRATION, POSES, LANDMARKS = "calibration.yaml", "poses.yaml", "landmarks.yaml"
+
+
+class PosesFile(Settings):
+    """Contents of poses.yaml: x, z [m] and pitch [rad] of every touch, for editing and replay."""
+
+    poses: tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class TouchSession:
+    """Result of a session of touches; `calibration` is None where it was not accepted."""
+
+    folder: Path | None
+    touches: TouchVerdict | None
+    latency: LatencyVerdict | None
+    calibration: Calibration | None
+
+
+def calibrate_homography(
+    settings: CellFile,
+    devices: Devices,
+    lens: Lens,
+    folder: Path,
+    operator: Operator,
+    watch: Watcher,
+    *,
+    plan: Sequence[Pose] | None = None,
+    accept_anyway: bool = False,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> TouchSession:
+    """Touch, step and measure under the orchestrator's monitors; keep everything in `folder`.
+
+    Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
+    until then stay in `folder`.
+    """
+    camera, locks = devices.camera_identity, dict(devices.camera_locks())
+    facts = {"lens": CameraFile.of(lens, camera), "touches": settings.touches}
+    facts |= {"latency": settings.latency}
+    session = new_session("homography", camera, (lens.width, lens.height), locks, **facts)
+    keep = SessionFolder(folder, session, watch)
+    poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
+    write_yaml(folder / POSES, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
+    context = CalibrationContext(
+        settings.controller, lens, operator=operator, watch=keep, plan=poses, remembers=True
+    )
+    touch(devices, context, interrupted)
+    found = context.touches, context.latency
+    session = session.model_copy(update={"locks": dict(devices.camera_locks())})  # as read back
+    made = _accept(session, lens, *found, context.landmarks, accept_anyway=accept_anyway)
+    result = TouchSession(folder, *found, made)
+    _keep_verdict(folder, result, settings.fold.speed)
+    if context.landmarks is not None:
+        write_yaml(folder / LANDMARKS, context.landmarks.model_dump(mode="json"))
+    newest = keep.newest
+    if isinstance(newest, TouchNews) and newest.frame is not None and context.touches is not None:
+        drawn = touches_picture(newest.frame.image, newest.touches, lens, context.touches)
+        write_image(folder / PICTURE, drawn)
+    return result
+
+
+def homography_again(
+    folder: Path,
+    without: Collection[int],
+    out: Path | None,
+    speed: float,
+    *,
+    accept_anyway: bool = False,
+) -> TouchSession:
+    """Map and latency of the session in `folder`, `without` some points, and the calibration where
+    it is accepted; into `out` where given.
+
+    The pointer is detected anew in the saved images. Raises ConfigurationError for broken files or
+    a session without a lens.
+    """
+    cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
+    session = read_session(folder, "homography")
+    if session.lens is None:
+        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
+    lens = session.lens.lens(f"{folder}: lens")
+    verdict = touch_verdict(_touches(folder, session, without), lens, session.touches)
+    latency = None
+    steps = read_latency(folder)
+    if steps.arm and verdict.homography is not None:
+        seen = [SeenStep(t, np.array([u, v])) for t, u, v in steps.seen]
+        latency = latency_verdict(
+            np.array(steps.arm), seen, lens, verdict.homography, session.latency
+        )
+    path = folder / LANDMARKS
+    marks = load(path, Landmarks) if path.exists() else None
+    made = _accept(session, lens, verdict, latency, marks, accept_anyway=accept_anyway)
+    result = TouchSession(out, verdict, latency, made)
+    if out is not None:
+        make_folder(out)
+        _keep_verdict(out, result, speed)
+    return result
+
+
+def check_calibration(
+    settings: CellFile,
+    devices: Devices,
+    calibration: Calibration,
+    operator: Operator,
+    watch: Watcher,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> CheckVerdict:
+    """The verdict on `calibration` after a touch of each pose of the check's plan.
+
+    Raises ConfigurationError for one of another camera, Fault when a monitor stopped the arm, and
+    Interrupted when the operator did.
+    """
+    if calibration.camera != devices.camera_identity:
+        raise ConfigurationError(
+            f"calibration: {calibration.id} belongs to camera {calibration.camera}, this one is "
+            f"{devices.camera_identity}; name its own"
+        )
+    context = CalibrationContext(
+        settings.controller, calibration.lens, operator=operator, watch=watch, old=calibration
+    )
+    touch(devices, context, interrupted)
+    if context.check is None:
+        raise Fault("illegal_event", "the check ended without a verdict")
+    return context.check
+
+
+def touch(devices: Devices, context: CalibrationContext, interrupted: Callable[[], bool]) -> None:
+    """Run the calibration of `context`; raises Interrupted and Fault where it was stopped."""
+    try:
+        devices.connect()
+        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+    finally:
+        devices.close()
+    if outcome.exit_code == Interrupted.exit_code:
+        raise Interrupted(f"calibration was {outcome.name}: {outcome.reason}")
+    if outcome.exit_code != 0 or (context.touches is None and context.check is None):
+        raise Fault(outcome.name, f"calibration was stopped: {outcome.reason}")
+
+
+def assemble(
+    lens: Lens,
+    touches: TouchVerdict | None,
+    latency: LatencyVerdict | None,
+    *,
+    camera: str,
+    locks: dict[str, int] | None = None,
+    landmarks: Landmarks | None = None,
+    accept_anyway: bool = False,
+) -> Calibration:
+    """A calibration from these parts; defects are a CellError, or recorded when overridden."""
+    reasons = refusals(touches, latency)
+    if touches is None or touches.homography is None or (reasons and not accept_anyway):
+        raise CellError("homography failed: " + "; ".join(reasons))
+    measured = latency is not None and latency.latency == latency.latency
+    return calibrated(
+        lens,
+        touches.homography,
+        residual_mm=touches.residual_mm,
+        latency=latency.latency if latency is not None and measured else 0.0,
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        camera=camera,
+        locks=locks,
+        landmarks=landmarks,
+        accepted_anyway=reasons,
+    )
+
+
+def read_poses(path: Path) -> tuple[Pose, ...]:
+    """The poses of an edited poses.yaml; a broken file is a ConfigurationError."""
+    return tuple(Pose(x, z, pitch) for x, z, pitch in load(path, PosesFile).poses)
+
+
+def _accept(
+    session: Session,
+    lens: Lens,
+    touches: TouchVerdict | None,
+    latency: LatencyVerdict | None,
+    landmarks: Landmarks | None,
+    *,
+    accept_anyway: bool,
+) -> Calibration | None:
+    """The calibration of a session, None where it is refused."""
+    try:
+        return assemble(
+            lens,
+            touches,
+            latency,
+            camera=session.camera,
+            locks=session.locks,
+            landmarks=landmarks,
+            accept_anyway=accept_anyway,
+        )
+    except ConfigurationError:
+        raise
+    except CellError:
+        return None
+
+
+def _keep_verdict(folder: Path, found: TouchSession, speed: float) -> None:
+    """Write the verdict, and the calibration where it was accepted."""
+    made, touches = found.calibration, found.touches
+    content = {
+        "accepted": made is not None,
+        "calibration": None if made is None else made.id,
+        "lines": [line.text for line in touch_lines(touches, found.latency, speed)],
+        "errors_mm": {} if touches is None else {str(n): e for n, e in touches.errors_mm.items()},
+    }
+    write_yaml(folder / VERDICT, content)
+    if made is not None:
+        save_calibration(made, folder / CALIBRATION)
+
+
+def _touches(folder: Path, session: Session, without: Collection[int]) -> list[Touched]:
+    """Accepted points; of those with one number, first or second touch, the last one counts."""
+    touches: dict[tuple[int, bool], Touched] = {}
+    for row, image in taken_images(folder, session, without):
+        if row.pose is None:
+            raise ConfigurationError(f"{folder}: point {row.number} has no pose; leave it out")
+        centre = find_pointer(image)
+        if centre is None:
+            raise ConfigurationError(
+                f"{folder / str(row.image)}: shows no pointer; leave number {row.number} out"
+            )
+        place, apart = np.array(row.pose[:2]), held_out(row.number, session.touches)
+        touches[row.number, row.again] = Touched(row.number, place, centre, apart, again=row.again)
+    return [*touches.values()]

@@ -1,0 +1,186 @@
+"""`cell calibrate camera`: views of the board, the lens fitted from them, both kept."""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+
+from calibration.board import BoardView, find_board
+from calibration.lens import write_camera_info, write_opencv
+from calibration.wizard.board_views import BoardViews
+from calibration.wizard.coverage import WantedView
+from calibration.wizard.lens_verdict import LensVerdict, lens_lines, lens_verdict
+from calibration.wizard.news import ViewNews, Watcher
+from calibration.wizard.picture import views_picture
+from calibration.wizard.session import (
+    PICTURE,
+    VERDICT,
+    SessionFolder,
+    make_folder,
+    new_session,
+    read_session,
+    taken_images,
+    write_image,
+    write_yaml,
+)
+from cell.config.cell import CellFile
+from cell.devices.devices import Devices
+from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.operator import Answer, Ask, Operator, Question
+from drivers.errors import ConfigurationError, Fault
+from drivers.types import Frame
+
+PERIOD = 0.1  # s between images that are looked at
+BLIND = 2.0  # s without an image after which the camera counts as stalled
+ROS, OPENCV = "camera_info.yaml", "opencv.yaml"
+
+Source = Callable[[WantedView], Frame]
+
+
+@dataclass(frozen=True, slots=True)
+class LensSession:
+    """Folder and verdict of a session with the board."""
+
+    folder: Path
+    verdict: LensVerdict
+
+
+def calibrate_lens(
+    settings: CellFile,
+    devices: Devices,
+    folder: Path,
+    operator: Operator,
+    watch: Watcher,
+    length: float | None,
+    interrupted: Callable[[], bool] = lambda: False,
+) -> LensSession:
+    """Ask for views of the board until they suffice, and keep session and lens in `folder`.
+
+    `length` [m] is the ruler's length of the board's squares; on the twin it is measured there.
+    Raises Interrupted, and Fault where the camera delivers nothing.
+    """
+    aids = devices.aids
+    views = BoardViews(settings.boards, patient=aids is None)
+    devices.camera.connect()
+    try:
+        source = aids.show_board if aids is not None else _live(devices)
+        first = source(WantedView(0.5, 0.5, settings.boards.sizes[1]))
+        if length is None and aids is not None:
+            length = aids.measure_board()
+        size = (first.image.shape[1], first.image.shape[0])
+        facts = {"length": length, "boards": settings.boards}
+        locks = dict(devices.camera_locks())
+        session = new_session("camera", devices.camera_identity, size, locks, **facts)
+        keep = SessionFolder(folder, session, watch)
+        _show_board(views, source, operator, keep, interrupted)
+    finally:
+        devices.camera.close()
+    if length is not None:
+        views.set_length(length)
+    verdict = views.verdict()
+    _keep_lens(folder, verdict, devices.camera_identity)
+    newest = keep.newest.frame if keep.newest is not None else None
+    drawn = views_picture((newest or first).image, views.views, verdict.per_view)
+    write_image(folder / PICTURE, drawn)
+    return LensSession(folder, verdict)
+
+
+def lens_again(folder: Path, without: Collection[int], out: Path | None) -> LensVerdict:
+    """The lens of the session in `folder`, `without` some images; into `out` where given.
+
+    Boards are detected anew in the saved images. Raises ConfigurationError for broken files.
+    """
+    cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
+    session = read_session(folder, "camera")
+    board = session.boards.board()
+    detector = cv2.aruco.CharucoDetector(board)
+    views: dict[int, BoardView] = {}
+    for row, image in taken_images(folder, session, without):
+        view = find_board(image, detector, board).view
+        if view is None:
+            raise ConfigurationError(
+                f"{folder / str(row.image)}: shows no board; leave number {row.number} out"
+            )
+        views[row.number] = view
+    verdict = lens_verdict(views, session.image, session.length, session.boards)
+    if out is not None:
+        make_folder(out)
+        _keep_lens(out, verdict, session.camera)
+    return verdict
+
+
+def newest_lens(folder: Path, camera: str) -> Path:
+    """The newest lens of `camera` among the sessions in `folder`; none is a ConfigurationError."""
+    for path in sorted(folder.glob(f"*/{ROS}"), reverse=True):
+        if f"camera_name: {camera}\n" in path.read_text(encoding="utf-8"):
+            return path
+    raise ConfigurationError(
+        f"--lens: {folder} holds no lens of camera {camera}; run `cell calibrate camera` first, "
+        "or name a file of ROS or OpenCV"
+    )
+
+
+def _show_board(
+    views: BoardViews,
+    source: Source,
+    operator: Operator,
+    watch: Watcher,
+    interrupted: Callable[[], bool],
+) -> None:
+    """Ask for one view after the other until none is wanted."""
+    while (wanted := views.ask()) is not None:
+        _check(interrupted)
+        missing = [gate for gate in views.gates() if not gate.passed]
+        why = f"still missing: {missing[0]}" if missing else "all is covered; for good measure"
+        watch(ViewNews(wanted, why, views.gates()))
+        answer = operator.answer(Question(Ask.VIEW, f"show the board: {wanted}"))
+        _check(interrupted)
+        if answer is Answer.SKIP:
+            views.skip()
+            continue
+        if answer is Answer.AGAIN:
+            views.drop_last()
+            continue
+        frame = source(wanted)
+        result = views.tell(frame)
+        if result.waits:
+            frame = source(wanted)
+            result = views.tell(frame)
+        watch(ViewNews(views.ask(), why, views.gates(), frame, result))
+
+
+def _check(interrupted: Callable[[], bool]) -> None:
+    if interrupted():
+        raise Interrupted("the calibration was interrupted")
+
+
+def _keep_lens(folder: Path, verdict: LensVerdict, camera: str) -> None:
+    """Write the verdict, and the lens in ROS and OpenCV formats if it passed."""
+    content = {
+        "passed": verdict.passed,
+        "lines": [line.text for line in lens_lines(verdict)],
+        "rms_px": None if verdict.fit is None else verdict.fit.rms,
+        "per_view_px": {str(number): rms for number, rms in verdict.per_view.items()},
+    }
+    write_yaml(folder / VERDICT, content)
+    if verdict.fit is not None and verdict.passed:
+        write_camera_info(verdict.fit.lens, camera, folder / ROS)
+        write_opencv(verdict.fit.lens, folder / OPENCV)
+
+
+def _live(devices: Devices) -> Source:
+    """Images of the live camera, a tenth of a second apart; a person holds the board."""
+    newest = [-1.0]
+
+    def look(_: WantedView) -> Frame:
+        asked = devices.clock.now()
+        while devices.clock.now() < asked + BLIND:
+            devices.clock.wait_until(devices.clock.now() + PERIOD)
+            frame = devices.camera.read(newest[0], timeout=0.0)
+            if frame is not None:
+                newest[0] = frame.stamp
+                return frame
+        raise Fault("camera_stalled", f"no image in {BLIND:.0f} s; look at the camera's cable")
+
+    return look

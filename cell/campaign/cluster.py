@@ -1,0 +1,235 @@
+"""Parts on a Dask cluster that the user started: it only hands out; the journal decides.
+
+Known traps and what is done here: a part runs in a process of its own beside the Dask worker, so
+that a part that holds the interpreter cannot look like a dead worker (distributed#6324), and one
+that kills its process is known by name; a worker has one part at a time, so that there is nothing
+to steal (distributed#7523); outcomes are files, so that a worker's death repeats nothing that was
+finished (distributed#7870).
+"""
+
+import logging
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import mkdtemp
+from typing import TYPE_CHECKING
+
+from cell.campaign.journal import Journal, Record
+from cell.campaign.local import Crew
+from cell.campaign.measure import set_aside
+from cell.campaign.part import Part
+from cell.campaign.versions import versions
+from cell.extras import require_library
+from drivers.errors import ConfigurationError, WorkersLost
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+PATIENCE = 20.0  # s in which scheduler and first worker must answer at the start
+ABSENCE = 300.0  # s that a cluster may be gone in the middle, to be started again
+GLANCE = 2.0  # s between looks at whether scheduler and workers are there
+TRIES = 3  # times that Dask may give up a part, each after several deaths of workers
+
+
+@dataclass(frozen=True, slots=True)
+class Cluster:
+    """The cluster whose scheduler is at `address`, as tcp://HOST:PORT; `limit` [s] as of Local."""
+
+    address: str
+    limit: float | None = None
+
+    def measured(
+        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
+    ) -> Iterator[Record]:
+        """The records of `parts` as they finish, through deaths of workers and scheduler.
+
+        Raises ConfigurationError for an address without a usable cluster or a worker of other
+        versions, WorkersLost where the cluster stays away.
+        """
+        left = {(part.key, part.of): part for part in parts}
+        patience = PATIENCE
+        while left:
+            with _silence(), connected(self.address, patience) as client:
+                for record in _shift(client, list(left.values()), folder, versions, self.limit):
+                    left.pop((record.key, record.of), None)
+                    yield record
+            patience = ABSENCE
+
+
+@contextmanager
+def executor(address: str) -> Iterator[Executor]:
+    """An executor over the cluster at `address`, for work that keeps its own journal.
+
+    The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
+    without a usable cluster, WorkersLost when the cluster is gone.
+    """
+    with _silence(), connected(address, PATIENCE) as client:
+        from distributed import KilledWorker
+
+        try:
+            yield client.get_executor(pure=False)
+        except KilledWorker:
+            raise WorkersLost(f"{address}: several workers died over the same piece") from None
+        except (CancelledError, ConnectionError):
+            raise WorkersLost(f"{address}: the connection to the cluster was lost") from None
+
+
+@contextmanager
+def connected(address: str, patience: float) -> Iterator["Client"]:
+    """A client of the cluster at `address`, which must answer within `patience` [s].
+
+    Raises ConfigurationError where it does not, or has no workers, or workers of other versions.
+    """
+    require_library("distributed")
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
+        raise ConfigurationError(
+            f"--cluster: {address}: no scheduler answers ({str(error).splitlines()[0]:.80}); "
+            "start one with `dask scheduler`, and workers with `dask worker ADDRESS`"
+        ) from None
+    try:
+        _check(client, address, patience)
+        yield client
+    finally:
+        with suppress(TimeoutError, OSError):
+            client.close(timeout=1)
+
+
+def _shift(
+    client: "Client",
+    parts: list[Part],
+    folder: Path,
+    here: Mapping[str, str],
+    limit: float | None,
+) -> Iterator[Record]:
+    """Records until all parts have one or the scheduler is gone; one part a thread at a time."""
+    from distributed import wait
+
+    waiting, killed = parts[::-1], Counter[str]()
+    out: dict[Future[str], Part] = {}
+    seen = time.monotonic()
+    while (waiting or out) and client.status == "running":
+        threads = _threads(client)
+        while waiting and len(out) < max(threads, 1):
+            part = waiting.pop()
+            arguments = (part, str(folder.resolve()), dict(here), limit)
+            out[client.submit(remote, *arguments, pure=False)] = part
+        with suppress(TimeoutError, CancelledError), client.as_current():
+            wait(list(out), timeout=GLANCE, return_when="FIRST_COMPLETED")
+        for future in [future for future in out if future.done()]:
+            part = out.pop(future)
+            record = _gather(future, part, folder, killed)
+            if record is None:
+                waiting.append(part)
+            else:
+                yield record
+        seen = time.monotonic() if threads else seen
+        if time.monotonic() - seen > ABSENCE:
+            raise WorkersLost(f"no worker for {ABSENCE:.0f} s")
+
+
+def _threads(client: "Client") -> int:
+    """Threads of all workers; 0 where the scheduler does not answer."""
+    try:
+        return sum(client.nthreads().values())
+    except (OSError, TimeoutError):
+        return 0
+
+
+def _gather(future: "Future[str]", part: Part, folder: Path, killed: Counter[str]) -> Record | None:
+    """The record of a finished part, stored here where the worker shares no folder with us; None
+    where worker or scheduler died, so that it must be handed out again.
+    """
+    from distributed import KilledWorker
+
+    try:
+        record = Record.model_validate_json(future.result(timeout=GLANCE))
+    except KilledWorker:
+        killed[part.key] += 1
+        if killed[part.key] < TRIES:
+            return None
+        return set_aside(part, "many workers died while they had it", folder, versions())
+    except (CancelledError, TimeoutError, OSError):
+        return None
+    finally:
+        future.release()
+    journal = Journal(folder)
+    known = journal.get(record.key, record.of)
+    if known is None or not known.done:
+        journal.put(record)
+    return record
+
+
+def remote(part: Part, folder: str, there: Mapping[str, str], limit: float | None) -> str:
+    """On a worker: the record of `part` as JSON, measured in a process beside it.
+
+    Raises ConfigurationError where this worker has other versions than the client.
+    """
+    difference = _difference(there, versions())
+    if difference:
+        raise ConfigurationError(f"--cluster: a worker {difference}; install the same there")
+    place = Path(folder) if Path(folder).is_dir() else _own_folder()
+    crews = _crews()
+    crew = Crew(1) if crews.empty() else crews.get()
+    [record] = crew.records([part], place, there, limit)
+    crews.put(crew)
+    return record.model_dump_json(by_alias=True)
+
+
+@cache
+def _crews() -> "SimpleQueue[Crew]":
+    """Processes of this worker that have nothing to do."""
+    return SimpleQueue()
+
+
+@cache
+def _own_folder() -> Path:
+    """A journal of this worker alone, where the client's folder is not here."""
+    return Path(mkdtemp(prefix="campaign-"))
+
+
+def _check(client: "Client", address: str, patience: float) -> None:
+    """Refuse a cluster without workers, or with workers of other versions."""
+    try:
+        client.wait_for_workers(1, timeout=patience)
+    except TimeoutError:
+        raise ConfigurationError(
+            f"--cluster: {address}: has no workers; start some with `dask worker {address}`"
+        ) from None
+    here = versions()
+    for worker, there in client.run(versions, on_error="return").items():
+        if there != here:
+            raise ConfigurationError(
+                f"--cluster: {worker}: {_difference(here, there)}; install the same there"
+            )
+
+
+def _difference(here: Mapping[str, str], there: object) -> str:
+    """What `there` has otherwise; empty where nothing."""
+    if not isinstance(there, Mapping):
+        return f"cannot run the cell ({there})"
+    other = [f"{n} {there.get(n)}, here {here[n]}" for n in here if there.get(n) != here[n]]
+    return f"has {', '.join(other)}" if other else ""
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Silence Dask's log of lost workers and connections, which the command reports itself."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client")]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

@@ -1,0 +1,125 @@
+"""Parts side by side in processes of this machine."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+
+from cell.campaign.journal import Record
+from cell.campaign.measure import measure, prepare, set_aside
+from cell.campaign.part import Part
+from cell.campaign.worker import Died, Worker
+from drivers.errors import CellError
+
+GLANCE = 0.2  # s between looks at the clock
+TRIES = 2  # of a part that kills its process: the first may have been the machine's fault
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """`jobs` processes; a part may take `limit` [s] of wall time, for ever where None."""
+
+    jobs: int = 1
+    limit: float | None = None
+
+    def measured(
+        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
+    ) -> Iterator[Record]:
+        """The records of `parts` as they finish. Raises CellError where none can be stored."""
+        crew = Crew(min(self.jobs, len(parts)))
+        try:
+            yield from crew.records(parts, folder, versions, self.limit)
+        finally:
+            crew.close()
+
+
+@dataclass(slots=True)
+class Task:
+    """A part under way in the process of `worker`, since `begun` [s]; None while that starts."""
+
+    part: Part
+    worker: Worker
+    begun: float | None
+
+
+class Crew:
+    """Up to `size` processes, kept from one call to the next."""
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._idle: list[Worker] = []
+        self._busy: list[Task] = []
+
+    def records(
+        self,
+        parts: Sequence[Part],
+        folder: Path,
+        versions: Mapping[str, str],
+        limit: float | None,
+    ) -> Iterator[Record]:
+        """The record of every part, in the order in which they finish.
+
+        One that outlives its `limit` [s], or whose process dies twice, is set aside. Raises
+        CellError where a record cannot be stored.
+        """
+        waiting, died = deque(parts), Counter[str]()
+        while waiting or self._busy:
+            while waiting and len(self._busy) < self._size:
+                self._begin(waiting.popleft(), folder, versions)
+            ready = wait([task.worker.pipe for task in self._busy], GLANCE)
+            for task in list(self._busy):
+                if task.worker.pipe in ready:
+                    found = self._collect(task)
+                elif limit is not None and task.begun and time.monotonic() - task.begun > limit:
+                    self._dismiss(task)
+                    found = f"no outcome after {limit:g} s; its process was ended"
+                else:
+                    continue
+                if found is None:
+                    task.begun = time.monotonic()
+                    continue
+                if isinstance(found, Died):
+                    died[task.part.key] += 1
+                    if died[task.part.key] < TRIES:
+                        waiting.append(task.part)
+                        continue
+                    found = f"its process died {TRIES} times, code {found.args[0]}"
+                if isinstance(found, str):
+                    found = set_aside(task.part, found, folder, versions)
+                yield found
+
+    def close(self) -> None:
+        """End all processes, idle or not: what is finished is in the journal."""
+        for worker in (*self._idle, *(task.worker for task in self._busy)):
+            worker.kill()
+        self._idle, self._busy = [], []
+
+    def _begin(self, part: Part, folder: Path, versions: Mapping[str, str]) -> None:
+        if self._idle:
+            task = Task(part, self._idle.pop(), time.monotonic())
+        else:
+            task = Task(part, Worker(), None)
+            task.worker.begin(prepare)
+        self._busy.append(task)
+        task.worker.begin(measure, part, folder, dict(versions))
+
+    def _collect(self, task: Task) -> Record | Died | str | None:
+        """What came of a part; None where its process is ready to begin with it."""
+        try:
+            found: Record | CellError | None = task.worker.result()
+        except Died as died:
+            self._dismiss(task)
+            return died
+        if found is None:
+            return None
+        self._busy.remove(task)
+        self._idle.append(task.worker)
+        if isinstance(found, CellError):
+            raise found
+        return found
+
+    def _dismiss(self, task: Task) -> None:
+        self._busy.remove(task)
+        task.worker.kill()

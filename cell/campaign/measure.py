@@ -1,0 +1,108 @@
+"""One part measured in a process of its own, and its record written there."""
+
+import fcntl
+import json
+import os
+import resource
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic_core import to_json
+
+from cell.campaign.journal import Cost, Journal, Record
+from cell.campaign.part import Part
+from cell.campaign.worker import StopSignal, end_with_parent
+from drivers.errors import CellError, Unexpected
+
+
+def measure(
+    part: Part, folder: Path, versions: Mapping[str, str], _stop: StopSignal | None = None
+) -> Record:
+    """The record of `part`, stored in the journal at `folder`; of a done one, the stored record.
+
+    A part that raises is `failed`, with the reason. Raises ConfigurationError where the journal
+    cannot be written.
+    """
+    journal = Journal(folder)
+    known = journal.get(part.key, part.of)
+    if known is not None and known.done:
+        return known
+    wall, processor, outcome, reason = time.perf_counter(), _processor(), None, ""
+    try:
+        outcome = plain(part.measure())
+    except CellError as error:
+        reason = str(error)
+    except Exception as error:  # noqa: BLE001  an edge: the other parts go on
+        reason = str(Unexpected(error))
+    record = Record(
+        schema=1,
+        key=part.key,
+        of=part.of,
+        state="failed" if outcome is None else "measured",
+        outcome=outcome,
+        reason=reason,
+        cost=Cost(wall=time.perf_counter() - wall, processor=_processor() - processor),
+        versions=dict(versions),
+        host=os.uname().nodename,
+    )
+    journal.put(record)
+    return record
+
+
+def plain(outcome: Mapping[str, Any]) -> dict[str, Any]:
+    """`outcome` as JSON holds it; a number that is not finite becomes None."""
+    content = to_json(dict(outcome), inf_nan_mode="null", fallback=lambda value: value.tolist())
+    found: dict[str, Any] = json.loads(content)
+    return found
+
+
+def set_aside(part: Part, reason: str, folder: Path, versions: Mapping[str, str]) -> Record:
+    """The record of a part that gave none itself, stored as well."""
+    facts: dict[str, Any] = {"state": "set_aside", "reason": reason, "versions": dict(versions)}
+    record = Record(schema=1, key=part.key, of=part.of, host=os.uname().nodename, **facts)
+    Journal(folder).put(record)
+    return record
+
+
+def prepare(_stop: StopSignal | None = None) -> None:
+    """End this process with its parent, and compile the rod before work begins.
+
+    Numba's cache breaks when several processes fill it (numba#4807), hence one at a time.
+    """
+    end_with_parent()
+    import numba
+
+    from drivers.strip.describe import describe
+    from drivers.strip.file import paper_strip
+    from drivers.strip.rod.compiled import cache_folder as compiled
+    from drivers.strip.rod.engine import Rod
+
+    folder = compiled(numba.config.CACHE_DIR)
+    if folder is None:
+        return
+    with _alone(folder):
+        if not any(folder.glob("*.nbc")):
+            rod = Rod(20)
+            rod.reset([describe(paper_strip(0.1, 0.01))])
+            rod.step(np.array([[0.6, 0.0, 0.0]]), 0.005)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder of compiled code, which lies on this host."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)  # for as long as the other compiles
+        yield
+    finally:
+        os.close(handle)
+
+
+def _processor() -> float:
+    """Processor time [s] of this process and of the children that it has waited for."""
+    both = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(used.ru_utime + used.ru_stime for used in both)

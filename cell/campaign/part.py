@@ -1,0 +1,27 @@
+"""Protocol of a part of a campaign: a value that another process can measure."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+
+class Part(Protocol):
+    """One measurement; the same part gives the same outcome. It can be pickled."""
+
+    @property
+    def key(self) -> str:
+        """Unique name among the parts."""
+        ...
+
+    @property
+    def of(self) -> str:
+        """Digest of the code and files that the outcome depends on."""
+        ...
+
+    @property
+    def cost(self) -> float:
+        """Estimated time on one core [s]."""
+        ...
+
+    def measure(self) -> Mapping[str, Any]:
+        """Its outcome, plain JSON; raises CellError where there is none."""
+        ...

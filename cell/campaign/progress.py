@@ -1,0 +1,104 @@
+"""Progress of a campaign in the terminal: how many, how long still, what fails."""
+
+import time
+from collections.abc import Callable, Sequence
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn
+
+from cell.campaign.journal import Record
+from cell.campaign.part import Part
+
+Says = Callable[[Record], str]
+
+
+def briefly(record: Record) -> str:
+    """What came of a part, in a few words."""
+    return (
+        ""
+        if record.state == "measured"
+        else f": {record.state.replace('_', ' ')}: " + (record.reason)
+    )
+
+
+class Quiet:
+    """A watcher that shows nothing."""
+
+    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
+        """Nothing."""
+
+    def finished(self, part: Part, record: Record) -> None:
+        """Nothing."""
+
+
+class Meter:
+    """A bar weighted by the parts' cost; without a terminal, a line for each part.
+
+    Parts that failed stay on the screen.
+    """
+
+    def __init__(self, console: Console, says: Says = briefly, *, quiet: bool = False) -> None:
+        self._console, self._says, self._quiet = console, says, quiet
+        self._count = self._done = self._failed = 0
+        self._left = self._known = self._before = 0.0
+        self._begun = time.monotonic()
+        self._bar = Progress(BarColumn(bar_width=28), TextColumn("{task.description}"),
+                             console=console, transient=True)  # fmt: skip
+        self._task: TaskID | None = None
+
+    def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
+        """Show the initial progress."""
+        self._count, self._done = len(parts), len(known)
+        total, self._known = sum(p.cost for p in parts), sum(p.cost for p in known)
+        self._left, self._before = total - self._known, self._known
+        self._begun = time.monotonic()
+        if self._quiet:
+            return
+        if known:
+            self._print(f"{len(known)} of {len(parts)} are known already")
+        if self._console.is_terminal and self._left:
+            self._task = self._bar.add_task("", total=total)
+            self._bar.update(self._task, completed=self._known)
+            self._bar.start()
+
+    def finished(self, part: Part, record: Record) -> None:
+        """Advance."""
+        self._done += 1
+        self._failed += record.state != "measured"
+        self._left -= part.cost
+        self._known += part.cost
+        if self._quiet:
+            return
+        failed = f", {self._failed} failed" if self._failed else ""
+        said = f"{self._done} of {self._count}{failed}{self._still()}  {part.key}"
+        said += self._says(record)
+        if self._task is None or record.state != "measured":
+            self._print(said)
+        if self._task is not None:
+            self._bar.update(self._task, completed=self._known, description=said)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self._task is not None:
+            self._bar.stop()
+
+    def __enter__(self) -> "Meter":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _still(self) -> str:
+        """Time left, from what the parts measured here took."""
+        here, passed = self._known - self._before, time.monotonic() - self._begun
+        return f", {clock(self._left * passed / here)} left" if here > 0 and self._left > 0 else ""
+
+    def _print(self, text: str) -> None:
+        self._console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def clock(seconds: float) -> str:
+    """Minutes and seconds, or hours and minutes."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, short = divmod(minutes, 60)
+    return f"{hours} h {short:02d} min" if hours else f"{minutes}:{rest:02d}"

@@ -1,0 +1,65 @@
+"""`cell import` and `cell export`: runs in the formats of other programs."""
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cell.cli.options import Json
+
+
+class Format(StrEnum):
+    """Formats that `cell export` writes."""
+
+    LEROBOT = "lerobot"
+    MCAP = "mcap"
+    CSV = "csv"
+
+
+def import_runs(
+    places: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PLACE...",
+            help="A folder with the tables of a run, an MCAP file, or a LeRobot data set.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder in which the runs are written.")],
+    mapping: Annotated[
+        Path | None,
+        typer.Option(help="File that says which column holds what; exported runs have their own."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write run folders from tables of other programs, checked and converted, ready for a fit."""
+    from cell.record.exchange.import_runs import import_runs as convert
+    from cell.record.run import read_run
+
+    made = convert(places, mapping, out)
+    for folder in made if as_json else ():
+        sys.stdout.write(json.dumps({"run": str(folder)}) + "\n")
+    if not as_json:
+        strip = read_run(made[0]).header.strip if made else "STRIP"
+        sys.stdout.write(f"{len(made)} runs in {out}\n")
+        sys.stdout.write(f"next: cell gap fit {out} --strip {strip} --out {out}-fit\n")
+
+
+def export_runs(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    out: Annotated[Path, typer.Option(help="New folder for the files.")],
+    kind: Annotated[
+        Format, typer.Option("--format", help="A LeRobot data set, MCAP files, or CSV tables.")
+    ] = Format.LEROBOT,
+    as_json: Json = False,
+) -> None:
+    """Write runs for other programs; stamps stay exact, and `cell import` reads all formats."""
+    from cell.record.exchange.export_runs import export_runs as convert
+
+    made = convert(runs, kind.value, out)
+    for path in made if as_json else ():
+        sys.stdout.write(json.dumps({"file": str(path)}) + "\n")
+    if not as_json:
+        sys.stdout.writelines(f"{path}\n" for path in made)

@@ -1,0 +1,75 @@
+"""`cell learn`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cell.cli.options import Configs, Json
+
+if TYPE_CHECKING:
+    from cell.config.cell import CellFile
+    from cell.learning.experience import Memory
+
+
+def learn(
+    what: Annotated[
+        str, typer.Argument(help="show, forget, off, on, or a run that was measured by a ruler.")
+    ] = "show",
+    edges: Annotated[
+        str | None, typer.Option(help="Offset of the run's laid edges by a ruler, as 3.5mm.")
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Show or change what the cell learned from its folds; a ruler counts more than the camera."""
+    from cell.config.places import find_configs
+    from cell.learning.experience import Memory
+    from drivers.errors import ConfigurationError
+
+    settings = find_configs(configs).cell()
+    memory = Memory(settings.name)
+    if what not in ("show", "forget", "off", "on"):
+        if edges is None:
+            raise ConfigurationError(
+                f"cell learn: {what!r} is neither show, forget, off nor on; a run goes with "
+                "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
+            )
+        _measured(memory, Path(what), edges)
+        return
+    if edges is not None:
+        raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
+    if what == "show":
+        _show(memory, settings, as_json=as_json)
+    elif what == "forget":
+        aside = memory.forget()
+        sys.stdout.write("nothing was learned yet\n" if aside is None else f"set aside: {aside}\n")
+    else:
+        memory.switch(on=what == "on")
+        sys.stdout.write(f"{settings.name}: learning is {what}\n")
+
+
+def _measured(memory: "Memory", folder: Path, edges: str) -> None:
+    from cell.config.length import metres
+    from cell.learning.ruler import ruler_experience
+
+    experience = ruler_experience(folder, metres("--edges", edges, 0.1), memory)
+    memory.add(experience)
+    sys.stdout.write(
+        f"{folder.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
+    )
+
+
+def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
+    from cell.learning.summary import summaries, table
+
+    rows = summaries(memory.experiences(), settings.learning)
+    if as_json:
+        for row in rows:
+            sys.stdout.write(json.dumps(row, allow_nan=False) + "\n")
+        return
+    state = "off" if memory.is_off else settings.learning.use
+    sys.stdout.write(f"{settings.name}: learning is {state}\n")
+    sys.stdout.write(table(rows))

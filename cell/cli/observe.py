@@ -1,0 +1,59 @@
+"""`cell observe`: a film of a fold as a run."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cell.cli.options import Configs, Json, check_names
+
+
+def observe(
+    film: Annotated[Path, typer.Argument(help="Film of a fold by a camera that stands still.")],
+    calibration: Annotated[
+        Path, typer.Option(help="Calibration of that camera at that place, from `cell calibrate`.")
+    ],
+    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    out: Annotated[
+        Path | None, typer.Option(help="New run folder [default: runs/NAME of the film].")
+    ] = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Read a film into a run folder: profile, contact, tip, confidence, and an overlay to look at.
+
+    The film begins with the strip lying flat and still. No arm need be in the picture.
+    """
+    check_names(configs, strip)
+    from cell.folding.observe import observe as read
+    from cell.record.files import OVERLAY
+
+    folder = out or Path("runs") / film.stem
+    with _progress(quiet=as_json) as shown:
+        found = read(film, calibration, strip, folder, configs, shown)
+    if as_json:
+        line = {"run": str(folder), "images": found.images, "read": found.read}
+        touch = found.touch
+        line |= {"displacement": None if touch is None else round(touch.displacement, 6)}
+        sys.stdout.write(json.dumps(line) + "\n")
+        return
+    said = "no touch of the layers was seen"
+    if found.touch is not None:
+        said = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
+    sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {said}\n")
+    sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")
+
+
+@contextmanager
+def _progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
+    from rich.console import Console
+
+    if quiet or not sys.stderr.isatty():
+        yield lambda _time: None
+        return
+    with Console(stderr=True).status("reading the film") as status:
+        yield lambda time: status.update(f"reading the film: {time:.1f} s")

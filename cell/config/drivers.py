@@ -1,0 +1,81 @@
+"""Registry of the drivers that an operator can name; plug-ins of the kinds `arms` and `cameras` add
+theirs.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import EntryPoint
+from types import MappingProxyType
+from typing import Annotated, Any
+
+from pydantic import AfterValidator
+
+from drivers.plugins import plugin_names, plugins
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """A driver of an arm or of a camera.
+
+    `opener` names, as `module:function`, what opens it: `twin_devices` is the example of an arm,
+    `with_real_camera` that of a camera. `library` and `section` are the optional library and the
+    section of cell.yaml that it needs. What is `real` is no part of the twin: an arm with joints
+    and limits of its own, a camera before which nobody knows the truth.
+    """
+
+    opener: str
+    library: str | None = None
+    section: str | None = None
+    real: bool = True
+
+    def load(self) -> Callable[..., Any]:
+        """The opener, imported now."""
+        loaded: Callable[..., Any] = EntryPoint("driver", self.opener, "folding_cell").load()
+        return loaded
+
+
+ARMS = MappingProxyType(
+    {
+        "twin": Driver("cell.devices.twin:twin_devices", real=False),
+        "fci": Driver("cell.devices.fci:fci_devices", library="pylibfranka"),
+    }
+)
+CAMERAS = MappingProxyType(
+    {
+        "twin": Driver("cell.devices.twin:with_twin_camera", real=False),
+        "v4l2": Driver("cell.devices.real_camera:with_real_camera", section="camera"),
+    }
+)
+
+
+@cache
+def arms() -> Mapping[str, Driver]:
+    """Drivers of arms by name."""
+    return {**ARMS, **plugins("arms", Driver, ARMS)}
+
+
+@cache
+def cameras() -> Mapping[str, Driver]:
+    """Drivers of cameras by name."""
+    return {**CAMERAS, **plugins("cameras", Driver, CAMERAS)}
+
+
+def arm_names() -> tuple[str, ...]:
+    """Names of the arms; no plug-in is imported."""
+    return (*ARMS, *plugin_names("arms"))
+
+
+def camera_names() -> tuple[str, ...]:
+    """Names of the cameras; no plug-in is imported."""
+    return (*CAMERAS, *plugin_names("cameras"))
+
+
+def _check(name: str, known: tuple[str, ...]) -> str:
+    if name not in known:
+        raise ValueError(f"must be one of {', '.join(known)}")
+    return name
+
+
+ArmName = Annotated[str, AfterValidator(lambda name: _check(name, arm_names()))]
+CameraName = Annotated[str, AfterValidator(lambda name: _check(name, camera_names()))]

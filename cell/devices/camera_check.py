@@ -1,0 +1,110 @@
+"""Camera listing and test pictures: suitable settings for a device, and a picture with them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+
+from drivers.camera.camera import V4l2Camera
+from drivers.camera.controls import CameraControl
+from drivers.camera.frame import CameraFrame, Counts
+from drivers.camera.kernel import Kernel
+from drivers.camera.listing import CameraReport
+from drivers.camera.modes import Mode
+from drivers.camera.session import Setup
+from drivers.camera.settings import V4l2Settings
+from drivers.clock import WallClock
+from drivers.errors import CellError
+from drivers.files import replace_file, writing
+
+WANTED = 1280, 720, 30.0  # more pixels or frames than these are not looked for
+PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
+WORTH_LOCKING = (
+    "exposure_time_absolute",
+    "gain",
+    "white_balance_temperature",
+    "focus_absolute",
+    "zoom_absolute",
+)
+WATCHED = 1.0  # s
+FIRST = 5.0  # s that the first frame may take
+
+
+@dataclass(frozen=True, slots=True)
+class Grab:
+    """A picture, the camera's setup, and the statistics of the frames before it.
+
+    `rate` [Hz] is measured by the stamps, `age` [s] from the middle of the exposure to arrival.
+    """
+
+    frame: CameraFrame
+    setup: Setup
+    counts: Counts
+    rate: float
+    age: float
+
+
+def suggested(camera: CameraReport) -> V4l2Settings | None:
+    """Suitable settings for `camera`, with its controls locked at their present values; None
+    without a mode.
+    """
+    modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
+    if not modes:
+        return None
+    mode = max(modes, key=_suits)
+    rates = [rate for rate in mode.rates if rate <= WANTED[2] + 0.5] or list(mode.rates)
+    locks = {c.name: c.value for c in camera.controls if _is_locked(c)}
+    content = {
+        "device": camera.device,
+        "format": mode.format,
+        "width": mode.width,
+        "height": mode.height,
+        "rate": max(rates, default=WANTED[2]),
+        "controls": locks,
+    }
+    return V4l2Settings.model_validate(content)
+
+
+def grab(settings: V4l2Settings, kernel: Kernel | None = None) -> Grab:
+    """The newest picture after a second of frames; raises CellError where none comes."""
+    camera = V4l2Camera(settings, WallClock(), kernel)
+    try:
+        camera.connect()
+        first = last = _next(camera, -1.0)
+        while last.stamp - first.stamp < WATCHED:
+            last = _next(camera, last.stamp)
+        setup, counts = camera.setup, camera.counts
+    finally:
+        camera.close()
+    if setup is None:
+        raise CellError(f"{settings.device}: was not set up")
+    rate = (last.sequence - first.sequence) / (last.stamp - first.stamp)
+    return Grab(last, setup, counts, rate, last.arrival - last.stamp)
+
+
+def save(image: CameraFrame, path: Path) -> None:
+    """Write the picture; raises ConfigurationError where it cannot be written."""
+    made, content = cv2.imencode(".png", image.image)
+    if not made:
+        raise CellError(f"{path}: the picture cannot be written as PNG")
+    with writing(path):
+        replace_file(path, content.tobytes())
+
+
+def _next(camera: V4l2Camera, after: float) -> CameraFrame:
+    frame = camera.read(after, FIRST)
+    if frame is None:
+        raise CellError(f"no picture in {FIRST:g} s")
+    return frame
+
+
+def _suits(mode: Mode) -> tuple[bool, bool, int, int]:
+    width, height, rate = WANTED
+    fits = mode.width <= width and mode.height <= height
+    fast = max(mode.rates, default=rate) >= rate - 0.5
+    area = mode.width * mode.height
+    return fast, fits, area if fits else -area, -PREFERRED.index(mode.format)
+
+
+def _is_locked(control: CameraControl) -> bool:
+    return control.name in WORTH_LOCKING and control.value is not None

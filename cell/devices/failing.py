@@ -1,0 +1,275 @@
+"""Devices that work until a fault strikes them, for the campaign of faults."""
+
+import os
+import signal
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from cell.devices.devices import Devices
+from cell.devices.twin import TwinPlant
+from drivers.camera.formats import JPEG_END, Picture
+from drivers.errors import ConfigurationError, Fault, SimulationNotFinite
+from drivers.fci_server.faults import FaultScript
+from drivers.fci_server.server import RobotServer
+from drivers.protocols import Arm, Camera, Clock, Hand
+from drivers.settings import parse
+from drivers.twin.clock import Turn
+from drivers.types import ArmState, Frame, HandState, Pose, Velocity
+
+PERIOD = 0.005  # s between two looks at the gripper
+Spoil = Callable[[Frame, Frame], Frame | None]
+"""What becomes of a frame, beside the last good one."""
+
+
+class FailingCamera:
+    """A camera whose frames pass through `spoil` once that is set."""
+
+    def __init__(self, camera: Camera) -> None:
+        self._camera = camera
+        self._kept: Frame | None = None
+        self.spoil: Spoil | None = None
+
+    @property
+    def rate(self) -> float:
+        """Frames per second [Hz]."""
+        return self._camera.rate
+
+    def connect(self) -> None:
+        """Start delivering frames."""
+        self._camera.connect()
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        """The newest frame as the fault leaves it, or None."""
+        frame = self._camera.read(after, timeout)
+        if frame is None or self.spoil is None:
+            self._kept = frame or self._kept
+            return frame
+        spoilt = self.spoil(frame, self._kept or frame)
+        return None if spoilt is None or spoilt.stamp <= after else spoilt
+
+    def close(self) -> None:
+        """Stop delivering frames."""
+        self._camera.close()
+
+
+class FailingArm:
+    """An arm that `reports` and `follows` otherwise, or refuses commands with `refusal`."""
+
+    def __init__(self, arm: Arm) -> None:
+        self._arm = arm
+        self.reports: Callable[[ArmState], ArmState] = lambda state: state
+        self.follows: Callable[[Velocity], Velocity | None] = lambda velocity: velocity
+        self.refusal: Fault | None = None
+
+    def connect(self) -> None:
+        """Connect and hold the arm at rest."""
+        self._arm.connect()
+
+    def state(self) -> ArmState:
+        """The newest state as the fault leaves it."""
+        return self.reports(self._arm.state())
+
+    def move_to(self, pose: Pose) -> None:
+        """Start a motion, unless commands are refused."""
+        self._obey()
+        self._arm.move_to(pose)
+
+    def set_velocity(self, velocity: Velocity) -> None:
+        """Follow what the fault leaves of `velocity`."""
+        self._obey()
+        kept = self.follows(velocity)
+        if kept is not None:
+            self._arm.set_velocity(kept)
+
+    def stop(self) -> None:
+        """Brake: no fault of the campaign takes that away."""
+        self._arm.stop()
+
+    def close(self) -> None:
+        """Brake and disconnect."""
+        self._arm.close()
+
+    def _obey(self) -> None:
+        if self.refusal is not None:
+            raise self.refusal
+
+
+class FailingHand:
+    """A hand that `reports` otherwise, or is `deaf` to commands."""
+
+    def __init__(self, hand: Hand) -> None:
+        self._hand = hand
+        self.reports: Callable[[HandState], HandState] = lambda state: state
+        self.deaf = False
+
+    def open(self) -> None:
+        """Start to open, unless deaf."""
+        if not self.deaf:
+            self._hand.open()
+
+    def grasp(self) -> None:
+        """Start to close, unless deaf."""
+        if not self.deaf:
+            self._hand.grasp()
+
+    def state(self) -> HandState:
+        """The newest state as the fault leaves it."""
+        return self.reports(self._hand.state())
+
+    def stop(self) -> None:
+        """Hold the fingers where they are."""
+        self._hand.stop()
+
+
+class FailingClock:
+    """A clock that `jump`s [s] against that of the devices."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self.jump = 0.0
+
+    def now(self) -> float:
+        """Seconds since the run began, and the jump."""
+        return self._clock.now() + self.jump
+
+    def wait_until(self, time: float) -> None:
+        """Return when `time` has come by this clock."""
+        self._clock.wait_until(time - self.jump)
+
+
+class Failing:
+    """Switches of the devices of one twin, all off at first, and its gripper's true motion.
+
+    `motion` holds rows of time [s], x, z [m], pitch [rad], one every `PERIOD`.
+    """
+
+    def __init__(self, devices: Devices) -> None:
+        """Over `devices`; raises ConfigurationError where they are not a twin's."""
+        if not isinstance(devices.plant, TwinPlant):
+            raise ConfigurationError("faults: are injected into a twin only; use arm twin or fci")
+        self._twin, self._others = devices.plant.twin, devices.others
+        self._driver = devices.arm
+        self.camera = FailingCamera(devices.camera)
+        self.arm = FailingArm(devices.arm)
+        self.hand = FailingHand(devices.hand)
+        self.clock = FailingClock(devices.clock)
+        self.motion: list[tuple[float, float, float, float]] = []
+        self._twin.clock.every(PERIOD, self._watch, Turn.JOB)
+        self.devices = replace(
+            devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
+        )
+
+    def strike_robot(self, **facts: object) -> None:
+        """Have the emulated robot suffer a fault at its next tick; `facts` as in a fault script."""
+        script = parse({"schema": 1, "faults": [{"at": 0, **facts}]}, FaultScript, "faults")
+        for other in self._others:
+            if isinstance(other, RobotServer):
+                other.inject(script.faults[0])
+
+    def kill_driver(self) -> None:
+        """Kill the process that owns the robot."""
+        number: int | None = getattr(self._driver, "process", None)
+        if number is not None:
+            os.kill(number, signal.SIGKILL)
+
+    def drop_strip(self) -> None:
+        """The strip slips out of the fingers."""
+        self._twin.world.detach()
+
+    def diverge(self) -> None:
+        """The simulated strip leaves the finite numbers: the clock raises SimulationNotFinite."""
+
+        def raises(now: float) -> None:
+            raise SimulationNotFinite("chain", now)
+
+        self._twin.clock.every(PERIOD, raises, Turn.WORLD)
+
+    def _watch(self, now: float) -> None:
+        pose = self._twin.world.gripper
+        self.motion.append((now, pose.x, pose.z, pose.pitch))
+
+
+def freeze(frame: Frame, kept: Frame) -> Frame:
+    """The last good image over and over."""
+    return replace(frame, image=kept.image)
+
+
+def lose_all(_frame: Frame, _kept: Frame) -> None:
+    """No image any more."""
+
+
+def lose_most(frame: Frame, _kept: Frame) -> Frame | None:
+    """Nine images of ten lost."""
+    return frame if frame.sequence % 10 == 0 else None
+
+
+def darken(frame: Frame, _kept: Frame) -> Frame:
+    """Another exposure: a quarter of the light."""
+    return replace(frame, image=frame.image // 4)
+
+
+def overexpose(frame: Frame, _kept: Frame) -> Frame:
+    """Another exposure: four times the light."""
+    return replace(frame, image=cv2.convertScaleAbs(frame.image, alpha=4.0))
+
+
+def tint(frame: Frame, _kept: Frame) -> Frame:
+    """Another white balance, as another program may set it."""
+    gains = np.array([1.4, 1.0, 0.7])
+    return replace(frame, image=np.clip(frame.image * gains, 0, 255).astype(np.uint8))
+
+
+def corrupt(frame: Frame, kept: Frame) -> Frame:
+    """The lower half of the image is noise."""
+    image = kept.image.copy()
+    half = image[len(image) // 2 :]
+    half[:] = np.random.default_rng(frame.sequence).integers(0, 256, half.shape, np.uint8)
+    return replace(frame, image=image)
+
+
+def shift(by: tuple[float, float]) -> Spoil:
+    """A camera that was moved: its image lies `by` pixels elsewhere."""
+    warp = np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]]])
+
+    def spoil(frame: Frame, _kept: Frame) -> Frame:
+        h, w = frame.image.shape[:2]
+        image = cv2.warpAffine(frame.image, warp, (w, h), borderMode=cv2.BORDER_REPLICATE)
+        return replace(frame, image=np.asarray(image, np.uint8))
+
+    return spoil
+
+
+def delay(by: float) -> Spoil:
+    """Images that arrive `by` [s] after their exposure; their stamps are right."""
+    waiting: deque[Frame] = deque()
+
+    def spoil(frame: Frame, _kept: Frame) -> Frame | None:
+        waiting.append(frame)
+        while len(waiting) > 1 and waiting[1].stamp <= frame.arrival - by:
+            waiting.popleft()
+        return waiting[0] if waiting[0].stamp <= frame.arrival - by else None
+
+    return spoil
+
+
+def jpeg(*, holes: bool) -> Spoil:
+    """Images through JPEG with padding behind their end, as some cameras send them; with `holes`
+    a tenth of the bytes of each is missing, markers in place. The driver drops what is no picture.
+    """
+
+    def spoil(frame: Frame, _kept: Frame) -> Frame | None:
+        h, w = frame.image.shape[:2]
+        content = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+        if holes:
+            middle = len(content) // 2
+            content = content[:middle] + content[middle + len(content) // 10 :]
+        padded = content.removesuffix(JPEG_END) + JPEG_END + bytes(512)
+        picture = Picture("MJPG", w, h, 0, 0, 0.0)
+        image = picture.decode(np.frombuffer(padded, np.uint8))
+        return None if image is None else replace(frame, image=image)
+
+    return spoil

@@ -1,0 +1,1 @@
+"""Whether this machine and cell may move a robot: numbered checks, each with its remedy."""

@@ -1,0 +1,66 @@
+"""All checks of a cell, and the refusal of a real fold while a red one stands."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from cell.arm.real_robot import is_real
+from cell.config.cell import CellFile
+from cell.config.places import Configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import real_camera
+from cell.doctor import devices, machine
+from cell.doctor.check import Check, State
+from drivers.errors import CellError, PreflightRefused
+
+ASKED, BRIEF = 60.0, 2.0  # s of the network's test: by the doctor, and before each real session
+
+
+def checks(
+    configs: Configs, choice: DeviceSelection, runs: Path, seconds: float = ASKED
+) -> Iterator[Check]:
+    """Every check that the configured hardware needs, one by one; `seconds` for the network."""
+    yield machine.versions()
+    why = "nothing is done by a file that cannot be read"
+    try:
+        settings, names = configs.cell(), configs.strip_names()
+        for name in names:
+            configs.strip(name)
+    except CellError as error:
+        yield Check("configuration", State.FAIL, str(error), why, "mend the file that is named")
+        return
+    found = f"{settings.name}, {len(names)} strips in {configs.folder}"
+    yield Check("configuration", State.PASS, found, why)
+    yield machine.disk(runs)
+    yield machine.cores()
+    yield machine.viewer()
+    yield devices.calibration(settings, on_twin=not real_camera(settings, choice))
+    yield from _arm(settings, choice, seconds)
+    if real_camera(settings, choice):
+        yield devices.camera(settings)
+    else:
+        yield Check("camera", State.SKIPPED, "the twin's", "there is nothing to connect")
+
+
+def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterator[Check]:
+    address = settings.fci.address
+    if not choice.arm_driver(settings).real or address is None:
+        yield Check("robot", State.SKIPPED, "the twin's", "there is nothing to connect")
+        return
+    installed = devices.library()
+    yield installed
+    if is_real(settings, choice):
+        yield machine.kernel(settings.fci.realtime)
+        yield machine.priority(settings.fci.realtime)
+    if installed.state is State.PASS:
+        answering = devices.robot(address)
+        yield answering
+        if answering.state is State.PASS:
+            yield devices.network(address, seconds)
+
+
+def refuse_red(found: Sequence[Check]) -> None:
+    """Raise PreflightRefused where a check failed; nothing has moved."""
+    red = [check for check in found if check.state is State.FAIL]
+    if red:
+        lines = "\n".join(f"{check.name}: {check.found}; {check.remedy}" for check in red)
+        raise PreflightRefused(f"{lines}\nnothing has moved; `cell doctor` says more")

@@ -1,0 +1,85 @@
+"""Checks of the machine: versions, cores, disk, kernel, priorities, viewer."""
+
+import os
+import platform
+import resource
+import shutil
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+from cell.doctor.check import Check, State
+
+NEEDED = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun-sdk")
+RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
+CORES, PLENTY = 2, 4  # for loop and images, and for the recording and viewer beside them
+REALTIME = Path("/sys/kernel/realtime")
+
+
+def versions() -> Check:
+    """Whether all packages are installed, and which they are."""
+    found, missing = [f"Python {platform.python_version()}"], []
+    for package in NEEDED:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            missing.append(package)
+    why = "a cell with other versions computes other numbers"
+    if missing:
+        remedy = f"pip install {' '.join(missing)}"
+        return Check("versions", State.FAIL, f"missing: {', '.join(missing)}", why, remedy)
+    return Check("versions", State.PASS, ", ".join(found), why)
+
+
+def cores() -> Check:
+    """Whether the loop has a core of its own."""
+    count = len(os.sched_getaffinity(0))
+    why = "the control loop, images and the recording share the cores; a late tick stops the arm"
+    remedy = f"give this process at least {PLENTY} cores (taskset, container limits)"
+    state = State.FAIL if count < CORES else State.WARN if count < PLENTY else State.PASS
+    return Check("cores", state, f"{count} usable", why, remedy)
+
+
+def disk(runs: Path) -> Check:
+    """Whether runs can be recorded in `runs`."""
+    why = "a run that cannot be recorded stops in the middle of the fold"
+    place = next(p for p in (runs.absolute(), *runs.absolute().parents) if p.exists())
+    if not os.access(place, os.W_OK):
+        return Check("disk", State.FAIL, f"{place} cannot be written", why, "mend its permissions")
+    free = shutil.disk_usage(place).free / 1e9
+    state = State.FAIL if free < RUN_GB else State.WARN if free < ROOM_GB else State.PASS
+    remedy = f"make room: `cell runs --runs {runs} --keep 100 --delete`"
+    return Check("disk", state, f"{free:.1f} GB free for {runs}", why, remedy)
+
+
+def kernel(realtime: str) -> Check:
+    """Whether the kernel is what `fci.realtime` asks for: enforce, priority or ignore."""
+    real = REALTIME.exists() and REALTIME.read_text(encoding="ascii").strip() == "1"
+    found = f"{platform.release()}, {'real-time' if real else 'not real-time'}"
+    why = "the robot wants a command each millisecond; an ordinary kernel may be late by many"
+    remedy = "boot a PREEMPT_RT kernel, or set fci.realtime: priority in cell.yaml"
+    if real:
+        return Check("kernel", State.PASS, found, why)
+    return Check("kernel", State.FAIL if realtime == "enforce" else State.WARN, found, why, remedy)
+
+
+def priority(realtime: str) -> Check:
+    """Whether this user may have real-time priority and locked memory."""
+    allowed = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
+    locked = resource.getrlimit(resource.RLIMIT_MEMLOCK)[1]
+    root = os.geteuid() == 0
+    ready = root or allowed == resource.RLIM_INFINITY or allowed >= 99
+    memory = "any" if root or locked == resource.RLIM_INFINITY else f"{locked / 1e6:.0f} MB"
+    found = f"real-time priority {'allowed' if ready else f'up to {allowed}'}, memory {memory}"
+    why = "without priority another program delays the process that owns the robot's loop"
+    remedy = "add `@realtime - rtprio 99` and `@realtime - memlock 102400` to limits.conf, join it"
+    state = State.PASS if ready else State.WARN if realtime == "ignore" else State.FAIL
+    return Check("scheduler", state, found, why, remedy)
+
+
+def viewer() -> Check:
+    """Whether Rerun's viewer can show a fold live."""
+    why = "`--viz live` shows a fold in it; recordings are written without it"
+    if find_spec("rerun_cli") is not None:
+        return Check("viewer", State.PASS, "Rerun's viewer is installed", why)
+    return Check("viewer", State.WARN, "not installed", why, "pip install rerun-sdk")

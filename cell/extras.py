@@ -1,0 +1,47 @@
+"""Optional libraries: which feature needs which, and the command that installs it."""
+
+import re
+import sys
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, requires
+from importlib.util import find_spec
+from types import MappingProxyType
+
+from drivers.errors import ConfigurationError
+
+EXTRA = re.compile(r"extra == ['\"](\w+)")
+FEATURES: Mapping[str, str] = MappingProxyType(
+    {
+        "pylibfranka": "arm 'fci' (Linux x86_64, Python 3.11 or 3.12)",
+        "distributed": "--cluster",
+        "mcap": "an MCAP file",
+        "av": "a film",
+    }
+)
+
+
+def require_library(module: str) -> None:
+    """Raise the ConfigurationError of `missing_library` where `module` is not installed."""
+    if find_spec(module) is None:
+        raise missing_library(module)
+
+
+def missing_library(module: str) -> ConfigurationError:
+    """Error for the optional `module`: what needs it, and how to install it in this environment."""
+    wanted = " ".join(f"'{each}'" for each in _requirements(module))
+    return ConfigurationError(
+        f"{FEATURES[module]} needs the library {module}, which is not installed here; install it "
+        f"with `{sys.executable} -m pip install {wanted}`"
+    )
+
+
+def _requirements(module: str) -> list[str]:
+    """`module`, and what is needed beside it, with the ranges that the package states."""
+    try:
+        stated = [line.partition(";") for line in requires("folding-cell") or []]
+    except PackageNotFoundError:
+        stated = []
+    of = [(line.strip(), EXTRA.findall(marker)) for line, _, marker in stated]
+    of = [(line, extra) for line, extra in of if extra and extra != ["test"]]
+    wanted = next((extra for line, extra in of if re.match(rf"{module}(?![\w-])", line)), None)
+    return [line for line, extra in of if extra == wanted] or [module]

@@ -1,0 +1,1 @@
+"""Folding: one fold, batches, replay, prediction, the standard runs."""

@@ -1,0 +1,233 @@
+"""One fold that a fault strikes, and what came of it."""
+
+import resource
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.failing import PERIOD, Failing
+from cell.devices.open import open_cell
+from cell.folding.faults import FAULTS, FailingPolicy, Scene
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from cell.orchestrator.interrupt import Interrupt
+from cell.orchestrator.snapshot import Snapshot
+from cell.record.run import read_run
+from drivers.errors import CellError
+from drivers.installation import Installation
+from drivers.types import Array
+from policies.policy import Policy
+
+STATES = ("FOLD", "LIFT", "GRASP", "PREFLIGHT", "LAY", "TOUCHED", "RELEASE", "STOPPING")
+AFTER = 0.25  # s in the state before the fault strikes
+STILL = 0.002  # m/s below which a gripper rests
+RIGHT = 0.003  # m that a good fold's measurement may be off the truth: what a cell states as sigma
+SPARE = 1.02  # of a limit, for what sampling makes of it
+CAMERA = 20.0  # Hz: an image is the dearest part of a simulated fold
+
+
+@dataclass(frozen=True, slots=True)
+class Blow:
+    """The fault called `fault` in `state`, seeded by `seed`."""
+
+    fault: str
+    state: str
+    seed: int
+
+
+class Striker:
+    """Observer that strikes once: a while after `state` began, at once where it lasts no tick."""
+
+    def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
+        self._blow, self._scene = blow, scene
+        self._begun: float | None = None
+        self.at: float | None = None
+        self.fault: tuple[float, str, str] | None = None
+
+    @property
+    def stops(self) -> bool:
+        """Whether the operator stops the run, so that the fault can strike while it does."""
+        return self._blow.state == "STOPPING" and self._begun is not None
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Strike when it is time."""
+        begun = self._begun
+        if begun is None or self.at is not None or self._blow.state == "STOPPING":
+            return
+        if snapshot.time >= begun + AFTER:
+            self._strike(snapshot.time)
+
+    def note(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Note the states, and the fault as the cell names it."""
+        state = self._blow.state
+        if kind == "fault" and self.fault is None:
+            self.fault = (time, str(facts["name"]), str(facts["reason"]))
+        if kind != "state":
+            return
+        if facts["state"] == state and state in ("TOUCHED", "STOPPING"):
+            self._strike(time)
+        elif facts["state"] == ("FOLD" if state == "STOPPING" else state):
+            self._begun = time
+
+    happened = note
+
+    def _strike(self, time: float) -> None:
+        if self.at is None:
+            self.at = time
+            FAULTS[self._blow.fault].strike(self._scene())
+
+
+def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, Any]:
+    """What came of `blow` in a fold recorded in `folder`; plain values [s, m].
+
+    `verdict` is stopped (by a named fault), harmless (the fold went through and its measurement is
+    right), not struck (the state never came), else undetected.
+    """
+    scenes: list[Scene] = []
+    striker = Striker(blow, lambda: scenes[0])
+    policies: list[FailingPolicy] = []
+    cells: list[Failing] = []
+
+    def open_failing(settings: CellFile, *rest: Any, **options: Any) -> Devices:
+        cells.append(Failing(open_cell(settings, *rest, **options)))
+        scenes.append(Scene(cells[0], policies[0], _two_mm(calibration)))
+        return cells[0].devices
+
+    def leads(policy: Policy) -> Policy:
+        policies.append(FailingPolicy(policy))
+        return policies[0]
+
+    cell = find_configs(_configure(folder)).cell()
+    calibration = replace(calibration, camera=cell.twin.camera.identity)  # but for its rate
+    with _space_again(), Interrupt() as interrupted:
+        try:
+            result = fold(
+                _request(blow, folder), lambda _f, _s: (striker,),
+                lambda: interrupted() or striker.stops, calibration,
+                opened=open_failing, leads=leads, page=False,
+            )  # fmt: skip
+        except CellError as error:
+            result = FoldResult.refused("denim", "triangular", blow.seed, error)
+    moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))
+    return _came(blow, striker, result, moves, cell.installation)
+
+
+def _came(
+    blow: Blow, striker: Striker, result: FoldResult, motion: Array, place: Installation
+) -> Mapping[str, Any]:
+    """Plain values of what came of it; `motion` (n, 4) as in `Failing`."""
+    whole = _whole(result, spares=FAULTS[blow.fault].spares)
+    facts = {
+        "verdict": _verdict(striker, result),
+        "outcome": result.outcome,
+        "exit_code": result.exit_code,
+        "message": result.reason,
+        "whole": whole,
+    }
+    if striker.at is None:
+        return facts
+    rates = np.diff(motion[:, 1:], axis=0) / PERIOD
+    after = motion[1:, 0] > striker.at
+    speed = np.hypot(rates[:, 0], rates[:, 1])
+    stopped = facts["verdict"] == "stopped"
+    late = motion[1:, 0][after & (speed > STILL)]
+    path = float(PERIOD * speed[after].sum())
+    return facts | {
+        "stop": striker.fault[0] - striker.at if stopped and striker.fault else None,
+        "rest": float(late.max() - striker.at) if stopped and late.size else None,
+        "distance": path if stopped else None,
+        "resting": bool((speed[-1:] < STILL).all()),
+        "within": _within(motion, rates, place),
+    }
+
+
+def _verdict(striker: Striker, result: FoldResult) -> str:
+    if striker.at is None:
+        return "not struck"
+    if result.outcome == "internal_error":
+        return "undetected"
+    if result.exit_code > 1:
+        return "stopped"
+    seen, true = result.displacement, result.displacement_true
+    right = seen is not None and true is not None and abs(seen - true) <= RIGHT
+    return "harmless" if right or result.exit_code == 1 else "undetected"
+
+
+def _within(motion: Array, rates: Array, place: Installation) -> bool:
+    """Whether no limit of the arm was exceeded, and no border of its workspace."""
+    limits, box = place.limits, place.workspace
+    quick = all(
+        np.abs(rates[:, i]).max() <= SPARE * axis.velocity for i, axis in enumerate(limits.axes)
+    )
+    inside = all(
+        low - 0.005 <= motion[:, 1 + i].min() and motion[:, 1 + i].max() <= high + 0.005
+        for i, (low, high) in enumerate((box.x, box.z))
+    )
+    return bool(quick and inside)
+
+
+def _whole(result: FoldResult, *, spares: bool) -> bool:
+    """Whether the record can be read and says what the result says, or, on a full disk, nothing."""
+    if not result.run:
+        return False
+    try:
+        run = read_run(Path(result.run))
+    except CellError:
+        return False
+    if run.result is None:
+        return not spares
+    return run.result.outcome == result.outcome
+
+
+def _request(blow: Blow, folder: Path) -> Request:
+    """A quick fold of denim with the arm that can suffer the fault."""
+    choice = DeviceSelection(arm=FAULTS[blow.fault].arm, seed=blow.seed)
+    return Request(
+        "denim", "triangular", None, choice, folder / "runs", _configure(folder), "none",
+        truth=True, viz="off",
+    )  # fmt: skip
+
+
+def _configure(folder: Path) -> Path:
+    """A folder with the cell of this campaign: fewer images, and a policy that may hang for less
+    long.
+    """
+    from cell.record.documents import write_document
+
+    made = folder / "configs"
+    if made.exists():
+        return made
+    usual = find_configs(None)
+    (made / "strips").mkdir(parents=True)
+    content = usual.cell().model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["twin"] = content["twin"] | {"camera": {"rate": CAMERA}, "world": {"links": 60}}
+    content["monitors"] = {"turn": 60.0, "state_duration": 20.0}
+    write_document(made / "cell.yaml", content)
+    strip = usual.strip("denim").model_dump(mode="json", by_alias=True, exclude_unset=True)
+    write_document(made / "strips" / "denim.yaml", strip | {"length": 0.36, "spread": {}})
+    return made
+
+
+def _two_mm(calibration: Calibration) -> tuple[float, float]:
+    """How 2 mm along the desk appear in the image [px]."""
+    here, there = calibration.to_image(np.array([(0.2, 0.0), (0.202, 0.0)]))
+    x, y = (there - here).tolist()
+    return x, y
+
+
+@contextmanager
+def _space_again() -> Iterator[None]:
+    """Lift what fills the disk, afterwards."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)

@@ -1,0 +1,42 @@
+"""Corrects folds by what the cell learned from earlier ones, and lets it learn from them."""
+
+from dataclasses import replace
+
+from cell.arm.real_robot import is_real
+from cell.config.cell import CellFile
+from cell.config.length import metres
+from cell.config.places import find_configs
+from cell.devices.open import real_camera
+from cell.folding.fold import Request
+from cell.learning.correction import Correction, learned_correction, subject_of
+from cell.learning.experience import Memory
+
+WORDS = ("auto", "on", "off")
+
+
+def with_correction(request: Request, learning: str | None) -> Request:
+    """`request` with the correction that its fold uses, and whether the cell learns from it.
+
+    `learning` is `auto`, `on`, `off`, a length to correct by without learning, or None for the
+    cell's own setting. Raises ConfigurationError for other text.
+    """
+    settings = find_configs(request.configs).cell()
+    if learning is not None and learning not in WORDS:
+        bias = metres("--learning", learning, settings.learning.limit)
+        return replace(request, correction=Correction(bias, 0.0), learns=False)
+    memory = Memory(settings.name)
+    if not _learns(settings, request, learning, memory):
+        return replace(request, correction=Correction(0.0, 0.0), learns=False)
+    strip = find_configs(request.configs).strip(request.strip)
+    subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
+    found = learned_correction(memory, subject, settings.learning)
+    return replace(request, correction=found, learns=True)
+
+
+def _learns(settings: CellFile, request: Request, learning: str | None, memory: Memory) -> bool:
+    if learning in {"on", "off"}:
+        return learning == "on"
+    if memory.is_off or settings.learning.use == "off":
+        return False
+    on = settings.learning.use == "on" and learning != "auto"
+    return on or is_real(settings, request.choice) or real_camera(settings, request.choice)

@@ -1,0 +1,251 @@
+"""The faults of the campaign by name: what each does to a cell under way."""
+
+import math
+import os
+import resource
+import signal
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cell.devices import failing
+from cell.devices.failing import Failing, Spoil
+from drivers.errors import Fault
+from drivers.strip.file import StripFile
+from drivers.types import ArmState, HandState, Pose, Velocity
+from policies.path import Path
+from policies.policy import Decision, Observation, Policy
+
+HOLLOW = 60.0  # N of a false reading
+ROOM = 4096  # bytes that a full disk still takes in a file
+
+
+class FailingPolicy:
+    """A policy that decides `otherwise` once that is set."""
+
+    def __init__(self, policy: Policy) -> None:
+        self._policy, self.name = policy, policy.name
+        self.otherwise: Callable[[Decision], Decision] = lambda decision: decision
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Prepare to fold."""
+        self._policy.reset(strip, speed, count)
+
+    def lift(self) -> Path:
+        """The path whose first section lifts the edge."""
+        return self._policy.lift()
+
+    def decide(self, observation: Observation) -> Decision:
+        """The decision as the fault leaves it."""
+        return self.otherwise(self._policy.decide(observation))
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """All that can fail in one fold; `moved` [px] is how 2 mm appear in the image."""
+
+    cell: Failing
+    policy: FailingPolicy
+    moved: tuple[float, float]
+
+
+Strike = Callable[[Scene], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """A fault: how it strikes, the `arm` that can suffer it, and whether it `spares` the record."""
+
+    strike: Strike
+    arm: str = "twin"
+    spares: bool = True
+
+
+def camera(spoil: Spoil) -> Injection:
+    """The camera's frames pass through `spoil`."""
+
+    def strike(scene: Scene) -> None:
+        scene.cell.camera.spoil = spoil
+
+    return Injection(strike)
+
+
+def moved_camera(scene: Scene) -> None:
+    """The camera was nudged: all appears 2 mm elsewhere along the desk."""
+    scene.cell.camera.spoil = failing.shift(scene.moved)
+
+
+def reports(change: Callable[[ArmState], ArmState]) -> Injection:
+    """The arm's states pass through `change`."""
+
+    def strike(scene: Scene) -> None:
+        scene.cell.arm.reports = change
+
+    return Injection(strike)
+
+
+def stale(scene: Scene) -> None:
+    """The arm's first state from now on, for ever."""
+    kept: list[ArmState] = []
+
+    def change(state: ArmState) -> ArmState:
+        kept.append(state)
+        return kept[0]
+
+    scene.cell.arm.reports = change
+
+
+def lagging(scene: Scene) -> None:
+    """The arm follows at half of each velocity, and reports where it should be."""
+    lost = [0.0, 0.0, 0.0]
+    last = [0.0]
+
+    def follows(velocity: Velocity) -> Velocity:
+        now = scene.cell.clock.now()
+        span = min(now - last[0], 0.02)
+        last[0] = now
+        lost[0] += 0.5 * velocity.vx * span
+        lost[1] += 0.5 * velocity.vz * span
+        return replace(velocity, vx=0.5 * velocity.vx, vz=0.5 * velocity.vz)
+
+    def change(state: ArmState) -> ArmState:
+        due = state.commanded
+        return replace(state, commanded=replace(due, x=due.x + lost[0], z=due.z + lost[1]))
+
+    scene.cell.arm.follows, scene.cell.arm.reports = follows, change
+
+
+def refusing(scene: Scene) -> None:
+    """The arm refuses every command."""
+    scene.cell.arm.refusal = Fault("motion_refused", "the robot refuses the command")
+
+
+def deaf(scene: Scene) -> None:
+    """Velocities get lost on their way to the arm."""
+    scene.cell.arm.follows = lambda _: None
+
+
+def beside(state: ArmState) -> ArmState:
+    """An arm outside the workspace, where it also wants to be."""
+    place = Pose(state.pose.x, -0.05, state.pose.pitch)
+    return replace(state, pose=place, commanded=place)
+
+
+def hand(change: Callable[[HandState], HandState]) -> Injection:
+    """The hand's states pass through `change`."""
+
+    def strike(scene: Scene) -> None:
+        scene.cell.hand.reports = change
+
+    return Injection(strike)
+
+
+def stuck_hand(scene: Scene) -> None:
+    """The fingers do not move any more, and say that they do."""
+    scene.cell.hand.deaf = True
+    scene.cell.hand.reports = lambda state: replace(state, moving=True)
+
+
+def decides(otherwise: Callable[[Decision], Decision]) -> Injection:
+    """The policy's decisions pass through `otherwise`."""
+
+    def strike(scene: Scene) -> None:
+        scene.policy.otherwise = otherwise
+
+    return Injection(strike)
+
+
+def without_number(decision: Decision) -> Decision:
+    """A direction that is no number."""
+    return replace(decision, direction=np.full_like(decision.direction, math.nan))
+
+
+def hanging(_: Decision) -> Decision:
+    """Never comes back."""
+    while True:
+        time.sleep(0.01)
+
+
+def full_disk(_: Scene) -> None:
+    """Files take no more bytes, as on a full disk; the campaign lifts it afterwards."""
+    hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, hard))
+
+
+def slow(scene: Scene) -> None:
+    """The record's disk takes 0.2 s: the cell's clock goes on meanwhile."""
+    scene.cell.clock.wait_until(scene.cell.clock.now() + 0.2)
+
+
+def dying_viewer(_: Scene) -> None:
+    """The observer that strikes is a viewer that dies: raises RuntimeError."""
+    raise RuntimeError("the viewer died")
+
+
+def jump(by: float) -> Injection:
+    """The cell's clock jumps `by` [s] against the devices."""
+
+    def strike(scene: Scene) -> None:
+        scene.cell.clock.jump = by
+
+    return Injection(strike)
+
+
+def send(number: signal.Signals) -> Injection:
+    """This process gets a signal."""
+    return Injection(lambda _: os.kill(os.getpid(), number))
+
+
+def suffers(**facts: object) -> Injection:
+    """The emulated robot suffers a fault of its script, and reports it through its own library."""
+    return Injection(lambda scene: scene.cell.strike_robot(**facts), "fci")
+
+
+FAULTS: Mapping[str, Injection] = {
+    "camera: frozen": camera(failing.freeze),
+    "camera: silent": camera(failing.lose_all),
+    "camera: nine of ten lost": camera(failing.lose_most),
+    "camera: 0.4 s late": Injection(lambda s: _late(s, 0.4)),
+    "camera: moved by 2 mm": Injection(moved_camera),
+    "camera: a quarter of the light": camera(failing.darken),
+    "camera: four times the light": camera(failing.overexpose),
+    "camera: other white balance": camera(failing.tint),
+    "camera: half of it noise": camera(failing.corrupt),
+    "camera: JPEG with padding": camera(failing.jpeg(holes=False)),
+    "camera: JPEG with holes": camera(failing.jpeg(holes=True)),
+    "arm: stale state": Injection(stale),
+    "arm: no number": reports(lambda s: replace(s, pose=Pose(math.nan, math.nan, math.nan))),
+    "arm: lags": Injection(lagging),
+    "arm: refuses": Injection(refusing),
+    "arm: setpoints lost": Injection(deaf),
+    "arm: overspeed": reports(lambda s: replace(s, velocity=Velocity(0.5, 0.0, 0.0))),
+    "arm: out of the box": reports(beside),
+    "arm: force offset": reports(lambda s: replace(s, force=(HOLLOW, 0.0))),
+    "robot: reflex": suffers(kind="reflex"),
+    "robot: user stop": suffers(kind="user_stop"),
+    "robot: link lost": suffers(kind="tcp_drop"),
+    "robot: silent 1.5 s": suffers(kind="freeze", duration=1.5),
+    "robot: no number": suffers(kind="nan", ticks=3),
+    "robot: load of 2 kg": suffers(kind="contact", force=(0.0, 0.0, -19.6)),
+    "robot: driver killed": Injection(lambda s: s.cell.kill_driver(), "fci"),
+    "hand: strip slips out": Injection(lambda s: s.cell.drop_strip()),
+    "hand: width 0": hand(lambda s: replace(s, width=0.0, grasped=False)),
+    "hand: stuck": Injection(stuck_hand),
+    "policy: no number": decides(without_number),
+    "policy: hangs": decides(hanging),
+    "record: disk full": Injection(full_disk, spares=False),
+    "record: 0.2 s slow": Injection(slow),
+    "viewer: dies": Injection(dying_viewer),
+    "clock: 1 s ahead": jump(1.0),
+    "clock: 1 s back": jump(-1.0),
+    "twin: diverges": Injection(lambda s: s.cell.diverge()),
+    "signal: interrupt": send(signal.SIGINT),
+    "signal: terminate": send(signal.SIGTERM),
+    "signal: hang up": send(signal.SIGHUP),
+}
+
+
+def _late(scene: Scene, by: float) -> None:
+    scene.cell.camera.spoil = failing.delay(by)

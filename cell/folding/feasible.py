@@ -1,0 +1,126 @@
+"""Feasibility of a fold in its cell, checked from files before anything moves."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.config.settings import CellSettings
+from drivers.errors import CellError, PreflightRefused
+from drivers.installation import Installation
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.policy import Policy
+from policies.rollout import Rollout, roll_out
+from policies.sensing import Sensing
+
+SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
+REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
+BORDER = 0.005  # m that the path may be drawn wrong by
+
+
+WIDTH = (0.005, 0.20)  # m, both ends folded through images, seen within 1 mm of the truth
+THICKNESS = (0.0, 0.004)  # m
+
+
+def outside_scope(strip: StripFile) -> Iterator[str]:
+    """Reasons why perception is not valid for `strip`, a line each; none where it is."""
+    bounds = (("width", strip.width, WIDTH), ("thickness", strip.thickness, THICKNESS))
+    for key, value, (low, high) in bounds:
+        if not low <= value <= high:
+            yield (
+                f"{key}: is {1e3 * value:g} mm, images are read of strips of {1e3 * low:g} to "
+                f"{1e3 * high:g} mm; fold another cut of the fabric"
+            )
+
+
+def check_feasible(
+    settings: CellSettings, strip: StripFile, policy: Policy, calibration: Calibration
+) -> None:
+    """Raise PreflightRefused for a strip that this cell cannot see, reach or fold.
+
+    The gripper's path is that of `policy` in the model; it is reset.
+    """
+    path = gripper_path(settings, strip, policy)
+    problems = [
+        *outside_scope(strip),
+        *_too_low(settings, strip, policy),
+        *_outside_workspace(path, settings.installation),
+        *_out_of_reach(path, settings.installation),
+        *_out_of_view(path, strip, calibration),
+    ]
+    if problems:
+        raise PreflightRefused("\n".join(problems))
+
+
+def gripper_path(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
+    """Positions (n, 2) [m] of the gripper: approach, the fold as the model predicts it, retreat."""
+    beyond, aside = strip.length + settings.fold.approach, settings.fold.approach
+    before = [(beyond, settings.fold.clear_height), (beyond, 0.0), (strip.length, 0.0)]
+    after = [(0.0, 0.0), (-aside, 0.0), (-aside, 2 * aside)]
+    return np.vstack([before, _folding(settings, strip, policy), after])
+
+
+def _folding(settings: CellSettings, strip: StripFile, policy: Policy) -> Array:
+    speed = settings.fold.speed
+    made = Rollout(speed=speed, sensing=Sensing(delay=(0.03, 0.03)))
+    rng = np.random.default_rng(0)
+    try:
+        model = [describe(strip, settings.effects)]
+        folds = roll_out(policy, Rod(SEGMENTS), strip, model, settings=made, rng=rng)
+    except CellError:  # the model cannot follow this strip; the path to begin with is known
+        policy.reset(strip, speed, 1)
+        return policy.lift().points
+    return folds.trace.reshape(-1, 2)
+
+
+def _too_low(settings: CellSettings, strip: StripFile, policy: Policy) -> Iterator[str]:
+    top, takeover = float(policy.lift().points[:, 1].max()), settings.fold.takeover_height
+    if top <= takeover:
+        yield (
+            f"length: a fold of {strip.length:g} m rises to {top:.2f} m, the policy takes over at "
+            f"{takeover:.2f} m; fold a longer strip, or lower fold.takeover_height in cell.yaml"
+        )
+
+
+def _outside_workspace(path: Array, installation: Installation) -> Iterator[str]:
+    box = installation.workspace
+    for axis, name, (low, high) in ((0, "x", box.x), (1, "z", box.z)):
+        least, most = float(path[:, axis].min()), float(path[:, axis].max())
+        if least < low - BORDER or most > high + BORDER:
+            yield (
+                f"workspace: the gripper would move from {name} = {least:.2f} to {most:.2f} m, "
+                f"allowed {low:.2f} to {high:.2f} m; fold a shorter strip, by another policy, or "
+                "widen installation.workspace in cell.yaml"
+            )
+
+
+def _out_of_reach(path: Array, installation: Installation) -> Iterator[str]:
+    mounting = installation.mounting
+    away = np.hypot(
+        mounting.x + path[:, 0] * np.cos(mounting.yaw),
+        mounting.y + path[:, 0] * np.sin(mounting.yaw),
+    )
+    if float(away.max()) > REACH + BORDER:
+        yield (
+            f"reach: the gripper would be {away.max():.2f} m from the robot's base, its hand "
+            f"reaches {REACH:.2f} m; fold a shorter strip, or mount the robot nearer "
+            "(installation.mounting in cell.yaml)"
+        )
+
+
+def _out_of_view(path: Array, strip: StripFile, calibration: Calibration) -> Iterator[str]:
+    lens = calibration.lens
+    lying = np.array([(0.0, 0.0), (strip.length, 0.0)])
+    held = path[(path[:, 0] >= 0) & (path[:, 0] <= strip.length)]
+    for what, points in (("the strip", lying), ("the gripper", held)):
+        pixels = calibration.to_image(points)
+        seen = (pixels >= 0).all(axis=1) & (pixels <= (lens.width, lens.height)).all(axis=1)
+        if not seen.all():
+            x, z = points[int(np.argmin(seen))]
+            yield (
+                f"view: the camera does not see {what} at x = {x:.2f}, z = {z:.2f} m; fold a "
+                "shorter strip, or set the camera further away and calibrate again"
+            )

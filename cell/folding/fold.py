@@ -1,0 +1,334 @@
+"""Folds one strip: opens devices and calibration, runs, records, scores."""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal
+
+from calibration.calibration import Calibration, save_calibration
+from cell.arm.arm_settings import at_speed, suited
+from cell.arm.real_robot import is_real, slowed
+from cell.calibrating.calibrate import calibration_of
+from cell.calibrating.calibration_in_use import check_usable, recorded
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.config.unknown import NAME as UNKNOWN
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import DeviceFactory, open_cell
+from cell.devices.rig_correction import corrected_calibration
+from cell.folding.feasible import check_feasible
+from cell.folding.fold_trace import FoldTrace
+from cell.folding.learned import offer
+from cell.folding.result import FoldResult
+from cell.folding.steady import punctual, without_long_collections
+from cell.learning.correction import Correction, experience_of, subject_of
+from cell.learning.experience import Memory
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
+from cell.orchestrator.recorder import Record, Recorder
+from cell.orchestrator.run import Observer, Run
+from cell.orchestrator.safe_stop import suppressed
+from cell.perception.beside import Beside, Maker, StripSight, Subject
+from cell.record.files import CALIBRATION, CHECKPOINT
+from cell.record.frames import Keep
+from cell.record.truth import write_truth
+from cell.record.writer import RunWriter
+from cell.report.page import write_report
+from cell.report.viz.watch import Mode, watching
+from drivers.errors import CellError, Fault
+from drivers.files import MEGABYTE, read_bytes, replace_file
+from drivers.strip.describe import load_plant
+from drivers.strip.file import StripFile
+from policies.policy import Policy
+from policies.registry import make_policy
+
+CHECKPOINT_BYTES = 50 * MEGABYTE
+PACKAGES = ("folding-cell", "mujoco", "opencv-python-headless", "numpy", "torch", "ruckig")
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """Specification of one fold; plain values, so that another process can execute it."""
+
+    strip: str
+    policy: str
+    checkpoint: Path | None
+    choice: DeviceSelection
+    runs: Path
+    configs: Path | None
+    frames: Keep | None
+    truth: bool
+    viz: Mode | Literal["off"]
+    speed: float | None = None  # m/s on the path, instead of the cell's own
+    full_speed: bool = False  # of a real robot, which is slowed otherwise
+    specimen: str | None = None  # of the strip, as the operator names it
+    correction: Correction = field(default_factory=lambda: Correction(0.0, 0.0))
+    learns: bool = False  # whether the cell keeps the fold's bias
+
+
+def fold(
+    request: Request,
+    observers: Callable[[Path, StripFile], tuple[Observer, ...]] = lambda _folder, _strip: (),
+    interrupted: Callable[[], bool] = lambda: False,
+    calibration: Calibration | None = None,
+    *,
+    opened: DeviceFactory | None = None,
+    leads: Callable[[Policy], Policy] = lambda policy: policy,
+    sight: Maker = StripSight,
+    page: bool = True,
+) -> FoldResult:
+    """Fold once, with `calibration` or the one that the cell uses.
+
+    `opened` opens another cell than the configured one, `leads` may replace the policy, and `sight`
+    what measures images on the wall clock; without `page` no report is written. Raises CellError
+    for errors before the run; errors during the run are its outcome.
+    """
+    configs = find_configs(request.configs)
+    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
+    settings = suited(settings, request.choice)
+    policy = leads(make_policy(request.policy, request.checkpoint))
+    correction = request.correction.apply(policy)
+    policy.reset(strip, settings.fold.speed, 1)
+    devices = (opened or open_cell)(settings, strip, request.choice, calibrating=False)
+    calibration = calibration or calibration_of(settings)
+    check_usable(calibration, devices, settings.calibration_days, datetime.now(UTC))
+    calibration = corrected_calibration(calibration, settings, strip)
+    check_feasible(settings, strip, policy, calibration)
+    begun = time.perf_counter()
+    header = run_header(request, settings, strip, calibration, devices.camera.rate)
+    header |= {} if correction is None else {"learning": correction.facts()}
+    keep = request.frames or settings.record.frames
+    writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
+    context = FoldContext(settings.controller, strip, policy, calibration)
+    with writer.under_way(), _measuring(context, devices, sight):
+        outcome, truth = _recorded(
+            request, context, devices, writer, observers, interrupted, page=page
+        )
+    if correction is not None:
+        _learn(request, settings, strip, outcome, writer.folder)
+    return _result(request, strip, calibration, outcome, writer.folder, truth, begun)
+
+
+@contextmanager
+def _measuring(context: FoldContext, devices: Devices, sight: Maker) -> Iterator[None]:
+    """On the wall clock, a process beside the loop measures the images of `context`."""
+    if not devices.real_time:
+        yield
+        return
+    subject = Subject(context.calibration, context.settings.perception, context.strip)
+    context.beside = Beside(subject, sight)
+    try:
+        yield
+    finally:
+        context.beside.close()
+
+
+def _recorded(
+    request: Request,
+    context: FoldContext,
+    devices: Devices,
+    writer: RunWriter,
+    observers: Callable[[Path, StripFile], tuple[Observer, ...]],
+    interrupted: Callable[[], bool],
+    *,
+    page: bool,
+) -> tuple[Outcome, Mapping[str, Any]]:
+    """The outcome of the fold, with all that belongs into its folder, and the plant's truth."""
+    strip, folder = context.strip, writer.folder
+    save_calibration(context.calibration, folder / CALIBRATION)
+    if request.checkpoint is not None:
+        replace_file(folder / CHECKPOINT, read_bytes(request.checkpoint, CHECKPOINT_BYTES))
+    hanging = context.settings.fold.start == "hanging"
+    recorder = Recorder(writer, hanging=hanging)
+    with watching(request.viz, hanging=hanging) as watch:
+        trace = FoldTrace(strip)
+        watchers = (trace, *observers(folder, strip), *watch(folder, strip))
+        blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
+        run = Run(blind, context, recorder, watchers, interrupted)
+        outcome = conduct(run, devices, recorder, trace.reviewed)
+    truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
+    outcome = _completed(outcome, folder, truth if request.truth else {}, page=page)
+    if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
+        offer(folder, strip, outcome.foretold)
+    return outcome, truth
+
+
+def _learn(
+    request: Request, settings: CellFile, strip: StripFile, outcome: Outcome, folder: Path
+) -> None:
+    """Keep the fold's bias, where the cell learns."""
+    subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
+    experience = experience_of(folder.name, subject, outcome, request.correction)
+    if request.learns and experience is not None:
+        Memory(settings.name).add(experience)
+
+
+def conduct(
+    run: Run,
+    devices: Devices,
+    recorder: Recorder,
+    reviewed: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
+) -> Outcome:
+    """Execute `run`; in every case the devices are closed and the record states the outcome.
+
+    `reviewed` adds to the outcome what is found out only afterwards.
+    """
+    try:
+        devices.connect()
+        with without_long_collections(), punctual(devices.real_time):
+            outcome = run.execute()
+    except KeyboardInterrupt:
+        outcome = Outcome.of(INTERRUPTED_AT_ONCE, devices.clock.now())
+    except CellError as error:
+        outcome = Outcome.of(StopReason.by(error), devices.clock.now())
+    finally:
+        suppressed(devices.close)
+    timing = devices.arm_timing()
+    if timing:
+        suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
+    content = result_content(outcome)
+    try:
+        outcome = reviewed(outcome, recorder)
+        content = result_content(outcome)
+        recorder.finish(content)
+    except KeyboardInterrupt:
+        recorder.finish(content)
+        raise
+    except Fault as fault:
+        outcome = outcome.but(StopReason.by(fault))
+    finally:
+        suppressed(recorder.close)
+    return outcome
+
+
+def result_content(outcome: Outcome) -> dict[str, Any]:
+    """Content of result.yaml for an outcome."""
+    content: dict[str, Any] = {"outcome": outcome.name, "reason": outcome.reason}
+    content |= {"duration": outcome.duration}
+    touch = outcome.touch
+    if touch is not None:
+        content |= {"t_layer_touch": touch.time, "displacement": touch.displacement}
+        content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
+    if outcome.edge_offset is not None:
+        content["edge_offset"] = outcome.edge_offset
+    if outcome.foretold is not None:
+        content["foretold"] = asdict(outcome.foretold)
+    if outcome.agreement is not None:
+        agreed = outcome.agreement
+        facts = {"like_model": agreed.like_model, "reason": agreed.sentence()}
+        content["agreement"] = asdict(agreed) | facts
+    return content
+
+
+def run_header(
+    request: Request,
+    settings: CellFile,
+    strip: StripFile,
+    calibration: Calibration,
+    camera_rate: float,
+) -> dict[str, Any]:
+    """Content of run.yaml: what a reader needs, and the versions of the run; of the plant only a
+    hash.
+
+    `camera_rate` is that of the open camera [Hz].
+    """
+    choice = request.choice
+    return {
+        "strip": strip.name,
+        "sigma": settings.sigma.model_dump(),
+        "start": settings.fold.start,
+        "index": choice.index,
+        "condition": f"{request.policy} at {settings.fold.speed:g} m/s",
+        "speed": settings.fold.speed,
+        "camera_hz": camera_rate,
+        "contact_height": settings.perception.contact_height,
+        "policy": request.policy,
+        **_weights(request.checkpoint),
+        "seed": choice.seed,
+        "drivers": {
+            "arm": choice.arm or settings.drivers.arm,
+            "camera": choice.camera or settings.drivers.camera,
+        },
+        "calibration": recorded(calibration, datetime.now(UTC)),
+        "versions": {package: version(package) for package in PACKAGES},
+        "strip_file": strip.model_dump(mode="json", by_alias=True),
+        "config": settings.model_dump(mode="json", by_alias=True),
+        "plant_sha256": _plant_hash(choice, strip),
+    }
+
+
+def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
+    """The outcome after writing truth (on the twin) and page; their failures are added to it."""
+    try:
+        if truth:
+            write_truth(folder, truth)
+        if page:
+            write_report(folder, ended=True)
+    except OSError as error:
+        return outcome.but(
+            StopReason("record", f"{folder}: {error.strerror}; it is incomplete", Fault.exit_code)
+        )
+    except CellError as error:
+        return outcome.but(StopReason("record", str(error), Fault.exit_code))
+    return outcome
+
+
+def _plant_hash(choice: DeviceSelection, strip: StripFile) -> str:
+    plant = strip if choice.plant is None else load_plant(choice.plant)
+    content = plant.model_dump(mode="json", by_alias=True)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _weights(checkpoint: Path | None) -> dict[str, Any]:
+    """Checkpoint that replaced the committed weights, if any; a copy of it lies in the run."""
+    if checkpoint is None:
+        return {}
+    digest = hashlib.sha256(read_bytes(checkpoint, CHECKPOINT_BYTES)).hexdigest()
+    return {"checkpoint": {"file": str(checkpoint), "sha256": digest}}
+
+
+def _warning(outcome: Outcome) -> str | None:
+    """What the operator should know of the strip, if anything."""
+    agreed = outcome.agreement
+    return None if agreed is None or agreed.like_model else agreed.sentence()
+
+
+def _result(
+    request: Request,
+    strip: StripFile,
+    calibration: Calibration,
+    outcome: Outcome,
+    folder: Path,
+    truth: Mapping[str, Any],
+    begun: float,
+) -> FoldResult:
+    touch = outcome.touch
+    return FoldResult(
+        run=str(folder),
+        strip=strip.name,
+        policy=request.policy,
+        seed=request.choice.seed,
+        outcome=outcome.name,
+        reason=outcome.reason,
+        displacement=None if touch is None else touch.displacement,
+        displacement_true=truth.get("displacement"),
+        layer_touch=None if touch is None else touch.time,
+        edge_offset=outcome.edge_offset,
+        edge_offset_true=truth.get("edge_offset"),
+        duration=outcome.duration,
+        wall=time.perf_counter() - begun,
+        calibration=calibration.id,
+        exit_code=outcome.exit_code,
+        foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
+        warning=_warning(outcome),
+        like_model=None if outcome.agreement is None else outcome.agreement.like_model,
+        correction=request.correction.sentence(),
+    )

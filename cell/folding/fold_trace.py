@@ -1,0 +1,68 @@
+"""What a fold showed of its strip, kept until it is over, and whether it behaved like the model."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+
+from cell.orchestrator.outcome import Outcome, StopReason
+from cell.orchestrator.recorder import Record
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.perception.agreement import Agreement, agreement
+from cell.perception.measured_fold import MeasuredFold
+from drivers.errors import CellError
+from drivers.strip.file import StripFile
+from policies.profile import seen_profile
+
+MOVING = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
+UNLIKE = "unlike_model"
+
+
+class FoldTrace:
+    """Observer that keeps the gripper's path from the lift on and the profiles of the fold."""
+
+    def __init__(self, strip: StripFile) -> None:
+        """Of a fold of `strip`, as the controller knows it."""
+        self._strip = strip
+        self._path: list[tuple[float, float, float, float]] = []
+        self._stamps: list[float] = []
+        self._profiles: list[np.ndarray] = []
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Keep one tick."""
+        if snapshot.state not in MOVING:
+            return
+        pose, seen = snapshot.arm.pose, snapshot.view.measurement
+        self._path.append((snapshot.arm.stamp, pose.x, pose.z, pose.pitch))
+        if snapshot.state is State.FOLD and snapshot.view.read and seen is not None:
+            self._stamps.append(seen.stamp)
+            self._profiles.append(seen_profile(seen.profile, seen.contact_x, seen.gripper)[0])
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Events are not kept."""
+
+    def reviewed(self, outcome: Outcome, record: Record) -> Outcome:
+        """`outcome` with the agreement of strip and model; where they do not agree, an event, and
+        an outcome that says so instead of `layer_touch`.
+        """
+        agreed = self._agreement(outcome, record.origin)
+        outcome = replace(outcome, agreement=agreed)
+        if agreed is None or agreed.like_model:
+            return outcome
+        reason = agreed.sentence()
+        record.event(self._path[-1][0], UNLIKE, **asdict(agreed), reason=reason)
+        if outcome.exit_code != 0:
+            return outcome
+        return outcome.but(StopReason(UNLIKE, reason, 1))
+
+    def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
+        """None where nothing was foretold, no touch was seen, or the model cannot follow."""
+        if outcome.foretold is None or outcome.touch is None or not self._stamps:
+            return None
+        path, touch = np.array(self._path), outcome.touch.time + origin
+        stamps, curves = np.array(self._stamps), np.array(self._profiles)
+        fold = MeasuredFold.until(touch, path[:, 0], path[:, 1:], stamps, curves)
+        try:
+            return agreement(self._strip, outcome.foretold, fold)
+        except CellError:
+            return None

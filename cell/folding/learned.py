@@ -1,0 +1,58 @@
+"""The strip file that a fold of an unknown fabric offers: what was learned, and where from."""
+
+from pathlib import Path
+
+import yaml
+
+from drivers.files import replace_file, writing
+from drivers.strip.file import Provenance, StripFile
+from policies.foretelling import Foretold
+
+LEARNED = "learned.yaml"
+RUBBING = 5.0  # 1/m of yield curvature, from which friction is worth a line
+
+
+def learned_strip(strip: StripFile, foretold: Foretold, run: str) -> StripFile:
+    """`strip` with what a fold notes of it, each number with its interval and where it is from."""
+    length, time, friction = (
+        foretold.bending_length,
+        foretold.retardation_time,
+        foretold.yield_curvature,
+    )
+    source = f"fold {run}, as the policy judged it at the touch"
+    notes = {
+        "bending_length": length.text(1.0, 4) + " m",
+        "retardation_time": time.text(1.0, 3) + " s",
+    }
+    effects = dict(strip.effects)
+    if friction.value >= RUBBING:
+        effects["bending_hysteresis"] = {"yield_curvature": round(friction.value, 1)}
+        notes["effects.bending_hysteresis.yield_curvature"] = friction.text(1.0, 0) + " 1/m"
+    kept = [entry for entry in strip.provenance if entry.key not in notes]
+    new = [Provenance(key=key, source=source, note=f"68 %: {text}") for key, text in notes.items()]
+    return strip.model_copy(
+        update={
+            "bending_length": round(length.value, 5),
+            "retardation_time": round(time.value, 4),
+            "effects": effects,
+            "spread": strip.spread
+            | {
+                "bending_length": (length.low, length.high),
+                "retardation_time": (time.low, time.high),
+            },
+            "provenance": (*kept, *new),
+        }
+    )
+
+
+def offer(folder: Path, strip: StripFile, foretold: Foretold) -> Path:
+    """Write the strip file with what the run in `folder` notes of `strip`; its path.
+
+    Raises ConfigurationError where it cannot be written.
+    """
+    learned = learned_strip(strip, foretold, folder.name)
+    content = learned.model_dump(mode="json", by_alias=True)
+    path = folder / LEARNED
+    with writing(path):
+        replace_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
+    return path

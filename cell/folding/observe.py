@@ -1,0 +1,231 @@
+"""A film of a fold, read by the cell's perception into a run folder, without an arm."""
+
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow as pa
+from scipy.interpolate import PchipInterpolator
+
+from calibration.calibration import Calibration, load_calibration, save_calibration
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.perception.appearance import Appearance
+from cell.perception.held_end import SURE, Held, HeldEnd
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.measurement import SeenTouch
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.record.documents import write_document
+from cell.record.files import CALIBRATION, OVERLAY, RESULT, RUN
+from cell.record.film import Film, FilmWriter
+from cell.record.stream import SIGHT_ROWS
+from cell.record.tables import Tables, place_contacts, profile_table, write_tables
+from cell.record.writer import sight_row
+from cell.report.overlay import draw_sight
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from drivers.types import Array, Frame, Image
+
+STEP = 0.01  # s between rows of ticks, as the contract of a run asks for
+LEAST = 10  # images in which the held end must be found
+ERRORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
+"""One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
+the held end is where the strip's length ends (tests/end_to_end/test_observe.py).
+"""
+FLAT = 0.01  # m of strip at its end that may be off the desk where it counts as flat
+PROPORTIONS = 0.02  # share by which those of film and calibration may differ
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """What a film gave: the run's `folder`, the number of images up to the touch and of those read
+    with confidence, and the touch of the layers where one was seen.
+    """
+
+    folder: Path
+    images: int
+    read: int
+    touch: SeenTouch | None
+
+
+def observe(
+    film: Path,
+    calibration: Calibration | Path,
+    strip_name: str,
+    folder: Path,
+    configs: Path | None = None,
+    progress: Progress = lambda _time: None,
+) -> Observed:
+    """Read the film at `film` into the new run `folder`, with an overlay film to look at.
+
+    The film begins with the strip lying flat and still. `progress` is called with the time [s] of
+    each image. Raises ConfigurationError for a film that cannot be read, shows no such strip, or is
+    of another camera than the calibration, and leaves no folder then.
+    """
+    found = find_configs(configs)
+    cell, strip = found.cell(), found.strip(strip_name)
+    settings = cell.perception
+    if isinstance(calibration, Path):
+        calibration = load_calibration(calibration)
+    if folder.exists():
+        raise ConfigurationError(f"{folder}: is there already; name another --out")
+    frames = _frames(film, calibration)
+    first = next(frames)
+    appearance = _appearance(first, film, calibration, settings, strip)
+    follow = HeldEnd(calibration, settings, strip, appearance)
+    folder.mkdir(parents=True)
+    try:
+        with FilmWriter(folder / OVERLAY) as overlay:
+            overlay.add(first.stamp, first.image)
+            layers = LayerTouch(settings, strip)
+            read, touch = _read(frames, follow, layers, calibration, overlay, progress)
+        _check_enough(read, film)
+        _write(folder, read, strip, calibration, touch)
+        write_document(folder / RUN, _header(cell, strip, calibration))
+    except ConfigurationError:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return Observed(folder, len(read), sum(map(_sure, read)), touch)
+
+
+def _frames(film: Path, calibration: Calibration) -> Iterator[Frame]:
+    """The images at the calibration's size; ConfigurationError for other proportions, or none."""
+    lens, any_frame = calibration.lens, False
+    for frame in Film(film).frames():
+        height, width = frame.image.shape[:2]
+        if abs(width * lens.height / (height * lens.width) - 1.0) > PROPORTIONS:
+            raise ConfigurationError(
+                f"{film}: is {width} x {height}, the calibration is for {lens.width} x "
+                f"{lens.height} pixels; calibrate this camera as it films"
+            )
+        image = frame.image
+        if (width, height) != (lens.width, lens.height):
+            image = cv2.resize(image, (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+        any_frame = True
+        yield Frame(frame.stamp, frame.arrival, frame.source, frame.sequence, image)
+    if not any_frame:
+        raise ConfigurationError(f"{film}: holds no image")
+
+
+def _appearance(
+    first: Frame,
+    film: Path,
+    calibration: Calibration,
+    settings: PerceptionSettings,
+    strip: StripFile,
+) -> Appearance:
+    checked = inspect(first, calibration, settings, strip)
+    if checked.appearance is not None:
+        return checked.appearance
+    failed = next((check for check in checked.checks if not check.passed), None)
+    said = "no strip is seen" if failed is None else f"{failed.reason}; {failed.remedy}"
+    raise ConfigurationError(f"{film}: its first image must show the strip lying flat: {said}")
+
+
+def _read(
+    frames: Iterator[Frame],
+    follow: HeldEnd,
+    layers: LayerTouch,
+    calibration: Calibration,
+    overlay: FilmWriter,
+    progress: Progress,
+) -> tuple[list[Held], SeenTouch | None]:
+    """What the images show up to the touch of the layers, beyond which nobody holds the end."""
+    read: list[Held] = []
+    touch: SeenTouch | None = None
+    for frame in frames:
+        image = frame.image
+        if touch is None:
+            held = follow.look(frame.restamped(-calibration.latency))
+            read.append(held)
+            image = _draw(image, held, calibration)
+            if held.end is not None and _sure(held):
+                touch = layers.tell(held.measurement, held.end)
+        overlay.add(frame.stamp, image)
+        progress(frame.stamp)
+    return read, touch
+
+
+def _draw(image: Image, held: Held, calibration: Calibration) -> Image:
+    """A copy of `image` (h, w, 3) with what was read, and a cross at the held end."""
+    seen = held.measurement
+    curve = seen.profile if _sure(held) else np.empty((0, 2))
+    drawn = draw_sight(image, calibration, curve, seen.contact_x, np.array(seen.tip))
+    if held.end is not None:
+        at = calibration.to_image(np.array([[held.end.x, held.end.z]]))[0]
+        place = (round(float(at[0])), round(float(at[1])))
+        cv2.drawMarker(drawn, place, (0, 255, 255), cv2.MARKER_CROSS, 24, 3)
+    return drawn
+
+
+def _sure(held: Held) -> bool:
+    return held.end is not None and held.measurement.confidence >= SURE
+
+
+def _check_enough(read: Sequence[Held], film: Path) -> None:
+    found = sum(map(_sure, read))
+    if found < LEAST:
+        raise ConfigurationError(
+            f"{film}: the lifted strip was found in {found} of {len(read)} images, at least "
+            f"{LEAST} are needed; light it evenly, hold the camera still, or calibrate it again"
+        )
+
+
+def _write(
+    folder: Path,
+    read: Sequence[Held],
+    strip: StripFile,
+    calibration: Calibration,
+    touch: SeenTouch | None,
+) -> None:
+    """The run: t = 0 is the film's first image, rows of the held end are interpolated."""
+    rows = [sight_row(held.measurement) for held in read if _sure(held)]
+    sights = pa.Table.from_pylist(rows, SIGHT_ROWS)
+    t, x, z = _path(read, strip)
+    contact = np.asarray(sights["contact_x"]), np.asarray(sights["stamp"])
+    contact_x, contact_t = place_contacts(t, contact[1], contact[0])
+    ticks = {"t": t, "x": x, "z": z, "contact_x": contact_x, "contact_t": contact_t}
+    kept = sights.drop_columns(["profile_x", "profile_z"])
+    write_tables(folder, Tables(pa.table(ticks), profile_table(sights), kept))
+    save_calibration(calibration, folder / CALIBRATION)
+    result: dict[str, object] = {"schema": 1, "outcome": "path_done"}
+    if touch is not None:
+        result |= {
+            "outcome": "layer_touch", "t_layer_touch": touch.time, "l1": touch.to_grasped,
+            "l2": touch.to_fixed, "displacement": touch.displacement,
+            "confidence": touch.confidence,
+        }  # fmt: skip
+    write_document(folder / RESULT, result)
+
+
+def _header(cell: CellFile, strip: StripFile, calibration: Calibration) -> dict[str, object]:
+    return {
+        "schema": 1,
+        "strip": strip.name,
+        "sigma": {k: max(v, ERRORS.get(k, 0.0)) for k, v in cell.sigma.model_dump().items()},
+        "start": "flat",
+        "contact_height": cell.perception.contact_height,
+        "seen_by": "cell",
+        "calibration": {"id": calibration.id, "error": 1e-3 * calibration.residual_mm},
+    }
+
+
+def _path(read: Sequence[Held], strip: StripFile) -> tuple[Array, Array, Array]:
+    """Times (n,) [s] and the held end's x and z (n,) [m], from where the strip lies flat."""
+    ends = [(held.measurement.stamp, held.end) for held in read if _sure(held)]
+    flat = [
+        held.measurement.stamp
+        for held in read
+        if held.measurement.stamp < ends[0][0] and held.measurement.contact_x > strip.length - FLAT
+    ]
+    begin = sorted({0.0, *flat[-1:]})
+    knots = [(stamp, strip.length, 0.0) for stamp in begin if stamp < ends[0][0]]
+    knots += [(stamp, end.x, end.z) for stamp, end in ends if end is not None]
+    stamps, x, z = np.array(knots).T
+    t = np.arange(stamps[0], stamps[-1], STEP)
+    return t, PchipInterpolator(stamps, x)(t), PchipInterpolator(stamps, z)(t)

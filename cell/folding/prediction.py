@@ -1,0 +1,162 @@
+"""Prediction of a fold: the policy in the model, its path checked against the
+limits; nothing moves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibration.calibration import load_calibration
+from cell.arm.arm_prediction import ArmPrediction, predict_arm
+from cell.calibrating.calibration_in_use import check_current
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.devices.open import real_camera
+from cell.folding.fold import Request
+from drivers.errors import ConfigurationError
+from drivers.limits import Workspace
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.registry import make_policy
+from policies.rollout import Folds, Rollout, roll_out
+from policies.sensing import Sensing
+
+UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no spread is stated
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """Expected result. Lengths [m]; `low` and `high` over the strip's uncertainty, None where no
+    layers touch.
+    """
+
+    strip: str
+    policy: str
+    displacement: float | None
+    low: float | None
+    high: float | None
+    reach: tuple[float, float, float, float]
+    arm: ArmPrediction | None = None
+
+    def line(self) -> dict[str, Any]:
+        """The object that `cell fold --dry-run --json` prints."""
+        x_min, x_max, z_min, z_max = self.reach
+        return {
+            "strip": self.strip,
+            "policy": self.policy,
+            "displacement": self.displacement,
+            "displacement_low": self.low,
+            "displacement_high": self.high,
+            "path": {"x": [x_min, x_max], "z": [z_min, z_max]},
+            **({} if self.arm is None else {"arm": self.arm.line()}),
+        }
+
+    def text(self) -> str:
+        """Text for the operator."""
+        x_min, x_max, z_min, z_max = (1e3 * value for value in self.reach)
+        return (
+            f"{self.strip} by {self.policy}: {_displacement(self.displacement)} expected, "
+            f"{_displacement(self.low)} to {_displacement(self.high)} over what is not known of "
+            "the strip\n"
+            f"  the gripper stays within x {x_min:.0f} to {x_max:.0f} mm, z {z_min:.0f} to "
+            f"{z_max:.0f} mm: inside its limits; nothing was moved"
+            + ("" if self.arm is None else f"\n  {self.arm.text()}")
+        )
+
+
+def predict(request: Request) -> Prediction:
+    """Simulate the fold of `request` in the rod; ConfigurationError when the
+    path leaves the limits.
+    """
+    configs = find_configs(request.configs)
+    settings, strip = configs.cell(), configs.strip(request.strip)
+    _check_calibration(settings, request)
+    folds = simulated(request, settings, strip, [strip, *_variants(strip)])
+    reach = _reach(folds)
+    _check(reach, settings.installation.workspace)
+    nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
+    return Prediction(
+        strip=strip.name,
+        policy=request.policy,
+        displacement=float(nominal) if np.isfinite(nominal) else None,
+        low=float(spread.min()) if spread.size else None,
+        high=float(spread.max()) if spread.size else None,
+        reach=reach,
+        arm=_arm(settings, strip, request, folds),
+    )
+
+
+def _check_calibration(settings: CellFile, request: Request) -> None:
+    """Refuse what the fold itself would refuse of the calibration that the cell file names."""
+    if settings.calibration is None:
+        return
+    calibration = load_calibration(Path(settings.calibration))
+    on_twin = not real_camera(settings, request.choice)
+    check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
+
+
+def simulated(
+    request: Request, settings: CellFile, strip: StripFile, variants: Sequence[StripFile]
+) -> Folds:
+    """The policy of `request` in the rod, folding `variants` of the `strip` that it believes in."""
+    return roll_out(
+        make_policy(request.policy, request.checkpoint, in_rod=True),
+        Rod(),
+        strip,
+        [describe(variant) for variant in variants],
+        settings=Rollout(speed=settings.fold.speed, sensing=Sensing(delay=(0.03, 0.03))),
+        rng=np.random.default_rng(request.choice.seed),
+    )
+
+
+def laid_at(folds: Folds) -> float | None:
+    """Where the first fold lays its edge, x [m]; None where its layers do not touch."""
+    touch = folds.touch[0]
+    return None if touch is None else touch.x - touch.to_grasped
+
+
+def _arm(
+    settings: CellFile, strip: StripFile, request: Request, folds: Folds
+) -> ArmPrediction | None:
+    """Whether a Franka arm can follow the nominal fold, if that is what is asked."""
+    if not request.choice.arm_driver(settings).real:
+        return None
+    return predict_arm(settings, strip, folds.trace[:, 0], laid_at(folds))
+
+
+def _displacement(value: float | None) -> str:
+    return "no touch" if value is None else f"displacement {1e3 * value:+.1f} mm"
+
+
+def _variants(strip: StripFile) -> list[StripFile]:
+    """Corners of the uncertainty of the strip's parameters."""
+    spans = [
+        strip.spread.get(key, (getattr(strip, key) * (1 - u), getattr(strip, key) * (1 + u)))
+        for key, u in UNKNOWN.items()
+    ]
+    corners = product(*spans)
+    return [strip.model_copy(update=dict(zip(UNKNOWN, c, strict=True))) for c in corners]
+
+
+def _reach(folds: Folds) -> tuple[float, float, float, float]:
+    places: Array = folds.trace.reshape(-1, 2)
+    low, high = places.min(axis=0), places.max(axis=0)
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _check(reach: tuple[float, float, float, float], workspace: Workspace) -> None:
+    x_min, x_max, z_min, z_max = reach
+    (x_low, x_high), (z_low, z_high) = workspace.x, workspace.z
+    if not (x_low <= x_min <= x_max <= x_high and z_low <= z_min <= z_max <= z_high):
+        raise ConfigurationError(
+            f"path: x {x_min:.3f} to {x_max:.3f}, z {z_min:.3f} to {z_max:.3f} m leaves the "
+            f"workspace, allowed x {x_low:.2f} to {x_high:.2f}, z {z_low:.2f} to {z_high:.2f} m; "
+            "use another policy or widen installation.workspace in cell.yaml"
+        )

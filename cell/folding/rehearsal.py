@@ -1,0 +1,136 @@
+"""The fold in the air: the whole path of the gripper, raised, with nothing between the fingers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from cell.arm.arm_prediction import fold_poses
+from cell.arm.arm_settings import at_speed, suited
+from cell.arm.by_hand import by_hand, home_joints
+from cell.arm.real_robot import is_real, slowed
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.folding.fold import Request
+from cell.folding.prediction import laid_at, simulated
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.snapshot import Drive, Snapshot
+from cell.orchestrator.steps import Motion, close_hand, move, open_hand
+from drivers.arm.reach import dense, plan_reach
+from drivers.errors import ConfigurationError
+from drivers.franka.tracking import ELBOW_JOINT
+from drivers.limits import MotionLimits
+from drivers.strip.file import StripFile
+from drivers.types import Array, Pose, Velocity
+
+HEIGHT = 0.2  # m above the fold
+GAIN = 3.0  # 1/s, how fast the gripper returns to its path
+EASE = 1.5  # time that the path is given, of what it takes at its speeds without accelerating
+RAMP = 0.3  # s to take up speed and to let go of it: without, the gripper overshoots by 9 mm
+CORNER = 0.7  # cosine of the angle by which the path turns, below which the gripper rests there
+OVER, APPROACH = 2, 3  # first points of a fold: over the strip, left out here; then to the grasp
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """Raised poses (n, 3) of x, z [m], pitch [rad], and speeds (n,) [m/s] of the moves to them."""
+
+    path: Array
+    speeds: Array
+    limits: MotionLimits
+
+    def motion(self, _: Snapshot) -> Motion:
+        """Approach, grasp, fold, lay, release, retreat."""
+        begin, end = APPROACH - 1, len(self.path) - 2
+        yield from move(Pose(*self.path[0].tolist()))
+        yield from open_hand()
+        yield from self._follow(0, begin)
+        yield from close_hand()
+        yield from self._follow(begin, end)
+        yield from open_hand()
+        return (yield from self._follow(end, len(self.path) - 1))
+
+    def _follow(self, first: int, last: int) -> Motion:
+        """Along the path from point `first` to point `last`, to rest there and at each corner: in
+        passing, it would be cut by what the arm needs to turn its speed around.
+        """
+        stops = [first, *self._corners(first, last), last]
+        for begin, end in pairwise(stops[:-1]):
+            yield from self._along(begin, end)
+        return (yield from self._along(*stops[-2:]))
+
+    def _corners(self, first: int, last: int) -> list[int]:
+        ways = np.diff(self.path[first : last + 1, :2], axis=0)
+        lengths = np.linalg.norm(ways, axis=1)
+        straight = (ways[1:] * ways[:-1]).sum(axis=1) >= CORNER * lengths[1:] * lengths[:-1]
+        return [first + 1 + int(at) for at in np.flatnonzero(~straight)]
+
+    def _along(self, first: int, last: int) -> Motion:
+        part = slice(first, last + 1)
+        poses, times = dense(self.path[part], self.speeds[part])
+        due = EASE * np.concatenate([[0.0], np.cumsum(times[1:])])
+        most = np.array([axis.velocity for axis in self.limits.axes])
+        snapshot = yield Drive(Velocity(0.0, 0.0, 0.0))
+        begun = snapshot.time
+        while snapshot.time - begun < due[-1] + min(RAMP, due[-1]):
+            soonest = (snapshot.time - begun + ahead for ahead in (0.0, 0.02))
+            here, soon = (_at(_ease(time, due[-1]), due, poses) for time in soonest)
+            away = here - snapshot.arm.commanded.as_array()
+            rate = np.clip((soon - here) / 0.02 + GAIN * away, -most, most)
+            snapshot = yield Drive(Velocity(*rate.tolist()))
+        return (yield from move(Pose(*poses[-1].tolist())))
+
+
+def rehearsal(
+    settings: CellFile, strip: StripFile, path: Array, speeds: Array, elbow: float | None = None
+) -> Rehearsal:
+    """The fold along `path` (n, 3) at `speeds` (n,) [m/s], raised by HEIGHT.
+
+    What only avoids a lying strip is left out: the way over it at the begin, the rise at the end.
+    With an `elbow` [rad] it must be followed by a Franka arm. Raises ConfigurationError where the
+    workspace or the arm ends below the fold.
+    """
+    raised, speeds = np.add(path, (0.0, HEIGHT, 0.0))[OVER:-1], speeds[OVER:-1]
+    top, ceiling = float(raised[:, 1].max()), settings.installation.workspace.z[1]
+    if top > ceiling:
+        raise ConfigurationError(
+            f"--rehearse: the fold of {strip.name} in the air reaches z {top:.2f} m, the workspace "
+            f"ends at {ceiling:.2f} m; raise installation.workspace.z in cell.yaml"
+        )
+    if elbow is not None:
+        reach = plan_reach(settings.installation, raised, speeds, (elbow,))
+        if not reach.allowed:
+            raise ConfigurationError(
+                f"--rehearse: the arm cannot follow the fold in the air: {reach.problems[0]}; see "
+                "`cell fold --dry-run --arm fci`"
+            )
+    return Rehearsal(raised, speeds, settings.installation.limits)
+
+
+def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
+    """Do the fold of `request` in the air, without a strip and without judging the grasp."""
+    configs = find_configs(request.configs)
+    settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
+    if is_real(settings, request.choice) and not request.full_speed:
+        settings = slowed(settings)
+    settings = suited(settings, request.choice)
+    folds = simulated(request, settings, strip, [strip])
+    path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
+    is_robot = request.choice.arm_driver(settings).real
+    elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None
+    planned = rehearsal(settings, strip, path, speeds, elbow)
+    return by_hand(settings, request.choice, planned.motion, interrupted, strip)
+
+
+def _ease(time: float, duration: float) -> float:
+    """Time [s] along a way of `duration`, that is taken up and let go of within RAMP."""
+    ramp = min(RAMP, duration)
+    left = max(duration + ramp - time, 0.0)
+    if time < ramp:
+        return time**2 / (2 * ramp)
+    return duration - left**2 / (2 * ramp) if left < ramp else time - ramp / 2
+
+
+def _at(time: float, due: Array, poses: Array) -> Array:
+    return np.array([np.interp(time, due, column) for column in poses.T])

@@ -1,0 +1,202 @@
+"""Repeats perception and decisions of a run on its stored images, and compares."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from calibration.calibration import Calibration, load_calibration
+from cell.config.cell import CellFile
+from cell.learning.correction import correction_of
+from cell.perception.measurement import StripMeasurement
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.record.columns import Sights
+from cell.record.files import CALIBRATION, CHECKPOINT, EVENTS, TICKS
+from cell.record.frames import INDEX, frame_file
+from cell.record.run import Event, Run, read_run
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+from drivers.types import Array, Frame, Pose
+from policies.policy import Observation
+from policies.profile import seen_profile
+from policies.registry import make_policy
+
+UNSEEN: Array = np.empty((0, 2))
+SAME = 1e-9  # m, rad: what rounding may change, times being shifted by the run's origin
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Counts of repeated images and decisions, and the ones that differ."""
+
+    images: int
+    decisions: int
+    differences: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether everything that could be repeated gave the same result."""
+        return not self.differences and self.decisions > 0
+
+
+def replay(folder: Path) -> Replay:
+    """Repeat perception on every stored image and decide again on every measurement.
+
+    For a run without images, only the decisions. Raises ConfigurationError for a run that lacks the
+    data: a laboratory's run, or one that ended before any decision.
+    """
+    run = read_run(folder)
+    settings, strip = _entry(run, "config", CellFile), _entry(run, "strip_file", StripFile)
+    decided = [_Decided.of(event, run) for event in run.events() if event.kind == "decision"]
+    if not decided:
+        raise ConfigurationError(f"{folder}: nothing was decided in this run, nothing to replay")
+    if run.ticks.t.size == 0:
+        raise ConfigurationError(f"{run.folder}: {TICKS}: holds no row, nothing to replay")
+    sights = run.sights()
+    images, seen = _look_again(run, settings, strip, sights)
+    other = [*_other_decisions(run, settings, strip, decided, sights)]
+    return Replay(images, len(decided), (*seen, *other))
+
+
+@dataclass(frozen=True, slots=True)
+class _Decided:
+    """A recorded decision: image, gripper position [m], time [s], decision."""
+
+    sequence: int
+    time: float
+    x: float
+    z: float
+    direction: float
+    done: bool
+
+    @classmethod
+    def of(cls, event: Event, run: Run) -> Self:
+        try:
+            facts = {field.name: event.facts[field.name] for field in fields(cls)}
+            numbers = {name: float(facts[name]) for name in ("time", "x", "z", "direction")}
+            return cls(sequence=int(facts["sequence"]), done=bool(facts["done"]), **numbers)
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise ConfigurationError(
+                f"{run.folder / EVENTS}: the decision at {event.t:.2f} s is not whole; "
+                "it was changed after the run"
+            ) from None
+
+
+def _look_again(
+    run: Run, settings: CellFile, strip: StripFile, sights: Sights
+) -> tuple[int, list[str]]:
+    """Number of stored images read again, and differences from the recorded measurements."""
+    frames = run.frames()
+    before = next(frames, None)
+    if before is None and run.frame_index():
+        return 0, []
+    if before is None:
+        raise ConfigurationError(f"{run.folder / INDEX}: lists no image; it belongs to the run")
+    if before.stamp >= 0:
+        raise ConfigurationError(f"{run.folder}: the picture before the grasp was not kept")
+    calibration = load_calibration(run.folder / CALIBRATION)
+    appearance = inspect(before, calibration, settings.perception, strip).appearance
+    if appearance is None:
+        return 0, ["the picture before the grasp shows no strip now"]
+    perception = Perception(calibration, settings.perception, strip, appearance)
+    recorded = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    images, differences = 0, list[str]()
+    for frame in frames:
+        _check_size(run, frame, calibration)
+        row = recorded.get(frame.sequence)
+        if row is not None:
+            measurement = perception.look(frame, _gripper(run, float(sights.stamp[row])))
+            differences.extend(_differences(measurement, sights, row))
+            images += 1
+    return images, differences
+
+
+def _check_size(run: Run, frame: Frame, calibration: Calibration) -> None:
+    found, lens = frame.image.shape, calibration.lens
+    if found[:2] != (lens.height, lens.width):
+        raise ConfigurationError(
+            f"{frame_file(run.folder, frame.sequence)}: is {found[1]} x {found[0]} pixels, the "
+            f"calibration is for {lens.width} x {lens.height}; it was changed after the run"
+        )
+
+
+def _differences(measurement: StripMeasurement, sights: Sights, row: int) -> Iterator[str]:
+    now = {
+        "contact_x": measurement.contact_x,
+        "tip_x": measurement.tip[0],
+        "tip_z": measurement.tip[1],
+    }
+    now |= {"gap": measurement.gap, "gap_x": measurement.gap_x}
+    for name, value in now.items():
+        then = float(getattr(sights, name)[row])
+        if not np.isclose(value, then, rtol=0, atol=SAME, equal_nan=True):
+            yield f"image {measurement.sequence}: {name} was {then:.6f}, is {value:.6f} m"
+
+
+def _other_decisions(
+    run: Run, settings: CellFile, strip: StripFile, decided: list[_Decided], sights: Sights
+) -> Iterator[str]:
+    """Decisions that the policy would now make differently."""
+    policy = make_policy(str(_fact(run, "policy")), _checkpoint(run))
+    correction_of(run.header.learning).apply(policy)
+    policy.reset(strip, settings.fold.speed, 1)
+    rows = {int(sequence): row for row, sequence in enumerate(sights.sequence)}
+    curves = dict(run.profile.curves())
+    for then in decided:
+        row = rows.get(then.sequence)
+        if row is None:
+            yield f"image {then.sequence}: was decided on, but its sight is not in the record"
+            continue
+        decision = policy.decide(_observe(then, run, sights, row, curves))
+        now = float(decision.direction[0])
+        if not abs(now - then.direction) <= SAME or bool(decision.done[0]) != then.done:
+            yield f"image {then.sequence}: direction was {then.direction:.6f}, is {now:.6f} rad"
+
+
+def _observe(
+    then: _Decided, run: Run, sights: Sights, row: int, curves: dict[float, Array]
+) -> Observation:
+    """The policy's observation: the recorded measurement in `row`, and the gripper as measured."""
+    stamp = float(sights.stamp[row])
+    gripper = _gripper(run, stamp)
+    return Observation(
+        time=np.array([then.time]),
+        x=np.array([then.x]),
+        z=np.array([then.z]),
+        stamp=sights.stamp[row : row + 1],
+        contact_x=sights.contact_x[row : row + 1],
+        tip_x=sights.tip_x[row : row + 1],
+        tip_z=sights.tip_z[row : row + 1],
+        profile=seen_profile(
+            curves.get(stamp, UNSEEN), float(sights.contact_x[row]), (gripper.x, gripper.z)
+        ),
+        profile_confidence=sights.profile_confidence[row : row + 1],
+    )
+
+
+def _checkpoint(run: Run) -> Path | None:
+    """Checkpoint of this run; None where it used the committed weights."""
+    if run.header.checkpoint is None:
+        return None
+    return run.folder / CHECKPOINT
+
+
+def _gripper(run: Run, stamp: float) -> Pose:
+    ticks = run.ticks
+    columns = (ticks.x, ticks.z, ticks.pitch)
+    return Pose(*(float(np.interp(stamp, ticks.t, column)) for column in columns))
+
+
+def _entry(run: Run, key: str, model: type[Any]) -> Any:
+    return parse(_fact(run, key), model, f"{run.folder}/run.yaml: {key}")
+
+
+def _fact(run: Run, key: str) -> Any:
+    fact = getattr(run.header, key)
+    if fact is None:
+        raise ConfigurationError(f"{run.folder}/run.yaml: {key}: is missing; not a run of a cell")
+    return fact

@@ -1,0 +1,62 @@
+"""Standard runs for comparing simulation and measurement of a strip."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cell.folding.batch import side_by_side
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from cell.record.files import is_run
+from cell.record.outcomes import NOT_FOLDED
+from drivers.errors import ConfigurationError
+from policies.experiments.standard import STANDARD, standard_order
+from policies.registry import MOTION
+
+AS_PLANNED = frozenset({"layer_touch", "path_done"}) | NOT_FOLDED
+"""Outcomes of a standard run that can be used whole: a lift there and back ends without a touch,
+and how the strip lies afterwards is not compared with anything.
+"""
+
+
+def standard_requests(base: Request) -> tuple[Request, ...]:
+    """Standard run number i as a fold: seed S + i, index i, in an order drawn from the seed."""
+    order = standard_order(np.random.default_rng(base.choice.seed))
+    return tuple(
+        replace(
+            base,
+            policy=MOTION + name,
+            speed=STANDARD[name].speed,
+            choice=replace(base.choice, index=i, seed=base.choice.seed + i),
+        )
+        for i, name in enumerate(order)
+    )
+
+
+def folded(
+    wanted: Sequence[Request], jobs: int = 1, interrupted: Callable[[], bool] = lambda: False
+) -> Iterator[FoldResult]:
+    """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`."""
+    if jobs > 1:
+        yield from side_by_side(wanted, jobs)
+        return
+    for request in wanted:
+        if interrupted():
+            return
+        yield fold(request, interrupted=interrupted)
+
+
+def check_empty(folder: Path) -> None:
+    """Refuse a folder that holds runs: runs of a specimen are numbered from its first fold."""
+    if folder.is_dir() and any(is_run(inner) for inner in folder.iterdir()):
+        raise ConfigurationError(
+            f"--runs: {folder} holds runs already; name a new folder, so that the standard runs "
+            "stay together"
+        )
+
+
+def went_as_planned(result: FoldResult) -> bool:
+    """Whether the whole run can be used."""
+    return result.outcome in AS_PLANNED

@@ -1,0 +1,47 @@
+"""A run without long pauses of the interpreter."""
+
+import gc
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from drivers.arm.scheduling import wake_promptly
+from drivers.clock import take_priority
+
+PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
+TURNS = 0.0005  # s after which a thread that computes hands the interpreter on
+
+
+@contextmanager
+def without_long_collections() -> Iterator[None]:
+    """Within it the collector of garbage looks at no object from before.
+
+    A whole collection looks at some half a million objects of the libraries and takes longer than
+    an arm follows a velocity target; what a run itself leaves is looked at in under a millisecond.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+@contextmanager
+def punctual(real_time: bool) -> Iterator[None]:
+    """On the wall clock, the thread of the control loop goes before those that only record or show:
+    with real-time priority where this user may have it, else in short slices of processor time.
+    """
+    if not real_time:
+        yield
+        return
+    before, interval = (os.sched_getscheduler(0), os.sched_getparam(0)), sys.getswitchinterval()
+    sys.setswitchinterval(TURNS)
+    if not take_priority(PRIORITY):
+        wake_promptly()
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(interval)
+        os.sched_setscheduler(0, *before)

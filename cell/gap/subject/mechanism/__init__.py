@@ -1,0 +1,1 @@
+"""Any model that MuJoCo can simulate, as a subject of the gap workflow."""

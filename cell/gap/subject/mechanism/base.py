@@ -1,0 +1,149 @@
+"""Numbers of a model that are uncertain: the base parameters of the fit."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Fields
+from cell.gap.subject.mechanism.file import MechanismFile, UncertainSpec
+from cell.gap.subject.mechanism.model import Mechanism, named
+from cell.gap.subject.subject import Parameter
+from drivers.errors import ConfigurationError
+
+UNITS = {"mass": "kg", "com": "m", "inertia": "kg m^2", "damping": "N m s", "armature": "kg m^2",
+         "stiffness": "N m/rad", "gain": "1"}  # fmt: skip
+ENOUGH = 1e-9  # of its spread: the smallest number that counts as stated
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A base parameter, how it is put into a model, and its spread from run to run (or None).
+
+    `field` and `owner` name it in the file.
+    """
+
+    parameter: Parameter
+    put: Callable[[Fields, float], None]
+    field: str = ""
+    owner: str = ""
+    by_run: float | None = None
+
+
+def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Base, ...]:
+    """Base parameters that `uncertain` lists; ConfigurationError for names that are not there."""
+    found = [b for i, u in enumerate(file.uncertain)
+             for b in _each(u, mechanism, f"{origin}: uncertain.{i}")]  # fmt: skip
+    names = [b.parameter.name for b in found]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise ConfigurationError(f"{origin}: uncertain: {twice} is listed twice; keep one")
+    return tuple(found)
+
+
+def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:
+    model = mechanism.model
+    kind = "body" if spec.body else "joint" if spec.joint else "actuator"
+    names: Sequence[str]
+    if spec.owner != "*":
+        names = [spec.owner]
+        named(model, kind, spec.owner, origin, kind)
+    elif kind == "body":
+        names = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
+        if "" in names:
+            raise ConfigurationError(f"{origin}: body *: a body has no name; give each one")
+    else:
+        names = [j.name for j in mechanism.joints] if kind == "joint" else mechanism.actuators
+    for name in names:
+        number = getattr(model, kind)(name).id
+        for axis in _free_axes(model, number) if spec.field == "com" else ("",):
+            yield _one(spec, mechanism, number, name, axis)
+
+
+def _free_axes(model: Any, body: int) -> Iterator[str]:
+    """Axes of a body along which its centre of mass matters: not that of all joints, where they
+    are parallel hinges.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    own = data.xmat[body].reshape(3, 3)
+    hinges = bool((model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).all())
+    for k, axis in enumerate("xyz"):
+        along = np.abs(data.xaxis @ own[:, k])
+        if not (hinges and bool((along > 1.0 - 1e-9).all())):
+            yield axis
+
+
+def _one(spec: UncertainSpec, mechanism: Mechanism, number: int, name: str, axis: str) -> Base:
+    start, put, size = _access(spec.field, mechanism, number, axis)
+    width = _width(spec.spread, size)
+    free = spec.field == "com"
+    low = -np.inf if free else (0.2 * start if spec.field in ("mass", "inertia", "gain") else 0.0)
+    high = np.inf if free else max(5.0 * start, start + 20.0 * width)
+    key = f"com_{axis}" if free else spec.field
+    parameter = Parameter(f"{key}_{name}", UNITS[spec.field], start, low, high, 1e-3 * width, width)
+    by_run = None if spec.by_run is None else _width(spec.by_run, size)
+    return Base(parameter, put, spec.field, name, by_run)
+
+
+def _width(spread: float | str, size: float) -> float:
+    if not isinstance(spread, str):
+        return float(spread)
+    return float(re.sub("%", "", spread)) / 100.0 * max(abs(size), ENOUGH)
+
+
+def _access(
+    field: str, mechanism: Mechanism, i: int, axis: str
+) -> tuple[float, Callable[[Fields, float], None], float]:
+    """Start value, how to put another one, and the size that a share is of."""
+    model: Any = mechanism.model
+    if field == "mass":
+        start = float(model.body_mass[i])
+        return start, lambda f, v: _mass(f, i, v), start
+    if field == "com":
+        k = "xyz".index(axis)
+        start = float(model.body_ipos[i, k])
+        return (
+            start,
+            lambda f, v: _set(f["body_ipos"][i], k, v),
+            float(np.linalg.norm(model.body_ipos[i])),
+        )
+    if field == "inertia":
+        whole = np.array(model.body_inertia[i])
+        start = float(whole.max())
+        return start, lambda f, v: _scale(f["body_inertia"][i], v / start), start
+    if field == "gain":
+        return 1.0, lambda f, v: _gain(f, i, v), 1.0
+    dof = int(model.jnt_dofadr[i])
+    if field == "stiffness":
+        start = float(model.jnt_stiffness[i])
+        size = start or mechanism.joints[i].torque
+        return start, lambda f, v: _set(f["jnt_stiffness"], i, v), size
+    joint, name = mechanism.joints[i], f"dof_{field}"
+    start = float(getattr(model, name)[dof])
+    size = start or (joint.torque / joint.rate if field == "damping" else joint.inertia)
+    return start, lambda f, v: _set(f[name], dof, v), size
+
+
+def _set(array: Any, i: int, value: float) -> None:
+    array[i] = value
+
+
+def _mass(fields: Fields, i: int, value: float) -> None:
+    """A mass, and the inertia that goes with it."""
+    _scale(fields["body_inertia"][i], value / float(fields["body_mass"][i]))
+    fields["body_mass"][i] = value
+
+
+def _scale(array: Any, factor: float) -> None:
+    if factor != 1.0:
+        array *= factor
+
+
+def _gain(fields: Fields, i: int, factor: float) -> None:
+    if factor != 1.0:
+        fields["actuator_gainprm"][i, :3] *= factor
+        fields["actuator_biasprm"][i, :3] *= factor

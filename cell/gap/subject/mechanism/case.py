@@ -1,0 +1,69 @@
+"""One simulation of a run: which numbers of the model, which readings, from where."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
+from cell.gap.subject.mechanism.runs import Cut
+from drivers.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What a simulation needs of a run: its readings, and its `motion` or its `commands`."""
+
+    cut: Cut
+    motion: Any = None
+    commands: Any = None
+    start: tuple[Array, Array] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A run with edited model: `edit` changes fields, `readings` lie between world and record,
+    `paths` are torques of the motion so far; `start` are positions and rates.
+    """
+
+    content: Content
+    edit: Callable[[Fields], None]
+    readings: Readings
+    paths: Sequence[tuple[Effect, Array]]
+    start: tuple[Array, Array]
+
+
+class ModelFields:
+    """Fields of one model, edited in place; numbers of its options are put back by `finish`."""
+
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self._numbers: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        """The field's own array."""
+        if not name.startswith("opt."):
+            found: Array = getattr(self.model, name)
+            return found
+        value = getattr(self.model.opt, name[4:])
+        if isinstance(value, np.ndarray):
+            return value
+        return self._numbers.setdefault(name, np.array(float(value)))
+
+    def finish(self) -> None:
+        """Put edited numbers of the options into the model."""
+        for name, value in self._numbers.items():
+            setattr(self.model.opt, name[4:], float(value))
+
+
+class BatchFields:
+    """Fields of simulation `i` of a batch; a field is expanded where it is first edited."""
+
+    def __init__(self, batch: Any, i: int) -> None:
+        self._batch, self._i = batch, i
+
+    def __getitem__(self, name: str) -> Array:
+        """The simulation's own array."""
+        found: Array = self._batch.expand(name)[self._i, ...]
+        return found

@@ -1,0 +1,127 @@
+"""An effect of a mechanism: how it changes the model, a command, a reading or a joint's torque."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Candidate, Parameter
+from drivers.types import Array
+
+Of = Literal["model", "rig"]
+Expressed = Literal["field", "signal", "force", "variant"]
+Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
+
+
+class Fields(Protocol):
+    """Fields of a model by MuJoCo's names (`dof_damping`, `opt.gravity`), each to be edited."""
+
+    def __getitem__(self, name: str) -> Array:
+        """The field's own array."""
+        ...
+
+
+@dataclass(slots=True)
+class Readings:
+    """What lies between world and record, by signal or input: (1 + scale) x(t - delay) + bias.
+
+    `command` [s] delays every command; `elastic` (joints,) [rad/(N m)] and `gap` (joints,) [rad]
+    lie between a joint's encoder and its link.
+    """
+
+    delay: float = 0.0
+    command: float = 0.0
+    bias: dict[str, float] = field(default_factory=dict)
+    scale: dict[str, float] = field(default_factory=dict)
+    elastic: Array | None = None
+    gap: Array | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """An entry of the library; every hook does nothing at the parameters' starts.
+
+    `parameters` lists all values of one key, joint by joint, then the next key; `finer` are shapes
+    of the law. `law` is a compiled torque `(q, v, load, p, at) -> N m` of one joint with its own
+    values from `p[at]` on, `keys` of them, on a joint that smooths signs over `p[3]`; `edit`
+    changes fields of the model, and stands for the law in a simulation where it is `native`;
+    `path` is a torque (m, joints) that depends on the motion so far; `read` changes what lies
+    between world and record. An MJCF can say what `edit` does.
+    """
+
+    name: str
+    sentence: str
+    of: Of
+    expressed: Expressed
+    source: str
+    parameters: Parameters
+    revealed_by: str
+    finer: Parameters = lambda _: ()
+    keys: int = 0
+    law: Callable[..., Array] | None = None
+    edit: Callable[[Mechanism, Array, Fields], None] | None = None
+    read: Callable[[Mechanism, Array, Readings], None] | None = None
+    path: Callable[[Mechanism, Array, Array, Array], Array] | None = None
+    native: Callable[[Mechanism], bool] = lambda _: True
+    modes: Sequence[str] = ("forward", "prescribed")
+    probes: Sequence[float] = (0.03, 0.3, 3.0)
+
+    def applies(self, mechanism: Mechanism) -> bool:
+        """Whether this mechanism, simulated this way, can have it."""
+        return mechanism.mode in self.modes and bool(self.parameters(mechanism))
+
+    def edits(self, mechanism: Mechanism) -> bool:
+        """Whether fields of the model are all of it here."""
+        if self.edit is None or self.read is not None:
+            return False
+        return self.law is None or (mechanism.mode == "forward" and self.native(mechanism))
+
+    def candidate(self, mechanism: Mechanism) -> Candidate:
+        """The effect as the engine tries it: probed one parameter at a time, small to large."""
+        own = self.parameters(mechanism)
+        width = np.array([p.spread / 25.0 for p in own])
+        groups = tuple(
+            tuple(
+                tuple(map(float, _null(own) + (np.arange(len(own)) == i) * width * factor))
+                for i in range(len(own))
+                if not own[i].shape
+            )
+            for factor in self.probes
+        )
+        finer = self.finer(mechanism)
+        return Candidate(self.name, self.sentence, self.of, own, groups, self.revealed_by,
+                         finer=finer)  # fmt: skip
+
+    def table(self, mechanism: Mechanism, values: Array) -> Array:
+        """`values` as (keys, joints), what was not given at its start."""
+        every = (*self.parameters(mechanism), *self.finer(mechanism))
+        whole = np.concatenate([values, _null(every[len(values) :])])
+        return whole.reshape(-1, len(mechanism.joints))
+
+
+def _null(parameters: Sequence[Parameter]) -> Array:
+    return np.array([p.start for p in parameters])
+
+
+def per_joint(
+    mechanism: Mechanism, key: str, unit: str, size: Array, *, signed: bool = False,
+    shape: bool = False, start: float = 0.0, high: float = 250.0,
+) -> tuple[Parameter, ...]:  # fmt: skip
+    """A parameter a joint, `key_JOINT`, of typical `size` (joints,); of slides in N and m."""
+    found = []
+    for joint, s in zip(mechanism.joints, size, strict=True):
+        low = -high * s if signed else 0.0
+        shown = unit if joint.hinge else unit.replace("N m", "N").replace("rad", "m")
+        found.append(Parameter(f"{key}_{joint.name}", shown, start, low, high * s, s / 1000.0,
+                               25.0 * s, shape=shape))  # fmt: skip
+    return tuple(found)
+
+
+def single(
+    key: str, unit: str, size: float, *, signed: bool = False, high: float = 250.0,
+) -> tuple[Parameter, ...]:  # fmt: skip
+    """One parameter for the whole mechanism."""
+    low = -high * size if signed else 0.0
+    return (Parameter(key, unit, 0.0, low, high * size, size / 1000.0, 25.0 * size),)

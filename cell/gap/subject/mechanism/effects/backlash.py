@@ -1,0 +1,32 @@
+"""A gear with play: the link is free within a gap."""
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, Readings, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    one_each = int(mechanism.model.body_jntnum.max()) == 1
+    if mechanism.mode == "forward" and not (mechanism.actuators and one_each):
+        return ()
+    size = 0.001 * np.ones(len(mechanism.joints))
+    return per_joint(mechanism, "gap", "rad", size, high=100.0)
+
+
+def _read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+    readings.gap = values
+
+
+EFFECT = Effect(
+    name="backlash",
+    sentence="gears have play",
+    of="model",
+    expressed="variant",
+    source="Nordin and Gutman 2002, Automatica 38",
+    parameters=_parameters,
+    read=_read,
+    revealed_by="slow motion there and back through the load's turning point",
+)

@@ -1,0 +1,37 @@
+"""A base that stands tilted: gravity leans in its frame."""
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, Fields, single
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return tuple(p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0))
+
+
+def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    x, y = values
+    if x == 0.0 and y == 0.0:
+        return
+    gx, gy, gz = (float(g) for g in fields["opt.gravity"])
+    gy, gz = gy * np.cos(x) - gz * np.sin(x), gy * np.sin(x) + gz * np.cos(x)
+    fields["opt.gravity"][:] = (
+        gx * np.cos(y) + gz * np.sin(y),
+        gy,
+        gz * np.cos(y) - gx * np.sin(y),
+    )
+
+
+EFFECT = Effect(
+    name="base_tilt",
+    sentence="the base stands tilted",
+    of="rig",
+    expressed="field",
+    source="rotation of gravity about x, then y",
+    parameters=_parameters,
+    edit=_edit,
+    revealed_by="hold still in several poses, with a level on the base",
+)

@@ -1,0 +1,81 @@
+"""Dry friction of joints: Coulomb, with Stribeck peak, asymmetry and load as its shape."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, Fields, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+STRIBECK = 0.1  # of the typical rate, where a Stribeck peak begins
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Torques; along measured motion, where the load of a gear is known, its share of them too."""
+    torques = per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque)
+    return torques + (_loads(mechanism) if mechanism.mode == "prescribed" else ())
+
+
+def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    ones = np.ones(len(mechanism.joints))
+    return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
+
+
+def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    ones = np.ones(len(mechanism.joints))
+    rates = [
+        Parameter(
+            f"stribeck_velocity_{j.name}",
+            "rad/s" if j.hinge else "m/s",
+            v,
+            0.1 * v,
+            10.0 * v,
+            0.01 * v,
+            v,
+            shape=True,
+        )
+        for j, v in zip(mechanism.joints, STRIBECK * mechanism.rate, strict=True)
+    ]
+    return (
+        *(_loads(mechanism) if mechanism.mode == "forward" else ()),
+        *per_joint(mechanism, "asymmetry", "1", 0.02 * ones, signed=True, shape=True, high=45.0),
+        *per_joint(mechanism, "stribeck_torque", "N m", 0.01 * mechanism.torque, shape=True),
+        *rates,
+    )
+
+
+def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque of one joint [N m] for floats or columns (m,); its numbers stand from `p[at]` on."""
+    size = p[at] + p[at + 1] * abs(load)
+    if p[at + 3] != 0.0:
+        size += p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
+    sign = np.tanh(v / p[3])
+    return -size * (sign + p[at + 2] * abs(sign))
+
+
+def _native(mechanism: Mechanism) -> bool:
+    return mechanism.native
+
+
+def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for joint, torque in zip(mechanism.joints, values, strict=False):  # loads: not in MJCF
+        if torque != 0.0:
+            fields["dof_frictionloss"][joint.dof] += torque
+
+
+EFFECT = Effect(
+    name="dry_friction",
+    sentence="joints rub like dry friction",
+    of="model",
+    expressed="force",
+    source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
+    parameters=_parameters,
+    finer=_finer,
+    keys=5,
+    law=law,
+    edit=_edit,
+    native=_native,
+    revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
+)

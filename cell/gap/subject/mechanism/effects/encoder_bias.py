@@ -1,0 +1,29 @@
+"""An encoder that reads a constant too much or too little."""
+
+from cell.gap.subject.mechanism.effect import Effect, Readings
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"bias_{name}", "rad", 0.0, -0.2, 0.2, 1e-5, 0.03) for name in mechanism.encoders
+    )
+
+
+def _read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+    for name, value in zip(mechanism.encoders, values, strict=True):
+        readings.bias[name] = float(value)
+
+
+EFFECT = Effect(
+    name="encoder_bias",
+    sentence="encoders read a constant too much or too little",
+    of="rig",
+    expressed="signal",
+    source="zero of an encoder",
+    parameters=_parameters,
+    read=_read,
+    revealed_by="hold still in several poses",
+)

@@ -1,0 +1,30 @@
+"""A gear that twists: the link turns on from its motor like on a spring."""
+
+from cell.gap.subject.mechanism.effect import Effect, Readings, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    one_each = int(mechanism.model.body_jntnum.max()) == 1
+    if mechanism.mode == "forward" and not (mechanism.actuators and one_each):
+        return ()
+    rate = 30.0 * mechanism.rate
+    return per_joint(mechanism, "compliance", "rad/(N m)", 0.01 / (mechanism.inertia * rate**2))
+
+
+def _read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
+    readings.elastic = values
+
+
+EFFECT = Effect(
+    name="joint_elasticity",
+    sentence="gears twist: links spring on their motors",
+    of="model",
+    expressed="variant",
+    source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
+    parameters=_parameters,
+    read=_read,
+    revealed_by="fast starts and stops: the link rings on",
+)

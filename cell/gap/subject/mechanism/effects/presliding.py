@@ -1,0 +1,55 @@
+"""Friction that yields like a spring before it slides."""
+
+import numba
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return per_joint(mechanism, "stiffness", "N m/rad", 0.1 * mechanism.torque, high=1000.0)
+
+
+def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
+                  0.001 * j.torque, 0.1 * j.torque, shape=True)
+        for j in mechanism.joints
+    )  # fmt: skip
+
+
+def _path(mechanism: Mechanism, values: Array, q: Array, v: Array) -> Array:
+    stiffness, torque = EFFECT.table(mechanism, values)
+    return np.asarray(_yielding(q, stiffness, torque))
+
+
+@numba.njit  # type: ignore[untyped-decorator]
+def _yielding(q: Array, stiffness: Array, most: Array) -> Array:
+    """Torque (m, joints) of elastic, perfectly plastic elements along a motion (m, joints)."""
+    out = np.zeros_like(q)
+    for j in range(q.shape[1]):
+        if stiffness[j] == 0.0:
+            continue
+        torque = 0.0
+        for k in range(1, q.shape[0]):
+            torque -= stiffness[j] * (q[k, j] - q[k - 1, j])
+            torque = min(max(torque, -most[j]), most[j])
+            out[k, j] = torque
+    return out
+
+
+EFFECT = Effect(
+    name="presliding",
+    sentence="joints yield like springs before they slide",
+    of="model",
+    expressed="force",
+    source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
+    parameters=_parameters,
+    finer=_finer,
+    path=_path,
+    modes=("prescribed",),
+    revealed_by="small motion there and back",
+)

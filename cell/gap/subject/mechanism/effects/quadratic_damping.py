@@ -1,0 +1,38 @@
+"""Damping of joints with the square of their rate."""
+
+from typing import Any
+
+from cell.gap.subject.mechanism.effect import Effect, Fields, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    size = 0.01 * mechanism.torque / mechanism.rate**2
+    return per_joint(mechanism, "coefficient", "N m s^2", size)
+
+
+def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque of one joint [N m] for floats or columns (m,); its number stands at `p[at]`."""
+    return -p[at] * abs(v) * v
+
+
+def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    for joint, value in zip(mechanism.joints, values, strict=True):
+        if value != 0.0:
+            fields["dof_dampingpoly"][joint.dof, 0] += value
+
+
+EFFECT = Effect(
+    name="quadratic_damping",
+    sentence="joints brake with the square of their rate",
+    of="model",
+    expressed="force",
+    source="fluid damping at high Reynolds numbers; MJCF joint/damping",
+    parameters=_parameters,
+    keys=1,
+    law=law,
+    edit=_edit,
+    revealed_by="fast motion against slow",
+)

@@ -1,0 +1,30 @@
+"""A constant torque that a drive adds, or that its sensor reads."""
+
+from typing import Any
+
+from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque, signed=True)
+
+
+def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque of one joint [N m] for floats or columns (m,); its number stands at `p[at]`."""
+    return p[at] + 0.0 * q
+
+
+EFFECT = Effect(
+    name="torque_bias",
+    sentence="a drive adds a constant torque, or its sensor reads one",
+    of="rig",
+    expressed="force",
+    source="offset of a current sensor",
+    parameters=_parameters,
+    keys=1,
+    law=law,
+    revealed_by="hold still in several poses",
+)

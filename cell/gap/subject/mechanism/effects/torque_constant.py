@@ -1,0 +1,31 @@
+"""A motor that gives more or less torque for its current than stated."""
+
+from cell.gap.subject.mechanism.effect import Effect, Fields
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    driven = [j for j in mechanism.joints if j.actuator >= 0]
+    return tuple(Parameter(f"error_{j.name}", "1", 0.0, -0.9, 3.0, 1e-5, 0.25) for j in driven)
+
+
+def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
+    driven = [j for j in mechanism.joints if j.actuator >= 0]
+    for joint, error in zip(driven, values, strict=True):
+        if error != 0.0:
+            fields["actuator_gainprm"][joint.actuator, :3] *= 1.0 + error
+            fields["actuator_biasprm"][joint.actuator, :3] *= 1.0 + error
+
+
+EFFECT = Effect(
+    name="torque_constant",
+    sentence="motors give another torque for their current than stated",
+    of="rig",
+    expressed="field",
+    source="torque = (1 + error) k i",
+    parameters=_parameters,
+    edit=_edit,
+    revealed_by="a known weight on the tip",
+)

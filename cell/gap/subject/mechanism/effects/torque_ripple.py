@@ -1,0 +1,43 @@
+"""Torque of a drive that ripples with the angle: cogging, gear mesh."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect, per_joint
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.subject import Parameter
+from drivers.types import Array
+
+ORDER = 6.0  # periods a turn, where nothing says otherwise
+
+
+def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    return per_joint(mechanism, "amplitude", "N m", 0.01 * mechanism.torque)
+
+
+def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+    orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, 0.01, ORDER, shape=True)
+              for j in mechanism.joints]  # fmt: skip
+    size = 0.04 * np.ones(len(mechanism.joints))
+    phases = per_joint(mechanism, "phase", "rad", size, signed=True, shape=True, high=100.0)
+    return (*orders, *phases)
+
+
+def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    """Torque of one joint [N m] for floats or columns (m,); its numbers stand from `p[at]` on."""
+    return p[at] * np.sin(p[at + 1] * q + p[at + 2])
+
+
+EFFECT = Effect(
+    name="torque_ripple",
+    sentence="a drive's torque ripples with its angle",
+    of="model",
+    expressed="force",
+    source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
+    parameters=_parameters,
+    finer=_finer,
+    keys=3,
+    law=law,
+    revealed_by="slow turns at a constant rate",
+)

@@ -1,0 +1,99 @@
+"""Mechanism files: a MuJoCo model, what was commanded and measured, and what is uncertain."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from drivers.settings import Settings
+from drivers.strip.file import Provenance
+
+Positive = Annotated[float, Field(gt=0)]
+BodyField = Literal["mass", "com", "inertia", "damping", "armature", "stiffness", "gain"]
+OWNERS = {"body": ("mass", "com", "inertia"), "joint": ("damping", "armature", "stiffness"),
+          "actuator": ("gain",)}  # fmt: skip
+
+
+class SignalSpec(Settings):
+    """What a column measures, and its one-sigma noise [SI], or that repeats show the noise."""
+
+    joint: str | None = None
+    actuator: str | None = None
+    site: str | None = None
+    sensor: str | None = None
+    is_: Literal["position", "velocity", "torque"] | None = Field(None, alias="is")
+    axis: Literal["x", "y", "z"] | None = None
+    sigma: Positive | Literal["repeats"]
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        named = [k for k in ("joint", "actuator", "site", "sensor") if getattr(self, k) is not None]
+        if len(named) != 1:
+            raise ValueError("names one of joint, actuator, site and sensor")
+        kinds = {"joint": ("position", "velocity"), "actuator": ("torque",)}.get(named[0], (None,))
+        if self.is_ not in kinds:
+            raise ValueError(f"is: of a {named[0]} is one of {kinds}")
+        if (self.axis is not None) != (named[0] == "site"):
+            raise ValueError("axis: x, y or z, of a site alone")
+        return self
+
+
+class StartSpec(Settings):
+    """Where a simulation begins: as measured, at a number, or after settling for some seconds."""
+
+    position: float | Literal["measured"] = "measured"
+    velocity: float | Literal["measured"] = "measured"
+    spread: Annotated[float, Field(ge=0)] | None = None
+    settle: Positive | None = None
+
+
+class UncertainSpec(Settings):
+    """A number of the model that is known to a share (`2%`) or an absolute width."""
+
+    body: str | None = None
+    joint: str | None = None
+    actuator: str | None = None
+    field: BodyField
+    spread: Positive | Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")]
+    by_run: Annotated[str, Field(pattern=r"^[0-9]+(\.[0-9]+)?%$")] | None = None
+
+    @model_validator(mode="after")
+    def _owner(self) -> Self:
+        owner = next(kind for kind, fields in OWNERS.items() if self.field in fields)
+        named = [k for k in OWNERS if getattr(self, k) is not None]
+        if named != [owner]:
+            raise ValueError(f"field {self.field} belongs to a {owner}: name it, and nothing else")
+        return self
+
+    @property
+    def owner(self) -> str:
+        """Name of the body, joint or actuator; `*` is each."""
+        return self.body or self.joint or self.actuator or "*"
+
+
+class MechanismFile(Settings):
+    """A mechanism as its owner states it; see the contract of mechanisms."""
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    kind: Literal["mechanism"]
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
+    model: str
+    mode: Literal["forward", "prescribed"] = "forward"
+    step: Annotated[float, Field(gt=0, le=0.1)] = 0.002
+    hold: Positive | None = None
+    signals: dict[str, SignalSpec] = Field(min_length=1)
+    inputs: dict[str, Literal["ctrl", "torque", "position"]] = Field(default_factory=dict)
+    start: StartSpec = StartSpec()
+    uncertain: tuple[UncertainSpec, ...] = ()
+    effects: dict[str, dict[str, float]] = Field(default_factory=dict)
+    provenance: tuple[Provenance, ...] = ()
+
+    @model_validator(mode="after")
+    def _mode(self) -> Self:
+        torques = [s for s in self.signals.values() if s.is_ == "torque"]
+        if self.mode == "prescribed" and not torques:
+            raise ValueError("mode prescribed compares torques; no signal is: torque")
+        if self.mode == "prescribed" and not any(k == "position" for k in self.inputs.values()):
+            raise ValueError("mode prescribed needs inputs: {JOINT: position}, the given motion")
+        if self.mode == "forward" and "position" in self.inputs.values():
+            raise ValueError("inputs: position is for mode prescribed; forward takes ctrl, torque")
+        return self

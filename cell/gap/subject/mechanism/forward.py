@@ -1,0 +1,216 @@
+"""Simulation of runs, many at once, and what the sensors would have read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+
+from cell.gap.subject.mechanism.case import BatchFields, Case
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.passive import Torques
+from cell.gap.subject.mechanism.runs import Recording, Signal
+from cell.gap.subject.mechanism.variant import Variant
+from drivers.types import Array, frozen
+
+TOGETHER = 256  # simulations of a batch
+WILD = 1e4  # rad or m that no mechanism reaches
+CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Commands of a run, held from each time of `t` (m,) [s] to the next: `u` (m, actuators)."""
+
+    t: Array
+    u: Array
+
+    def at_steps(self, step: float, steps: int, delay: float) -> Array:
+        """Mean commands (steps, actuators) within each step, `delay` [s] late."""
+        edges = np.arange(steps + 1) * step - delay
+        ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)
+        whole = np.concatenate([np.zeros((1, self.u.shape[1])),
+                                np.cumsum(self.u * (ends - self.t)[:, None], axis=0)])  # fmt: skip
+        times = np.append(self.t, ends[-1])
+        first = np.minimum(edges - self.t[0], 0.0)[:, None] * self.u[0]
+        total = np.array([np.interp(edges, times, column) for column in whole.T]).T + first
+        return np.asarray(np.diff(total, axis=0) / step)
+
+
+def commands_of(recording: Recording, inputs: Sequence[str], actuators: Sequence[str],
+                hold: float | None) -> Commands:  # fmt: skip
+    """Commands of a recording, on a grid of `hold` [s] where a controller held them."""
+    t = recording.t if hold is None else np.arange(0.0, recording.t[-1] + hold, hold)
+    row = np.clip(np.searchsorted(recording.t, t + 1e-9, side="right") - 1, 0, None)
+    u = np.zeros((len(t), len(actuators)))
+    for i, name in enumerate(actuators):
+        if name in inputs:
+            column = recording.columns[name]
+            some = np.isfinite(column)
+            held = np.interp(recording.t, recording.t[some], column[some])
+            u[:, i] = held[row]
+    return Commands(frozen(t), frozen(u))
+
+
+class Forward:
+    """Predicts signals by simulation: `mix` (signals, joints) and `offset` (signals,) make a
+    position or rate of those of the joints.
+    """
+
+    def __init__(self, mechanism: Mechanism, torques: Torques, signals: Sequence[Signal],
+                 mix: Array, offset: Array, settle: float, jobs: int,
+                 laws: frozenset[str]) -> None:  # fmt: skip
+        self._mechanism, self._torques, self._signals = mechanism, torques, tuple(signals)
+        self._mix, self._offset, self._jobs = mix, offset, jobs
+        self._settle = round(settle / mechanism.step)
+        self._variant: Variant | None = None
+        self._laws = laws
+
+    def predict(self, cases: Sequence[Case]) -> list[Array | None]:
+        """Signals (signals, k) of each case at its readings; None where its simulation is lost."""
+        found: list[Array | None] = [None] * len(cases)
+        order = sorted(range(len(cases)), key=lambda i: float(cases[i].content.cut.t[-1]))
+        for at in range(0, len(order), TOGETHER):
+            some = order[at : at + TOGETHER]
+            for i, one in zip(some, self._together([cases[i] for i in some]), strict=True):
+                found[i] = one
+        return found
+
+    def _together(self, cases: Sequence[Case]) -> list[Array | None]:
+        step = self._mechanism.step
+        span = max(float(c.content.cut.t[-1]) for c in cases)
+        steps = int(np.ceil(span / step)) + 2
+        control = np.array([self._control(c, steps) for c in cases])
+        batch = Batch(self._mechanism.model, len(cases), self._jobs)
+        for i, case in enumerate(cases):
+            case.edit(BatchFields(batch, i))
+        if any(batch.expanded(name) is not None for name in CONST):
+            batch.set_const()
+        states = self._run(batch, cases, control, self._torques)
+        if any(_varied(c) for c in cases):
+            self._vary(cases, control, states)
+        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < WILD)
+        return [
+            None if wild[i] else self._read(case, states[i], control[i], batch, i)
+            for i, case in enumerate(cases)
+        ]
+
+    def _control(self, case: Case, steps: int) -> Array:
+        found: Array = case.content.commands.at_steps(
+            self._mechanism.step, steps, case.readings.command
+        )
+        return np.concatenate([np.repeat(found[:1], self._settle, axis=0), found])
+
+    def _run(self, batch: Batch, cases: Sequence[Case], control: Array, torques: Torques,
+             embed: Array | None = None) -> Array:  # fmt: skip
+        """States (n, steps + 1, 2, joints) of the joints, or of those that `embed` numbers."""
+        q = np.array([c.start[0] for c in cases])
+        v = np.array([c.start[1] for c in cases])
+        into = np.arange(q.shape[1]) if embed is None else embed
+        batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
+        lost = np.zeros(len(cases), dtype=bool)
+        with torques.installed(self._laws):
+            try:
+                out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
+            except SimulationError as error:
+                lost[error.ids] = True
+                return np.full(
+                    (len(cases), control.shape[1] - self._settle + 1, 2, q.shape[1]), np.inf
+                )
+        states = np.stack([out["qpos"][..., into], out["qvel"][..., into]], axis=2)
+        states = np.concatenate([np.stack([q, v], axis=1)[:, None], states], axis=1)
+        lost |= batch.warning.reshape(len(cases), -1).any(axis=1)
+        states[lost] = np.inf
+        return states[:, self._settle :]
+
+    def _vary(self, cases: Sequence[Case], control: Array, states: Array) -> None:
+        """Add what gears that twist or have play change: that model less its rigid twin."""
+        rows = [i for i, c in enumerate(cases) if _varied(c)]
+        some, u = [cases[i] for i in rows], control[rows]
+        if self._variant is None:
+            self._variant = Variant(self._mechanism)
+        moved = []
+        for rigid in (False, True):
+            models = [self._variant.model(case, rigid=rigid) for case in some]
+            batch = Batch(models[0], len(some), self._jobs)
+            batch.set_models(models)
+            embed = None if rigid else self._variant.motor
+            moved.append(self._run(batch, some, u, self._torques, embed))
+        states[rows] += moved[0] - moved[1]
+
+    def _read(self, case: Case, states: Array, control: Array, batch: Batch, i: int) -> Array:
+        """What sensors read (signals, k) of states (steps + 1, 2, joints)."""
+        step, readings = self._mechanism.step, case.readings
+        t = np.maximum(case.content.cut.t - readings.delay, 0.0)
+        q, v = interpolated(states, t, step)
+        rows = np.empty((len(self._signals), len(t)))
+        other: dict[str, Array] = {}
+        if any(s.kind in ("site", "sensor") for s in self._signals):
+            other = self._sensed(batch.get_model(i), q, v)
+        for k, signal in enumerate(self._signals):
+            if signal.kind == "torque":
+                rows[k] = self._torque(signal.joint, batch, i, q, v, control, t)
+            elif signal.kind in ("site", "sensor"):
+                rows[k] = other[signal.name]
+            else:
+                whole = q if signal.kind == "position" else v
+                offset = self._offset[k] if signal.kind == "position" else 0.0
+                rows[k] = self._mix[k] @ whole + offset
+            bias, scale = readings.bias.get(signal.name), readings.scale.get(signal.name)
+            if scale:
+                rows[k] *= 1.0 + scale
+            if bias:
+                rows[k] += bias
+        return rows
+
+    def _torque(self, joint: int, batch: Batch, i: int, q: Array, v: Array, control: Array,
+                t: Array) -> Array:  # fmt: skip
+        """Force of the joint's motor at the readings, of the states there: an engine's own record
+        belongs to a stage of its integrator.
+        """
+        a = self._mechanism.joints[joint].actuator
+
+        def field(name: str) -> Array:
+            own = batch.expanded(name)
+            found: Array = getattr(self._mechanism.model, name)[a] if own is None else own[i, a]
+            return found
+
+        gain, bias, (low, high) = (
+            field(f"actuator_{n}") for n in ("gainprm", "biasprm", "forcerange")
+        )
+        gear = self._mechanism.model.actuator_gear[a, 0]
+        row = np.minimum((t / self._mechanism.step).astype(int), len(control) - 1 - self._settle)
+        u = control[self._settle + row, a]
+        force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
+        return np.asarray(np.clip(force, low, high))
+
+    def _sensed(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
+        """Sites and sensors at states (joints, k), by signal."""
+        data, rows = mujoco.MjData(model), []
+        for a, b in zip(q.T, v.T, strict=True):
+            data.qpos[:], data.qvel[:] = a, b
+            mujoco.mj_forward(model, data)
+            rows.append(np.concatenate([data.site_xpos.ravel(), data.sensordata]))
+        whole = np.array(rows).T
+        return {s.name: whole[s.joint] for s in self._signals if s.kind in ("site", "sensor")}
+
+
+def _varied(case: Case) -> bool:
+    r = case.readings
+    return any(x is not None and bool(np.any(x)) for x in (r.elastic, r.gap))
+
+
+def interpolated(states: Array, t: Array, step: float) -> tuple[Array, Array]:
+    """Positions and rates (joints, k) at times `t` (k,) [s] of states (steps + 1, 2, joints).
+
+    Positions by cubic Hermite interpolation, rates linearly.
+    """
+    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
+    u = (t / step - k)[:, None]
+    a, b = states[k, 0], states[k + 1, 0]
+    va, vb = step * states[k, 1], step * states[k + 1, 1]
+    rise = b - a
+    q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
+    return q.T, ((va + u * (vb - va)) / step).T

@@ -1,0 +1,93 @@
+"""What a mechanism may lack: candidates, terms, and the check of effects that its file accepts."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cell.gap.subject.mechanism.effect import Effect
+from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.model import Mechanism
+from cell.gap.subject.mechanism.terms import TERMS
+from cell.gap.subject.subject import Candidate, Parameter
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+Accepted = Mapping[str, Mapping[str, float]]
+
+
+def offered(mechanism: Mechanism, accepted: Accepted) -> tuple[Candidate, ...]:
+    """Effects that this mechanism can have and its file does not accept yet."""
+    return tuple(e.candidate(mechanism) for name, e in registry().items()
+                 if name not in accepted and e.applies(mechanism))  # fmt: skip
+
+
+def described(mechanism: Mechanism) -> tuple[Candidate, ...]:
+    """Terms that describe what stays unexplained."""
+    return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
+
+
+def effect_of(name: str) -> Effect:
+    """The effect or term of this name."""
+    found = registry().get(name)
+    return found if found is not None else next(t for t in TERMS if t.name == name)
+
+
+def every_parameter(effect: Effect, mechanism: Mechanism) -> tuple[Parameter, ...]:
+    """Parameters of an effect, those of its shape included."""
+    return (*effect.parameters(mechanism), *effect.finer(mechanism))
+
+
+def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
+    """Base parameters `effect.parameter` of the accepted effects, shapes at what was stated."""
+    for name, values in accepted.items():
+        for p in every_parameter(effect_of(name), mechanism):
+            value = _inside(p, values.get(p.name))
+            yield Parameter(f"{name}.{p.name}", p.unit, value, p.low, p.high, p.step, p.spread,
+                            p.inverse, p.shape)  # fmt: skip
+
+
+def _inside(p: Parameter, value: float | None) -> float:
+    if value is None:
+        return p.start
+    return 1.0 / value if p.inverse else float(value)
+
+
+def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None:
+    """Refuse effects and parameters that the library does not have, and values out of range."""
+    known = {e.name: e for e in (*registry().values(), *TERMS) if e.applies(mechanism)}
+    for name, values in accepted.items():
+        if name not in known:
+            raise ConfigurationError(
+                f"{origin}: effects.{name}: unknown effect; allowed: {', '.join(known)}"
+            )
+        parameters = {p.name: p for p in every_parameter(known[name], mechanism)}
+        needed = [p.name for p in known[name].parameters(mechanism)]
+        missing = [k for k in needed if k not in values]
+        strange = [k for k in values if k not in parameters]
+        if missing or strange:
+            raise ConfigurationError(
+                f"{origin}: effects.{name}: needs {', '.join(needed)}; may have "
+                f"{', '.join(k for k in parameters if k not in needed) or 'no other'}"
+            )
+        for key, value in values.items():
+            p = parameters[key]
+            if not p.low <= _inside(p, value) <= p.high:
+                raise ConfigurationError(
+                    f"{origin}: effects.{name}.{key}: {value:g} is out of range; "
+                    f"allowed: {p.low:g} to {p.high:g} {p.unit}"
+                )
+
+
+def grouped(names: Sequence[str], values: Array) -> dict[str, Array]:
+    """Values (k,) of parameters `effect.parameter` by effect, in their order."""
+    found: dict[str, list[float]] = {}
+    for name, value in zip(names, values, strict=True):
+        found.setdefault(name.split(".")[0], []).append(float(value))
+    return {name: np.array(v) for name, v in found.items()}
+
+
+def user_numbers(table: Any, at: int, values: Array) -> None:
+    """Put values (keys, joints) of a law into the user numbers (joints, slots) from `at` on."""
+    keys, joints = values.shape
+    table[:joints, at : at + keys] = values.T

@@ -1,0 +1,230 @@
+"""A mechanism's file, model and runs, opened and checked together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.base import Base, base_of
+from cell.gap.subject.mechanism.effects import torques
+from cell.gap.subject.mechanism.file import MechanismFile, SignalSpec
+from cell.gap.subject.mechanism.library import check_effects
+from cell.gap.subject.mechanism.model import (
+    LIGHT,
+    Mechanism,
+    check_joints,
+    compiled,
+    joints_of,
+    named,
+    read_xml,
+)
+from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
+from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
+from drivers.errors import ConfigurationError
+from drivers.settings import load, read_yaml
+from drivers.types import Array
+
+SMOOTH = 0.02  # rad/s over which compiled dry friction changes sign in a simulation
+SMOOTHED = 0.02  # the same along measured motion, of its typical rate
+FLOOR = 0.02  # of a torque's spread: what rigid bodies get wrong
+FORWARD_FLOOR = 5e-5  # rad or m, of integration
+LIMITLESS = 1e12
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """Everything that a subject is made of; `pace` [rad/s] is how fast its signals change.
+
+    `mix` (signals, joints) and `offset` (signals,) make compared positions of the joints'.
+    """
+
+    file: MechanismFile
+    path: Path
+    mechanism: Mechanism
+    base: tuple[Base, ...]
+    recordings: tuple[Recording, ...]
+    signals: tuple[Signal, ...]
+    pace: float
+    mix: Array
+    offset: Array
+
+
+def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
+    """The file at `path` with the text and the compiled model that it names.
+
+    Raises ConfigurationError for anything broken in them.
+    """
+    file = load(path, MechanismFile)
+    folder = path.resolve().parent
+    place = (folder / file.model).resolve()
+    if Path(file.model).is_absolute() or not place.is_relative_to(folder):
+        raise ConfigurationError(
+            f"{path}: model: {file.model} lies outside {folder}; paths stay in the file's folder"
+        )
+    xml = read_xml(place, folder)
+    model = compiled(xml, str(place), torques().slots, file.step, folder=folder)
+    check_joints(model, str(place))
+    _check_names(file, model, str(path))
+    return file, xml, model
+
+
+def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
+    for name, spec in file.signals.items():
+        for kind in ("joint", "actuator", "site", "sensor"):
+            wanted = getattr(spec, kind)
+            if wanted is not None:
+                named(model, kind, wanted, origin, f"signals.{name}")
+        if spec.actuator is not None:
+            number = model.actuator(spec.actuator).id
+            if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
+                raise ConfigurationError(
+                    f"{origin}: signals.{name}: actuator {spec.actuator} drives no joint; "
+                    "compare torques of motors on joints"
+                )
+    if file.mode == "prescribed":
+        joints = [model.joint(i).name for i in range(model.njnt)]
+        missing = next((j for j in joints if file.inputs.get(j) != "position"), None)
+        if missing is not None:
+            raise ConfigurationError(
+                f"{origin}: inputs.{missing}: is missing; in mode prescribed every joint's motion "
+                "is given: add it as position"
+            )
+    for name, is_ in file.inputs.items():
+        named(model, "joint" if is_ == "position" else "actuator", name, origin, f"inputs.{name}")
+
+
+def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
+    """The mechanism at `path` with its measured runs; ConfigurationError for anything broken."""
+    file, xml, model = open_file(path)
+    hinges = [model.joint(i).name for i in range(model.njnt) if model.jnt_type[i] == 3]
+    recordings = sorted((read_recording(f, file, hinges) for f in folders), key=lambda r: r.index)
+    for r in recordings:
+        _check_load(r, model)
+    check_indices([f.path for f in folders],
+                  [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
+    signals = tuple(_signal(n, s, model, recordings, str(path))
+                    for n, s in file.signals.items() if not _given(s, file))  # fmt: skip
+    columns = [n for n, k in file.inputs.items() if k == "position"]
+    columns += [n for n, s in file.signals.items() if s.is_ != "torque"]
+    mechanism = _mechanism(file, xml, model, recordings, signals)
+    check_effects(file.effects, mechanism, str(path))
+    mix = np.array([_mixed(s, file.signals[s.name], model) for s in signals])
+    return Opened(file, path, mechanism, base_of(file, mechanism, str(path)), tuple(recordings),
+                  signals, pace(recordings, columns), mix, np.zeros(len(signals)))  # fmt: skip
+
+
+def _check_load(recording: Recording, model: Any) -> None:
+    """Refuse a stated load that is none, or on no body."""
+    if recording.load is None:
+        return
+    origin = f"{recording.name}: {HEAD}: load"
+    place = recording.load.get("com", [0.0, 0.0, 0.0])
+    numbers = [recording.load.get("mass"), *(place if isinstance(place, list) else [None])]
+    if len(numbers) != 4 or not all(isinstance(x, int | float) for x in numbers):
+        raise ConfigurationError(f"{origin}: needs body, mass [kg] and com: [x, y, z] [m]")
+    named(model, "body", str(recording.load.get("body")), origin, "body")
+
+
+def _given(spec: SignalSpec, file: MechanismFile) -> bool:
+    """Whether a signal is part of the given motion, and nothing to compare with."""
+    return file.mode == "prescribed" and spec.is_ != "torque"
+
+
+def _signal(name: str, spec: SignalSpec, model: Any,
+            recordings: Sequence[Recording], origin: str) -> Signal:  # fmt: skip
+    sigma = spec.sigma
+    if isinstance(sigma, str):
+        sigma = repeat_noise(recordings, name, origin)
+    kind = spec.is_ or ("site" if spec.site else "sensor")
+    if spec.sensor is not None and _is_position(model, spec.sensor):
+        kind = "position"
+    joint, floor = -1, FORWARD_FLOOR
+    if spec.joint is not None:
+        joint = model.joint(spec.joint).id
+    elif spec.actuator is not None:
+        joint = int(model.actuator_trnid[model.actuator(spec.actuator).id, 0])
+        values = np.concatenate([r.columns[name] for r in recordings])
+        floor = FLOOR * float(np.nanstd(values))
+    elif spec.site is not None and spec.axis is not None:
+        joint = 3 * model.site(spec.site).id + "xyz".index(spec.axis)
+    elif spec.sensor is not None and kind == "sensor":
+        joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
+    zone = "grasped"
+    if kind in ("position", "velocity", "torque"):
+        zone = "fixed" if joint == 0 else "grasped" if joint == model.njnt - 1 else "middle"
+    return Signal(name, kind, name, float(sigma), zone, joint, floor)
+
+
+def _mixed(signal: Signal, spec: SignalSpec, model: Any) -> Array:
+    """The sum of joint positions (joints,) that a signal is; nothing where it is none."""
+    row = np.zeros(model.njnt)
+    if signal.kind not in ("position", "velocity"):
+        return row
+    if spec.sensor is None:
+        row[signal.joint] = 1.0
+        return row
+    sensor = model.sensor(spec.sensor)
+    number = int(sensor.objid[0])
+    if int(sensor.type[0]) == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
+        row[number] = 1.0
+        return row
+    first = int(model.tendon_adr[number])
+    for w in range(first, first + int(model.tendon_num[number])):
+        row[int(model.wrap_objid[w])] += float(model.wrap_prm[w])
+    return row
+
+
+def _is_position(model: Any, name: str) -> bool:
+    """Whether a sensor reads a joint, or a sum of joints as a fixed tendon makes it."""
+    sensor = model.sensor(name)
+    kind, number = int(sensor.type[0]), int(sensor.objid[0])
+    if kind == int(mujoco.mjtSensor.mjSENS_JOINTPOS):
+        return True
+    if kind != int(mujoco.mjtSensor.mjSENS_TENDONPOS):
+        return False
+    first = int(model.tendon_adr[number])
+    return int(model.wrap_type[first]) == int(mujoco.mjtWrap.mjWRAP_JOINT)
+
+
+def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[Recording],
+               signals: Sequence[Signal]) -> Mechanism:  # fmt: skip
+    free = model.actuator_forcelimited == 0
+    model.actuator_forcerange[free] = (-LIMITLESS, LIMITLESS)
+    model.actuator_forcelimited[:] = 1
+    if model.npair == 0:
+        model.opt.disableflags |= 1 << 4  # contact
+    measured = {s.joint: n for n, s in file.signals.items() if s.joint and s.is_ == "position"}
+    measured |= {n: n for n, kind in file.inputs.items() if kind == "position"}
+    rms = {j: _rates(recordings, c) for j, c in measured.items() if j is not None}
+    driven = {model.joint(s.joint).name: float(np.sqrt(np.mean(
+        [np.nanmean(r.columns[s.name] ** 2) for r in recordings])))
+        for s in signals if s.kind == "torque"}  # fmt: skip
+    joints = joints_of(model, rms, driven)
+    rates = np.array([j.rate for j in joints])
+    prescribed = file.mode == "prescribed"
+    smooth = SMOOTHED * rates if prescribed else np.full(len(joints), SMOOTH)
+    head = [[len(joints), j.qpos, j.dof, s] for j, s in zip(joints, smooth, strict=True)]
+    model.jnt_user[:, :4] = head
+    torque = tuple((s.name, s.joint) for s in signals if s.kind == "torque")
+    measured_at = [s.name for s in signals if s.kind == "position"]
+    encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
+    actuators = tuple(model.actuator(i).name for i in range(model.nu))
+    return Mechanism(file.name, file.mode, file.step, xml, model, joints, actuators, encoders,
+                     torque, smooth, bool(min(j.inertia for j in joints) >= LIGHT))  # fmt: skip
+
+
+def _rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:
+    """Spread of rate and acceleration of a measured position."""
+    rates, accelerations = [], []
+    for r in recordings:
+        x, t = r.columns[column], r.t
+        some = np.isfinite(x)
+        every = max(1, int(some.sum()) // 300)
+        x, t = x[some][::every], t[some][::every]
+        v = np.gradient(x, t)
+        rates.append(np.mean(v**2))
+        accelerations.append(np.mean(np.gradient(v, t) ** 2))
+    return float(np.sqrt(np.mean(rates))), float(np.sqrt(np.mean(accelerations)))

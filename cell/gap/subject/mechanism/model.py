@@ -1,0 +1,197 @@
+"""A MuJoCo model read with care, and what the workflow needs to know of it."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_text
+from drivers.types import Array
+
+ASSETS = ("file", "meshdir", "texturedir", "assetdir", "filename", "content_type")
+LIGHT = 1e-3  # kg m^2 below which MuJoCo's own dry friction is too weak
+POSES = 24  # at which weights and inertias are taken
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A hinge or a slide: addresses, and its typical torque [N m], rate [rad/s], inertia [kg m^2].
+
+    `actuator` is the number of the motor that drives it, -1 where none does.
+    """
+
+    name: str
+    hinge: bool
+    qpos: int
+    dof: int
+    actuator: int
+    torque: float
+    rate: float
+    inertia: float
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`.
+
+    `smooth` [rad/s] is the rate over which compiled dry friction changes sign; `native` says that
+    MuJoCo's own is used. `sites` and `sensors` are named signals beside the joints.
+    """
+
+    name: str
+    mode: str
+    step: float
+    xml: str
+    model: Any
+    joints: tuple[Joint, ...]
+    actuators: tuple[str, ...]
+    encoders: tuple[str, ...]
+    torques: tuple[tuple[str, int], ...]
+    smooth: Array
+    native: bool
+    signals: tuple[str, ...] = ()
+
+    @property
+    def torque(self) -> Array:
+        """Typical torque of each joint (joints,) [N m]."""
+        return np.array([j.torque for j in self.joints])
+
+    @property
+    def rate(self) -> Array:
+        """Typical rate of each joint (joints,) [rad/s]."""
+        return np.array([j.rate for j in self.joints])
+
+    @property
+    def inertia(self) -> Array:
+        """Inertia that each joint moves (joints,) [kg m^2]."""
+        return np.array([j.inertia for j in self.joints])
+
+
+def read_xml(path: Path, folder: Path) -> str:
+    """Text of the MJCF or URDF at `path`, self-contained and without foreign code.
+
+    Raises ConfigurationError for text that is no XML, plugins, and files outside `folder`.
+    """
+    text = read_text(path, 20 * MEGABYTE)
+    if "<!ENTITY" in text or "<!DOCTYPE" in text:
+        raise ConfigurationError(f"{path}: declares XML entities; write them out")
+    try:
+        root = ET.fromstring(text)  # noqa: S314  entities were refused above
+    except ET.ParseError as error:
+        raise ConfigurationError(f"{path}: is not valid XML: {error}; mend it") from None
+    if root.tag not in ("mujoco", "robot"):
+        raise ConfigurationError(f"{path}: root is <{root.tag}>; give MJCF or URDF")
+    for element in root.iter():
+        if element.tag in ("plugin", "extension"):
+            raise ConfigurationError(
+                f"{path}: <{element.tag}>: plugins run foreign code and are refused; remove it"
+            )
+        for key in ASSETS:
+            place = element.get(key)
+            if place is not None and key != "content_type":
+                _check_inside(path, place, folder)
+        if element.tag == "include":
+            raise ConfigurationError(
+                f"{path}: <include>: is not followed; save the model whole (mj_saveLastXML)"
+            )
+    return text
+
+
+def _check_inside(path: Path, place: str, folder: Path) -> None:
+    whole = (folder / place.removeprefix("package://")).resolve()
+    if Path(place).is_absolute() or not whole.is_relative_to(folder.resolve()):
+        raise ConfigurationError(
+            f"{path}: {place}: lies outside {folder}; paths of a model stay in its folder"
+        )
+
+
+def compiled(xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None) -> Any:
+    """The MjModel of `xml`, rooms for compiled torques made, contacts off unless pairs ask.
+
+    Geoms that have a mass keep it; joints have `slots` user numbers. Raises ConfigurationError.
+    """
+    assets = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if folder else {}
+    try:
+        spec = mujoco.MjSpec.from_string(xml, assets=assets)
+        spec.nuser_jnt = slots
+        spec.option.timestep = step
+        if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
+            spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"{origin}: does not load: {reason[:160]}; mend it") from None
+
+
+def check_joints(model: Any, origin: str) -> None:
+    """Refuse what has no name or is neither hinge nor slide."""
+    for i in range(model.njnt):
+        name, kind = model.joint(i).name, int(model.jnt_type[i])
+        body = model.body(int(model.jnt_bodyid[i])).name or int(model.jnt_bodyid[i])
+        if not name:
+            raise ConfigurationError(f"{origin}: a joint of body {body} has no name; give it one")
+        if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            raise ConfigurationError(
+                f"{origin}: joint {name}: is free or a ball; allowed: hinge and slide"
+            )
+    if model.njnt == 0:
+        raise ConfigurationError(f"{origin}: has no joint; nothing in it can move")
+
+
+def joints_of(model: Any, rms: dict[str, tuple[float, float]], driven: dict[str, float]
+              ) -> tuple[Joint, ...]:  # fmt: skip
+    """The joints of a model with typical sizes.
+
+    `rms` holds measured rates and accelerations by joint, `driven` measured torques; where nothing
+    was measured, gravity and inertia in poses drawn at random say what is typical.
+    """
+    weight, inertia = _weights(model)
+    found = []
+    for i in range(model.njnt):
+        name, dof = model.joint(i).name, int(model.jnt_dofadr[i])
+        rate, fast = rms.get(name, (0.0, 0.0))
+        torque = driven.get(name) or max(weight[dof], inertia[dof] * fast, 1e-9)
+        swing = float(np.sqrt(max(weight[dof], 1e-12) / inertia[dof]))
+        found.append(Joint(name, bool(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE),
+                           int(model.jnt_qposadr[i]), dof, _driver(model, i), float(torque),
+                           float(rate or swing), float(inertia[dof])))  # fmt: skip
+    return tuple(found)
+
+
+def _driver(model: Any, joint: int) -> int:
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    hits = np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint))
+    return int(hits[0]) if len(hits) else -1
+
+
+def _weights(model: Any) -> tuple[Array, Array]:
+    """Largest torque of gravity and mean inertia of each degree of freedom, over random poses."""
+    rng, data = np.random.default_rng(0), mujoco.MjData(model)
+    weight, inertia = np.zeros(model.nv), np.zeros(model.nv)
+    full = np.zeros((model.nv, model.nv))
+    limited = model.jnt_limited.astype(bool) & (model.jnt_range[:, 1] > model.jnt_range[:, 0])
+    low = np.where(limited, model.jnt_range[:, 0], -np.pi)
+    high = np.where(limited, model.jnt_range[:, 1], np.pi)
+    for _ in range(POSES):
+        data.qpos[:] = rng.uniform(low, high)
+        mujoco.mj_forward(model, data)
+        weight = np.maximum(weight, np.abs(data.qfrc_bias))
+        mujoco.mj_fullM(model, data, full)
+        inertia += np.diag(full) / POSES
+    return weight, inertia
+
+
+def named(model: Any, kind: str, name: str, origin: str, key: str) -> int:
+    """Number of the body, joint, actuator, site or sensor `name`; ConfigurationError lists them."""
+    count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
+             "sensor": "nsensor"}[kind]  # fmt: skip
+    names: Sequence[str] = [getattr(model, kind)(i).name for i in range(getattr(model, count))]
+    if name not in names:
+        allowed = ", ".join(n for n in names if n) or "none"
+        raise ConfigurationError(f"{origin}: {key}: no {kind} {name!r}; allowed: {allowed}")
+    return names.index(name)

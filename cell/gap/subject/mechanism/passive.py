@@ -1,0 +1,122 @@
+"""Torques of joints that MuJoCo has no field for, compiled and called by its engine.
+
+All laws of the library are one compiled function of a joint; their parameters travel in
+`jnt_user`, so that each simulation of a batch has its own. The same laws serve columns of measured
+motion, uncompiled.
+"""
+
+import ctypes
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+from numba import types
+
+from drivers.types import Array
+
+HEAD = 4  # first user numbers of a joint: count of joints, its qpos and dof, its smoothing rate
+_LOCK = threading.Lock()
+TINY_MODEL = (
+    "<mujoco><worldbody><body><joint name='j'/><geom size='1'/></body></worldbody></mujoco>"
+)
+
+
+def chained(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
+    """One compiled `(q, v, load, p) -> torque` of all `laws`, each with its first place in `p`."""
+    if not laws:
+        return numba.njit(_nothing)
+    law, at = laws[0]
+    rest = chained(laws[1:])
+    own = numba.njit(error_model="numpy")(law)
+
+    def both(q, v, load, p):  # type: ignore[no-untyped-def]
+        torque = 0.0
+        if p[at] != 0.0:
+            torque = own(q, v, load, p, at)
+        return torque + rest(q, v, load, p)
+
+    return numba.njit(error_model="numpy")(both)
+
+
+def _nothing(q, v, load, p):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    return 0.0
+
+
+class Torques:
+    """The laws of a library, compiled once; `slots` user numbers of a joint hold their values."""
+
+    def __init__(self, laws: Sequence[tuple[str, Callable[..., Array], int]]) -> None:
+        self.at: dict[str, int] = {}
+        place = HEAD
+        for name, _, keys in laws:
+            self.at[name] = place
+            place += keys
+        self.slots = place
+        self._laws = {name: (law, self.at[name], keys) for name, law, keys in laws}
+        self._callbacks: dict[frozenset[str], Any] = {}
+
+    def along(self, q: Array, v: Array, load: Array, user: Array) -> Array:
+        """Torques (m, joints) along a motion (m, joints), with user numbers (joints, slots)."""
+        found = np.zeros_like(q)
+        for j, p in enumerate(user):
+            for law, at, keys in self._laws.values():
+                if p[at : at + keys].any():
+                    found[:, j] += law(q[:, j], v[:, j], load[:, j], p, at)
+        return found
+
+    @contextmanager
+    def installed(self, names: frozenset[str]) -> Iterator[None]:
+        """While it lasts, MuJoCo adds these torques; one at a time, for its hook is global."""
+        with _LOCK:
+            if names not in self._callbacks:
+                law = chained([self._laws[name][:2] for name in sorted(names)])
+                self._callbacks[names] = _callback(law, *_offsets(), self.slots)
+            mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
+            try:
+                yield
+            finally:
+                mujoco.set_mjcb_passive(None)
+
+
+def _callback(law: Any, user_at: int, qpos_at: int, qvel_at: int, passive_at: int,
+              slots: int) -> Any:  # fmt: skip
+    pointers = types.CPointer(types.CPointer(types.float64))
+
+    @numba.cfunc(types.void(pointers, pointers), error_model="numpy")
+    def add(model, data):  # type: ignore[no-untyped-def]
+        user = numba.carray(model[user_at], (1 << 12, slots))
+        for j in range(int(user[0, 0])):
+            p = user[j]
+            dof = int(p[2])
+            q, v = data[qpos_at][int(p[1])], data[qvel_at][dof]
+            torque = law(q, v, 0.0, p)
+            if torque != 0.0:
+                numba.carray(data[passive_at], (1 << 12,))[dof] += torque
+
+    return add
+
+
+@cache
+def _offsets() -> tuple[int, int, int, int]:
+    """Places of jnt_user in mjModel and of qpos, qvel, qfrc_passive in mjData [pointers].
+
+    Found by the address that each array has, for the layout changes with MuJoCo's version.
+    """
+    spec = mujoco.MjSpec.from_string(TINY_MODEL)
+    spec.nuser_jnt = 1
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    return (_place(model, model.jnt_user), _place(data, data.qpos), _place(data, data.qvel),
+            _place(data, data.qfrc_passive))  # fmt: skip
+
+
+def _place(struct: Any, array: Array) -> int:
+    for at in range(1 << 17):
+        if ctypes.c_uint64.from_address(struct._address + 8 * at).value == array.ctypes.data:
+            return at
+    raise RuntimeError("this MuJoCo keeps its arrays where they were not found")

@@ -1,0 +1,176 @@
+"""A mechanism after acceptance: an MJCF with all that MJCF can say, and its file with the rest."""
+
+import copy
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.case import ModelFields
+from cell.gap.subject.mechanism.library import Accepted, effect_of
+from cell.gap.subject.mechanism.load import LIMITLESS, Opened
+from cell.gap.subject.mechanism.model import Mechanism
+from drivers.types import Array
+
+KEPT_OF_ACTUATOR = ("name", "class", "group", "joint", "jointinparent", "tendon", "site", "refsite",
+                    "body", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "gear",
+                    "delay", "nsample", "interp", "user")  # fmt: skip
+
+
+def accepted_name(opened: Opened) -> str:
+    """Name of the MJCF that an acceptance writes beside the model."""
+    return f"{opened.file.name}-accepted.xml"
+
+
+def patched(
+    opened: Opened, base: Mapping[str, float], effects: Accepted, source: str
+) -> dict[str, object]:
+    """Content of the mechanism file after acceptance; old values stay in its provenance."""
+    content: dict[str, Any] = opened.file.model_dump(mode="json", by_alias=True, exclude_none=True)
+    notes = list(content.pop("provenance"))
+    known = {name: dict(values) for name, values in content.pop("effects").items()}
+    stated = {b.parameter.name: b.parameter.start for b in opened.base}
+    for name, value in base.items():
+        if "." in name:
+            effect, key = name.split(".")
+            known[effect][key] = value
+        was = f"was {stated[name]:.9g}" if name in stated else "was another"
+        notes.append({"key": name, "source": source, "note": f"{was}, is {value:.9g}"})
+    for name, values in effects.items():
+        notes.append({"key": f"effects.{name}", "source": source, "note": "was absent"})
+        if not effect_of(name).edits(opened.mechanism):
+            known[name] = _named_values(name, opened.mechanism, values)
+    return {**content, "model": accepted_name(opened), "effects": known, "provenance": notes}
+
+
+def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) -> dict[str, float]:
+    """Values by the effect's own names; a law's single number is given as `amount`."""
+    (first, *_) = effect_of(name).parameters(mechanism)
+    return {first.name if key == "amount" else key: value for key, value in values.items()}
+
+
+def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -> str:
+    """MJCF of the model with refitted base and those effects that its fields can say."""
+    m = opened.mechanism
+    edited = copy.copy(m.model)
+    fields = ModelFields(edited)
+    for b in opened.base:
+        b.put(fields, base[b.parameter.name])
+    for name, values in effects.items():
+        effect = effect_of(name)
+        if effect.edits(m) and effect.edit is not None:
+            effect.edit(m, _ordered(effect, m, values), fields)
+    fields.finish()
+    root = _root(m.xml)
+    _write_bodies(root, m, edited)
+    _write_joints(root, m, edited)
+    _write_actuators(root, m, edited)
+    _write_options(root, m, edited)
+    _write_pairs(root, m, edited)
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _ordered(effect: Any, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
+    every = (*effect.parameters(mechanism), *effect.finer(mechanism))
+    found = [values.get(p.name, p.start) for p in every]
+    return np.array([1.0 / v if p.inverse and p.name in values else v
+                     for p, v in zip(every, found, strict=True)])  # fmt: skip
+
+
+def _root(xml: str) -> ET.Element:
+    """Root of the model as MJCF: as its owner wrote it, or made of URDF."""
+    root = ET.fromstring(xml)  # noqa: S314  checked when it was read
+    if root.tag == "mujoco":
+        return root
+    return ET.fromstring(mujoco.MjSpec.from_string(xml).to_xml())  # noqa: S314
+
+
+def _text(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(v)) for v in np.atleast_1d(np.asarray(values, dtype=np.float64)))
+
+
+def _differ(mechanism: Mechanism, edited: Any, i: int, names: Sequence[str]) -> bool:
+    return any(not np.array_equal(getattr(edited, n)[i], getattr(mechanism.model, n)[i])
+               for n in names)  # fmt: skip
+
+
+def _write_bodies(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    by_name = {e.get("name"): e for e in root.iter("body")}
+    by_joint = {j.get("name"): e for e in root.iter("body") for j in e.findall("joint")}
+    for i in range(1, edited.nbody):
+        if not _differ(m, edited, i, ("body_mass", "body_ipos", "body_iquat", "body_inertia")):
+            continue
+        body = by_name.get(m.model.body(i).name or "")
+        if body is None:
+            body = by_joint[m.model.joint(int(m.model.body_jntadr[i])).name]
+        for old in body.findall("inertial"):
+            body.remove(old)
+        body.insert(0, ET.Element("inertial", {
+            "pos": _text(edited.body_ipos[i]), "quat": _text(edited.body_iquat[i]),
+            "mass": _text([edited.body_mass[i]]), "diaginertia": _text(edited.body_inertia[i]),
+        }))  # fmt: skip
+        for compiler in root.findall("compiler"):
+            compiler.attrib.pop("inertiafromgeom", None)
+
+
+def _write_joints(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    radian = any(c.get("angle") == "radian" for c in root.findall("compiler"))
+    elements = {e.get("name"): e for e in root.iter("joint") if e.get("name")}
+    for joint in m.joints:
+        element, i, dof = elements[joint.name], edited.joint(joint.name).id, joint.dof
+        if _differ(m, edited, dof, ("dof_damping", "dof_dampingpoly")):
+            whole = [edited.dof_damping[dof], *edited.dof_dampingpoly[dof]]
+            element.set("damping", _text(whole))
+        for key, name, at in (("armature", "dof_armature", dof), ("stiffness", "jnt_stiffness", i),
+                              ("frictionloss", "dof_frictionloss", dof)):  # fmt: skip
+            if _differ(m, edited, at, (name,)):
+                element.set(key, _text([getattr(edited, name)[at]]))
+        if _differ(m, edited, joint.qpos, ("qpos_spring",)):
+            rest = float(edited.qpos_spring[joint.qpos])
+            turn = 1.0 if radian or not joint.hinge else 180.0 / math.pi
+            element.set("springref", _text([rest * turn]))
+
+
+def _write_actuators(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    every = [e for group in root.findall("actuator") for e in group]
+    for i, element in enumerate(every):
+        if _differ(m, edited, i, ("actuator_gainprm", "actuator_biasprm")):
+            kept = {k: v for k, v in element.attrib.items() if k in KEPT_OF_ACTUATOR}
+            element.tag = "general"
+            element.attrib.clear()
+            element.attrib.update(kept)
+            element.set("gaintype", "fixed")
+            element.set("gainprm", _text(edited.actuator_gainprm[i, :3]))
+            if np.any(edited.actuator_biasprm[i]):
+                element.set("biastype", "affine")
+                element.set("biasprm", _text(edited.actuator_biasprm[i, :3]))
+        if abs(edited.actuator_forcerange[i, 1]) < LIMITLESS:
+            element.set("forcerange", _text(edited.actuator_forcerange[i]))
+            element.set("forcelimited", "true")
+
+
+def _write_options(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    option = root.find("option")
+    if option is None:
+        option = ET.SubElement(root, "option")
+    option.set("timestep", _text([m.step]))
+    if m.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        option.set("integrator", "RK4")
+    if not np.array_equal(edited.opt.gravity, m.model.opt.gravity):
+        option.set("gravity", _text(edited.opt.gravity))
+    if edited.opt.density != m.model.opt.density:
+        option.set("density", _text([edited.opt.density]))
+    if m.model.npair == 0:
+        flag = option.find("flag")
+        flag = ET.SubElement(option, "flag") if flag is None else flag
+        flag.set("contact", "disable")
+
+
+def _write_pairs(root: ET.Element, m: Mechanism, edited: Any) -> None:
+    for i, element in enumerate(root.findall("contact/pair")):
+        if _differ(m, edited, i, ("pair_friction",)):
+            element.set("friction", _text(edited.pair_friction[i]))

@@ -1,0 +1,211 @@
+"""Measured runs of a mechanism: read, checked, and cut into the samples that are compared."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.subject.mechanism.file import MechanismFile
+from cell.gap.subject.run_folders import HEAD, RunFolder, check_time, read_table
+from cell.gap.subject.subject import Samples
+from drivers.errors import ConfigurationError
+from drivers.settings import SCHEMA, read_yaml
+from drivers.types import Array, frozen
+
+ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
+MOST = 4000  # readings of a run that are used
+JUMP = 50.0  # median steps in one: the clock jumped
+FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
+PER_BLOCK = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Columns (m,) of a run by name over `t` (m,) from 0 [s], NaN where absent."""
+
+    name: str
+    condition: str
+    index: int
+    t: Array
+    columns: Mapping[str, Array]
+    load: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A compared column: its channel, the quantity by which gaps are shown, noise, place in the
+    chain (`zone`), and the joint whose encoder or motor it belongs to (-1: none).
+    """
+
+    name: str
+    kind: str
+    channel: str
+    sigma: float
+    zone: str
+    joint: int
+    floor: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Readings of a run: times `t` (k,) [s], `values` (signals, k), `edges` (b + 1,) of samples."""
+
+    t: Array
+    values: Array
+    edges: NDArray[np.int64]
+
+
+def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]) -> Recording:
+    """The recording in a run folder; raises ConfigurationError, in one line, for a broken one."""
+    path = folder.path / HEAD
+    head = read_yaml(path)
+    _check_head(head, path, file)
+    index = head.get("index", 0)
+    if isinstance(index, bool) or not isinstance(index, int) or index < 0:
+        raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
+    path = folder.path / "signals.parquet"
+    table = read_table(path)
+    if "t" not in table:
+        raise ConfigurationError(f"{path}: t: this column is missing (or not numbers); add it")
+    t = table["t"]
+    if len(t) > ROWS:
+        raise ConfigurationError(f"{path}: has {len(t)} rows, at most {ROWS} are read; thin them")
+    check_time(t, path, least=20)
+    steps = np.diff(t)
+    if steps.max() > JUMP * np.median(steps):
+        row = int(np.argmax(steps)) + 1
+        raise ConfigurationError(
+            f"{path}: t: jumps by {steps.max():g} s at row {row} (steps of {np.median(steps):g} s);"
+            " the clock was set or rows are lost: cut the run there"
+        )
+    for name in (*file.signals, *file.inputs):
+        if name not in table:
+            raise ConfigurationError(f"{path}: {name}: this column is missing; add it")
+        if not np.isfinite(table[name]).any():
+            raise ConfigurationError(f"{path}: {name}: holds no number; leave the run out")
+    angles = [n for n in file.inputs if file.inputs[n] == "position" and n in hinges]
+    angles += [n for n, s in file.signals.items() if s.is_ == "position" and s.joint in hinges]
+    for name in angles:
+        _check_angle(t, table[name], path, name)
+    # slices of one recording are no repeats of each other: they stay together as one condition
+    condition = str(head.get("origin", head.get("condition", folder.name)))
+    kept = {n: frozen(v) for n, v in table.items() if n != "t"}
+    load = head.get("load")
+    if load is not None and not isinstance(load, dict):
+        raise ConfigurationError(f"{folder.path / HEAD}: load: is {load!r}; give body, mass, com")
+    return Recording(folder.name, condition, index, frozen(t - t[0]), kept, load)
+
+
+def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> None:
+    schema, name = head.get("schema"), head.get("mechanism")
+    if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
+        raise ConfigurationError(f"{path}: schema: is {schema!r}, this version reads {SCHEMA}")
+    if name != file.name:
+        raise ConfigurationError(
+            f"{path}: mechanism: is {name!r}, but the file describes {file.name}; give runs of "
+            "one mechanism and its file"
+        )
+
+
+def _check_angle(t: Array, values: Array, path: Path, name: str) -> None:
+    some = np.isfinite(values)
+    x = values[some]
+    if np.abs(x).max() > FAR:
+        raise ConfigurationError(
+            f"{path}: {name}: reaches {np.abs(x).max():.0f}; angles are in rad (degrees / 57.3)"
+        )
+    speed = float(np.quantile(np.abs(np.gradient(x, t[some])), 0.9))
+    if speed > FAST:
+        raise ConfigurationError(
+            f"{path}: {name}: changes by {speed:.0f} rad/s; angles are in rad, t in s"
+        )
+
+
+def repeat_noise(found: Sequence[Recording], column: str, origin: str) -> float:
+    """One-sigma noise of a column from repeats of a condition; ConfigurationError without any."""
+    squares = []
+    for i, a in enumerate(found):
+        for b in found[i + 1 :]:
+            if a.condition == b.condition:
+                other = np.interp(a.t, b.t, b.columns[column])
+                squares.append(np.nanmean((a.columns[column] - other)[a.t <= b.t[-1]] ** 2) / 2.0)
+    if not squares:
+        raise ConfigurationError(
+            f"{origin}: signals.{column}.sigma: repeats: no two runs share a condition; state it"
+        )
+    return float(max(np.sqrt(np.mean(squares)), 1e-12))
+
+
+def pace(found: Sequence[Recording], columns: Sequence[str]) -> float:
+    """Typical angular frequency of the fastest of the columns [rad/s]: rms rate over rms value."""
+    fast = []
+    for name in columns:
+        pairs = [_rms(r.t, r.columns[name]) for r in found]
+        value, rate = np.sqrt(np.mean(np.square(pairs), axis=0))
+        fast.append(rate / value if value > 0.0 else 0.0)
+    return float(np.clip(max(fast, default=1.0), 0.5, 200.0))
+
+
+def _rms(t: Array, x: Array) -> tuple[float, float]:
+    """Spread of a column and of its rate, noise damped by a moving mean."""
+    some = np.isfinite(x)
+    t, x = t[some], x[some]
+    width = max(1, len(x) // 400)
+    tm = t[: len(t) // width * width].reshape(-1, width).mean(axis=1)
+    xm = x[: len(x) // width * width].reshape(-1, width).mean(axis=1)
+    return float(xm.std()), float(np.gradient(xm, tm).std()) if len(xm) > 2 else 0.0
+
+
+def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
+    """Readings in samples of `width` [s] at least, at most PER_BLOCK of a sample and MOST of a run.
+
+    Readings in which any column is absent are left out.
+    """
+    t = recording.t
+    whole = np.array([recording.columns[c] for c in columns])
+    width = max(width, t[-1] * PER_BLOCK / MOST)
+    good = np.flatnonzero(np.isfinite(whole).all(axis=0))
+    block = np.floor(t[good] / width).astype(np.int64)
+    chosen, edges = list[int](), [0]
+    first = np.flatnonzero(np.diff(block, prepend=-1))
+    for a, b in zip(first, [*first[1:], len(good)], strict=True):
+        inside = good[a:b]
+        if len(inside) > PER_BLOCK:
+            inside = inside[np.linspace(0, len(inside) - 1, PER_BLOCK).round().astype(int)]
+        chosen += inside.tolist()
+        edges.append(len(chosen))
+    return Cut(frozen(t[chosen]), frozen(whole[:, chosen]), np.array(edges))
+
+
+def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
+    """Samples of all signals, signal by signal; `speed` (b,) is the motion's by sample, signed."""
+    k, n = len(made.edges) - 1, len(signals)
+    counts = np.diff(made.edges)
+    middle = np.add.reduceat(made.t, made.edges[:-1]) / counts
+    still = np.abs(speed) < 0.05 * np.sqrt(np.mean(speed**2) + 1e-300)
+    phase = np.where(still, "hold", np.where(speed > 0.0, "carry", "return"))
+    sigma = np.array([s.sigma for s in signals])
+    # the error of a torque is ripple, supply and constants, which a mean does not make smaller
+    readings = np.where([[s.kind == "torque"] for s in signals], 1.0, np.sqrt(counts))
+    return Samples(
+        channel=np.repeat(np.array([s.channel for s in signals]), k),
+        phase=np.tile(phase, n),
+        zone=np.repeat(np.array([s.zone for s in signals]), k),
+        quantity=np.repeat(np.array([s.channel for s in signals]), k),
+        t=np.tile(middle, n),
+        noise=(sigma[:, None] / readings).ravel(),
+        reading=np.repeat(sigma, k),
+        floor=np.repeat(np.array([s.floor for s in signals]), k),
+        series=np.repeat(np.arange(n), k),
+    )
+
+
+def averaged(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
+    counts = np.diff(edges)
+    mean = np.add.reduceat(values, edges[:-1], axis=1) / counts
+    square = np.add.reduceat(values**2, edges[:-1], axis=1) / counts
+    return mean.ravel(), square.ravel()

@@ -1,0 +1,343 @@
+"""A mechanism as a subject of the gap workflow."""
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.gap.subject.mechanism.bodies import add_point
+from cell.gap.subject.mechanism.case import Case, Content
+from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
+from cell.gap.subject.mechanism.effects import torques
+from cell.gap.subject.mechanism.forward import Forward, commands_of
+from cell.gap.subject.mechanism.library import (
+    accepted_parameters,
+    described,
+    effect_of,
+    grouped,
+    offered,
+    user_numbers,
+)
+from cell.gap.subject.mechanism.load import Opened, open_all
+from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
+from cell.gap.subject.mechanism.runs import Cut, Recording, averaged, cut, samples
+from cell.gap.subject.run_folders import RunFolder
+from cell.gap.subject.scene import Scene
+from cell.gap.subject.scene import Signal as Drawn
+from cell.gap.subject.subject import (
+    Candidate,
+    Experiment,
+    Parameter,
+    Quantity,
+    Request,
+    Residuals,
+    Run,
+    Scattering,
+    Scope,
+)
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+BLOCK = 0.4  # rad of the fastest signal in one sample
+# of positions [rad, m] and rates; of torques a share of their spread, for those of geared drives
+# follow from current or duty, whose constants, ripple and supply are known to some 10 to 20 %
+TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.2, "site": 1e-3, "sensor": 0.0}
+KEYS = {"position": ("mrad", 1e3), "velocity": ("mrads", 1e3), "torque": ("Nm", 1.0),
+        "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
+THIRD = 1.0 / 3.0  # of its noise, by which half the step may move a signal
+
+
+class MechanismSubject:
+    """Measured runs of one mechanism, simulated by MuJoCo."""
+
+    def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
+        self.opened = opened
+        self._mechanism = m = opened.mechanism
+        self._torques = torques()
+        self._engine: Prescribed | Forward
+        if m.mode == "prescribed":
+            self._engine = Prescribed(m, self._torques, jobs)
+        else:
+            settle = opened.file.start.settle or 0.0
+            self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
+                                   settle, jobs, self._compiled())  # fmt: skip
+        self._scope = self._scoped(without)
+        self._by_run = [b for b in opened.base if b.by_run is not None]
+        self._runs = tuple(self._run(r) for r in opened.recordings)
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name."""
+        return self.opened.file.name
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The measured runs."""
+        return self._runs
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What the operator must know of how runs are compared."""
+        if self._mechanism.mode == "forward":
+            return ()
+        return ("torques of the measured motion are compared; the motion itself is not simulated",)
+
+    @property
+    def scope(self) -> Scope:
+        """What it may lack."""
+        return self._scope
+
+    def _compiled(self) -> frozenset[str]:
+        """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
+        m = self._mechanism
+        known = [effect_of(c.name) for c in (*self._candidates(), *described(m))]
+        known += [effect_of(name) for name in self.opened.file.effects]
+        return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
+
+    def _scoped(self, without: Sequence[str]) -> Scope:
+        accepted, m = self.opened.file.effects, self._mechanism
+        base = [b.parameter for b in self.opened.base]
+        base += list(accepted_parameters(m, accepted))
+        candidates = self._candidates()
+        unknown = next((n for n in without if n not in {c.name for c in candidates}), None)
+        if unknown is not None:
+            raise ConfigurationError(f"--without {unknown}: no effect that these runs could show")
+        quantities = {s.channel: self._quantity(s.channel, s.kind) for s in self.opened.signals}
+        scatter = [Scattering(f"{b.parameter.name}_run", f"{b.field} of {b.owner}",
+                              f"keep the {b.field} of {b.owner} steady")
+                   for b in self.opened.base if b.by_run]  # fmt: skip
+        return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
+                     quantities, described(m), tuple(scatter))  # fmt: skip
+
+    def _candidates(self) -> tuple[Candidate, ...]:
+        return offered(self._mechanism, self.opened.file.effects)
+
+    def _quantity(self, channel: str, kind: str) -> Quantity:
+        key, factor = KEYS[kind]
+        tolerance = TOLERANCE[kind]
+        if kind == "torque":
+            spread = [np.nanstd(r.columns[channel]) for r in self.opened.recordings]
+            tolerance *= float(np.sqrt(np.mean(np.square(spread))))
+        return Quantity(f"{channel}_{key}", factor, key.replace("Nm", "N m"), tolerance)
+
+    def _run(self, recording: Recording) -> Run:
+        o, m = self.opened, self._mechanism
+        made = cut(recording, [s.name for s in o.signals], BLOCK / o.pace)
+        local: tuple[Parameter, ...] = ()
+        if m.mode == "prescribed":
+            joints = [j.name for j in m.joints]
+            motion = motion_of(recording, joints, [s.name for s in o.signals], o.pace)
+            filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
+            good = np.isfinite(filtered).all(axis=0)
+            made = _only(replace(made, values=filtered), good)
+            speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
+            content = Content(made, motion=motion)
+        else:
+            commands = commands_of(recording, tuple(o.file.inputs), m.actuators, o.file.hold)
+            start = self._start(recording)
+            content = Content(made, commands=commands, start=start)
+            local = self._initial(start)
+            speed = np.gradient(made.values[0], made.t)
+        mean_speed, _ = averaged(speed[None], made.edges)
+        local += tuple(
+            Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
+                      b.parameter.step, b.by_run or 0.0, random=True, common=True)
+            for b in self._by_run
+        )  # fmt: skip
+        return Run(recording.name, recording.condition, samples(o.signals, made, mean_speed),
+                   local, (content, recording), recording.index)  # fmt: skip
+
+    def _start(self, recording: Recording) -> tuple[Array, Array]:
+        """Positions and rates (joints,) in which the run begins, as measured or stated."""
+        spec, n = self.opened.file.start, len(self._mechanism.joints)
+        rows = self.opened.mix, self.opened.offset
+        q, v = np.zeros(n), np.zeros(n)
+        places, rates, at = [], [], []
+        near = recording.t < 0.5 / self.opened.pace
+        if near.sum() < 8:
+            near = np.arange(len(recording.t)) < 8
+        for k, s in enumerate(self.opened.signals):
+            if s.kind == "position":
+                t, x = recording.t[near], recording.columns[s.name][near]
+                some = np.isfinite(x)
+                fitted = np.polynomial.Polynomial.fit(t[some], x[some], 3)
+                places.append(float(x[some][0]) - rows[1][k])
+                rates.append(float(fitted.deriv()(0.0)))
+                at.append(k)
+        if at:
+            inverse = np.linalg.pinv(rows[0][at])
+            q, v = inverse @ places, inverse @ rates
+        if spec.position != "measured":
+            q[:] = spec.position
+        if spec.velocity != "measured":
+            v[:] = spec.velocity
+        return q, v
+
+    def _initial(self, start: tuple[Array, Array]) -> tuple[Parameter, ...]:
+        spec = self.opened.file.start
+        if spec.spread == 0.0 or spec.settle:
+            return ()
+        wide = np.inf if spec.spread is None else spec.spread
+        free, found = np.inf, []
+        rows = (("angle", start[0], "rad", 1.0), ("rate", start[1], "rad/s", self.opened.pace))
+        for name, values, unit, times in rows:
+            for joint, value in zip(self._mechanism.joints, values, strict=True):
+                found.append(Parameter(f"{name}_{joint.name}", unit, float(value), -free, free,
+                                       1e-5 * times, wide * times))  # fmt: skip
+        return tuple(found)
+
+    def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
+        """Measured minus simulated signals; what is lost in simulation is NaN, and no error."""
+        found = self._engine.predict([self._case(r) for r in requests])
+        residuals = []
+        for request, predicted in zip(requests, found, strict=True):
+            made = _content(request.run).cut
+            difference = made.values - (np.nan if predicted is None else predicted)
+            residuals.append(Residuals(*averaged(difference, made.edges)))
+        return residuals
+
+    def _case(self, request: Request) -> Case:
+        """The simulation that a request asks for."""
+        o, content = self.opened, _content(request.run)
+        joints, count = len(self._mechanism.joints), len(o.base)
+        names = [p.name for p in self._scope.base[count:]]
+        effects = {**grouped(names, request.base[count:]), **request.effects}
+        values = np.array(request.base[:count])
+        own = {p.name: float(v) for p, v in zip(request.run.local, request.local, strict=True)}
+        for i, b in enumerate(o.base):
+            values[i] += own.get(f"{b.parameter.name}_run", 0.0)
+        start = content.start or (np.zeros(joints), np.zeros(joints))
+        if content.start is not None and "angle_" + self._mechanism.joints[0].name in own:
+            start = (np.array(request.local[:joints]), np.array(request.local[joints : 2 * joints]))
+        known = [(self._effect(name), v) for name, v in effects.items()]
+        readings, m = Readings(), self._mechanism
+        for effect, v in known:
+            if effect.read is not None:
+                effect.read(m, v, readings)
+        paths = [(e, v) for e, v in known if e.path is not None]
+        load = cast(tuple[Content, Recording], request.run.content)[1].load
+
+        def edit(fields: Fields) -> None:
+            for b, value in zip(o.base, values, strict=True):
+                b.put(fields, float(value))
+            if load is not None:
+                body = m.model.body(str(load["body"])).id
+                add_point(fields, body, float(load["mass"]), np.array(load.get("com", [0, 0, 0])))
+            for effect, v in known:
+                self._put(effect, v, fields)
+
+        return Case(content, edit, readings, paths, start)
+
+    def _put(self, effect: Effect, values: Array, fields: Fields) -> None:
+        m = self._mechanism
+        if effect.edit is not None and (effect.law is None or effect.edits(m)):
+            effect.edit(m, values, fields)
+        elif effect.law is not None:
+            at = self._torques.at[effect.name]
+            user_numbers(fields["jnt_user"], at, effect.table(m, values))
+
+    def _effect(self, name: str) -> Effect:
+        return effect_of(name)
+
+    def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
+        """The runs as they are: steps were checked when the subject was opened."""
+        return [request.run for request in requests]
+
+    def experiments(self) -> Sequence[Experiment]:
+        """None: what a mechanism may do next is its owner's to plan."""
+        return ()
+
+    def measured(self, run: Run) -> Scene:
+        """The signals as they were measured."""
+        made = _content(run).cut
+        rows = zip(self.opened.signals, made.values, strict=True)
+        return Scene(tuple(Drawn(s.name, made.t, row) for s, row in rows))
+
+    def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
+        """The signals as simulated, and by how much those that were measured are larger."""
+        found: list[Scene | None] = []
+        for request, rows in zip(requests, self._engine.predict([self._case(r) for r in requests]),
+                                 strict=True):  # fmt: skip
+            made = _content(request.run).cut
+            if rows is None:
+                found.append(None)
+                continue
+            both = []
+            for s, now, seen in zip(self.opened.signals, rows, made.values, strict=True):
+                both.append(Drawn(s.name, made.t, now))
+                both.append(Drawn(f"{s.name}, measured - simulated", made.t, seen - now))
+            found.append(Scene(tuple(both)))
+        return found
+
+    def patch(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
+    ) -> tuple[dict[str, object], dict[str, object] | None]:
+        """The mechanism file with refitted base and named effects; see `patch`."""
+        from cell.gap.subject.mechanism.patch import patched
+
+        return patched(self.opened, base, effects, source), None
+
+    def model_text(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    ) -> str:
+        """Text of the MJCF after acceptance, to lie beside the model."""
+        from cell.gap.subject.mechanism.patch import accepted_xml
+
+        return accepted_xml(self.opened, base, effects)
+
+
+def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
+    """The readings that are `good` (k,), samples without any left out."""
+    block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
+    edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
+    return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
+
+
+def _content(run: Run) -> Content:
+    return cast(tuple[Content, Recording], run.content)[0]
+
+
+def open_mechanism(
+    path: Path, folders: Sequence[RunFolder], jobs: int = 1, without: Sequence[str] = ()
+) -> MechanismSubject:
+    """The mechanism of a file with its measured runs, checked; effects `without` are withheld.
+
+    Raises ConfigurationError for bad input, and where the stated model itself cannot be simulated.
+    """
+    subject = MechanismSubject(open_all(path, folders), jobs, without)
+    check_simulates(subject, str(path))
+    return subject
+
+
+def check_simulates(subject: MechanismSubject, origin: str) -> None:
+    """Refuse a model that explodes, or whose motion depends on the step of its integrator.
+
+    Raises ConfigurationError.
+    """
+    run, scope = subject.runs[0], subject.scope
+    own = np.array([p.start for p in run.local])
+    asked = [Request(run, np.array([p.start for p in scope.base]), {}, own)]
+    (found,) = subject.simulate(asked)
+    if not np.isfinite(found.mean).all():
+        raise ConfigurationError(
+            f"{origin}: model: run {run.name} cannot be simulated, its motion explodes; "
+            "make step smaller, or mend masses, inertias and gains"
+        )
+    m = subject.opened.mechanism
+    if m.mode != "forward":
+        return
+    model = copy.copy(m.model)
+    model.opt.timestep = 0.5 * m.step
+    finer = replace(m, step=0.5 * m.step, model=model)
+    one = replace(subject.opened, mechanism=finer, recordings=subject.opened.recordings[:1])
+    (other,) = MechanismSubject(one).simulate(asked)
+    change = float(np.nanmax(np.abs(found.mean - other.mean) / run.samples.reading))
+    if change > THIRD:
+        raise ConfigurationError(
+            f"{origin}: step: half of it moves run {run.name} by {change:.2g} of its noise, at "
+            f"most {THIRD:.2f} is allowed; make it smaller"
+        )

@@ -1,0 +1,112 @@
+"""A mechanism whose gears twist or have play: each driven joint split into motor and link."""
+
+import copy
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from cell.gap.subject.mechanism.case import Case, ModelFields
+from cell.gap.subject.mechanism.model import Mechanism, compiled
+from drivers.types import Array
+
+FLEX = "__flex"
+SHARE = 1e-3  # of a joint's inertia that its motor has where the model states none
+DAMPED = 0.02  # of critical damping, in the gear
+STIFFEST = 1e6  # N m/rad of a gear that does not twist
+BODY = ("body_mass", "body_ipos", "body_iquat", "body_inertia")
+DOF = ("dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss")
+ACTUATOR = ("actuator_gainprm", "actuator_biasprm", "actuator_forcerange")
+
+
+class Variant:
+    """The split model, compiled once; `motor` (joints,) are the places of the motors' states."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        base = mechanism.model
+        self._model = compiled(_split(mechanism), "variant", base.nuser_jnt, mechanism.step)
+        self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
+            self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+        names = [j.name for j in mechanism.joints]
+        self._joint = np.array([self._model.joint(n).id for n in names])
+        self._flex = np.array([self._model.joint(n + FLEX).id for n in names])
+        self._body = np.array([self._model.body(n).id for n in _body_names(base)])
+        self.motor: Array = self._model.jnt_dofadr[self._joint]
+
+    def model(self, case: Case, *, rigid: bool) -> Any:
+        """The model of a case: split, or its rigid twin with the same integrator."""
+        edited = copy.copy(self._mechanism.model)
+        fields = ModelFields(edited)
+        case.edit(fields)
+        fields.finish()
+        if rigid:
+            edited.opt.integrator = self._model.opt.integrator
+            mujoco.mj_setConst(edited, mujoco.MjData(edited))
+            return edited
+        found = copy.copy(self._model)
+        for name in BODY:
+            getattr(found, name)[self._body] = getattr(edited, name)
+        for name in DOF:
+            getattr(found, name)[self.motor] = getattr(edited, name)
+        for name in ACTUATOR:
+            getattr(found, name)[:] = getattr(edited, name)
+        self._gears(found, edited, case)
+        mujoco.mj_setConst(found, mujoco.MjData(found))
+        return found
+
+    def _gears(self, found: Any, edited: Any, case: Case) -> None:
+        """Put stiffness, play and the compiled torques' numbers into the split joints."""
+        inertia = self._mechanism.inertia
+        dof = self._model.jnt_dofadr[self._flex]
+        soft, gap = case.readings.elastic, case.readings.gap
+        compliance = np.zeros(len(inertia)) if soft is None else soft
+        stiff = np.minimum(1.0 / np.maximum(compliance, 1e-12), STIFFEST * inertia)
+        found.jnt_stiffness[self._joint] = edited.jnt_stiffness
+        found.qpos_spring[self.motor] = edited.qpos_spring
+        small = np.maximum(found.dof_armature[self.motor], SHARE * inertia)
+        found.dof_armature[self.motor] = small
+        if gap is not None and np.any(gap):
+            free = gap > 0.0
+            stiff = np.where(free, 0.0, stiff)
+            found.jnt_range[self._flex] = 0.5 * np.outer(gap, (-1.0, 1.0)) * free[:, None]
+            found.jnt_limited[self._flex] = free
+        found.jnt_stiffness[self._flex] = stiff
+        found.dof_damping[dof] = 2.0 * DAMPED * np.sqrt(np.maximum(stiff, 1.0) * small)
+        found.jnt_user[:] = 0.0
+        found.jnt_user[self._joint] = edited.jnt_user
+        found.jnt_user[:, 0] = found.njnt
+        found.jnt_user[:, 1], found.jnt_user[:, 2] = found.jnt_qposadr, found.jnt_dofadr
+        found.jnt_user[:, 3] = float(np.mean(edited.jnt_user[:, 3]))
+
+
+def _body_names(model: Any) -> list[str]:
+    """Names of all bodies by number; one that has none is called by its number."""
+    return [model.body(i).name or f"body{FLEX}_{i}" for i in range(model.nbody)]
+
+
+def _split(mechanism: Mechanism) -> str:
+    """Text of the model with a flexible joint beside each joint."""
+    spec = mujoco.MjSpec.from_string(mechanism.xml)
+    root = ET.fromstring(spec.to_xml())  # noqa: S314  our own text
+    bodies = list(root.iter("body"))
+    for body, name in zip(bodies, _body_names(mechanism.model)[1:], strict=True):
+        body.set("name", name)
+    for body in bodies:
+        joint = body.find("joint")
+        if joint is None or not joint.get("name"):
+            continue
+        inner = ET.Element("body", {k: v for k, v in body.attrib.items() if k == "name"})
+        for child in list(body):
+            if child is not joint:
+                body.remove(child)
+                inner.append(child)
+        body.set("name", f"{body.get('name', '')}{FLEX}_{joint.get('name')}")
+        kept = {k: v for k, v in joint.attrib.items() if k in ("type", "axis", "pos", "class")}
+        inner.insert(0, ET.Element("joint", {**kept, "name": joint.get("name", "") + FLEX}))
+        inertial = {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 1e-9 1e-9"}
+        body.insert(0, ET.Element("inertial", inertial))
+        body.append(inner)
+    return ET.tostring(root, encoding="unicode")

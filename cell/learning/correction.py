@@ -1,0 +1,142 @@
+"""Correction of one fold by the learned bias, and the experience that the fold adds."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from cell.config.learning import LearningSettings
+from cell.config.unknown import NAME as UNKNOWN
+from cell.learning.bias import Bias, bias
+from cell.learning.experience import Experience, Memory
+from cell.orchestrator.outcome import Outcome
+from policies.policy import Policy
+
+WEIGHTS = Path(__file__).parents[2] / "policies" / "weights"
+TEACHING = {"layer_touch", "unlike_model"}  # outcomes of folds that were laid down
+WORTH_SAYING = 5e-5  # m, half of the last digit that is printed
+
+
+@runtime_checkable
+class Correctable(Protocol):
+    """A policy that steers by a model, whose aim can be corrected."""
+
+    def correct(self, seen: float, unseen: float) -> None:
+        """Expect displacements `seen` [m] above the model's in images, and `unseen` [m] above those
+        in truth, from the next `reset` on.
+        """
+        ...
+
+
+def corrected(policy: Policy, seen: float, unseen: float) -> bool:
+    """Correct `policy` by the biases `seen` and `unseen` by the camera [m]; whether it can be."""
+    if not isinstance(policy, Correctable):
+        return False
+    policy.correct(seen, unseen)
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """What a bias is learned for: a policy with its weights, a fabric, one specimen of it."""
+
+    policy: str
+    strip: str
+    specimen: str
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Bias [m] by which a fold is corrected: as `seen` by the camera, and `unseen` by it.
+
+    `learned` is the model's answer that it was taken from; None for a value that was given.
+    """
+
+    seen: float
+    unseen: float
+    learned: Bias | None = None
+
+    @property
+    def total(self) -> float:
+        """Amount [m] by which the fold is steered."""
+        return self.seen + self.unseen
+
+    def apply(self, policy: Policy) -> "Correction | None":
+        """This correction, given to `policy`; None where it does not steer by a model."""
+        return self if corrected(policy, self.seen, self.unseen) else None
+
+    def facts(self) -> dict[str, Any]:
+        """Entry of run.yaml."""
+        return asdict(self)
+
+    def sentence(self) -> str | None:
+        """Text for the operator; None where nothing was corrected."""
+        if abs(self.total) < WORTH_SAYING:
+            return None
+        text = f"aimed {-1e3 * self.total:+.1f} mm, the opposite of the bias"
+        if self.learned is None:
+            return f"{text} that was given"
+        count = self.learned.folds
+        text += f" learned from {count} {'fold' if count == 1 else 'folds'} of this cell"
+        if self.learned.since is None:
+            return text
+        return f"{text}; since run {self.learned.since} something moved: check the calibration"
+
+
+def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str | None) -> Subject:
+    """What a fold belongs to; without a `specimen` a fabric with a file is taken for one.
+
+    The specimen of a fabric without a file is empty: each of its folds is another piece.
+    """
+    found = (checkpoint, *(WEIGHTS / f"{policy}{end}" for end in (".npz", ".json")))
+    weights = next((path for path in found if path is not None and path.is_file()), None)
+    piece = "" if strip == UNKNOWN else strip
+    digest = "" if weights is None else hashlib.sha256(weights.read_bytes()).hexdigest()[:12]
+    return Subject(f"{policy}@{digest}" if digest else policy, strip, specimen or piece)
+
+
+def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
+    """The correction that the cell has learned for `subject`, at most `settings.limit`.
+
+    Raises ConfigurationError where the experiences cannot be read.
+    """
+    mine = [one for one in memory.experiences() if one.policy == subject.policy]
+    found = bias(mine, subject.strip, subject.specimen, settings)
+    total = found.seen + found.rig
+    share = min(1.0, settings.limit / abs(total)) if total else 1.0
+    return Correction(share * found.seen, share * found.rig, found)
+
+
+def experience_of(
+    run: str, subject: Subject, outcome: Outcome, correction: Correction
+) -> Experience | None:
+    """The experience of a fold that was measured; None where it teaches nothing.
+
+    Folds without a touch or laid edges, folds that were stopped, and predictions made blind are
+    left out. A strip that is unlike the model teaches too: it comes out the same way again.
+    """
+    foretold, touch = outcome.foretold, outcome.touch
+    if touch is None or outcome.name not in TEACHING:
+        return None
+    if foretold is not None and foretold.blind:
+        return None
+    # A policy without predictions of its own aims at 0 in truth, so at -unseen in images.
+    expected = -correction.unseen if foretold is None else foretold.displacement
+    uncorrected = expected - correction.seen
+    return Experience(
+        run=run,
+        policy=subject.policy,
+        strip=subject.strip,
+        specimen=subject.specimen or run,
+        kind="camera",
+        displacement=touch.displacement - uncorrected,
+    )
+
+
+def correction_of(facts: Mapping[str, Any] | None) -> Correction:
+    """The correction that a record states; none where it states none."""
+    facts = facts or {}
+    seen, unseen = (facts.get(key, 0.0) for key in ("seen", "unseen"))
+    numbers = all(isinstance(value, int | float) for value in (seen, unseen))
+    return Correction(float(seen), float(unseen)) if numbers else Correction(0.0, 0.0)

@@ -1,0 +1,112 @@
+"""Measured folds that a cell learns from, kept as JSON lines in the user's data folder."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from cell.record.json_lines import json_line, read_json_lines
+from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
+
+NEWEST = 200  # experiences that are kept in use
+Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
+
+
+@dataclass(frozen=True, slots=True)
+class Experience:
+    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy.
+
+    `policy` names the policy with its weights. A `ruler` experience holds no displacement but
+    `rig` [m], the offset of the laid edges by the ruler minus that by the camera.
+    """
+
+    run: str
+    policy: str
+    strip: str
+    specimen: str
+    kind: Literal["camera", "ruler"]
+    displacement: Offset = 0.0
+    rig: Offset = 0.0
+
+
+READER = TypeAdapter(Experience)
+
+
+def _experience(line: dict[str, Any]) -> Experience | None:
+    """The experience of a line; None for a line that holds none."""
+    try:
+        return READER.validate_python(line)
+    except ValidationError:
+        return None
+
+
+class Memory:
+    """The experiences of one cell, oldest first, and whether the operator switched learning off."""
+
+    def __init__(self, cell: str, folder: Path | None = None) -> None:
+        """Of the cell called `cell`; in `folder`, by default the user's data folder."""
+        self.folder = folder or data_folder() / "learning"
+        self.path = self.folder / f"{cell}.jsonl"
+        self._off = self.folder / f"{cell}.off"
+
+    @property
+    def is_off(self) -> bool:
+        """Whether `cell learn off` was the last word."""
+        return self._off.exists()
+
+    def switch(self, *, on: bool) -> None:
+        """Learn again, or no longer; nothing is lost.
+
+        Raises ConfigurationError where the folder cannot be written.
+        """
+        with self._alone():
+            if on:
+                self._off.unlink(missing_ok=True)
+            else:
+                replace_file(self._off, b"")
+
+    def experiences(self) -> tuple[Experience, ...]:
+        """The newest experiences, oldest first; lines that are broken are skipped.
+
+        Raises ConfigurationError for a file that cannot be read.
+        """
+        found = (_experience(line) for line in read_json_lines(self.path))
+        return tuple(one for one in found if one is not None)[-NEWEST:]
+
+    def add(self, experience: Experience) -> None:
+        """Append one experience; it is on disk on return.
+
+        Raises ConfigurationError where it cannot be written.
+        """
+        with self._alone():
+            append_line(self.path, json_line(asdict(experience)))
+
+    def forget(self) -> Path | None:
+        """Set the experiences aside under the returned name; None where there are none.
+
+        Raises ConfigurationError where the file cannot be moved.
+        """
+        with self._alone():
+            if not self.path.exists():
+                return None
+            number = 1 + sum(1 for _ in self.folder.glob(f"{self.path.stem}.forgotten-*"))
+            aside = self.path.with_name(f"{self.path.stem}.forgotten-{number}")
+            self.path.rename(aside)
+            sync_folder(self.folder)
+            return aside
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        with writing(self.path, "the fold itself is recorded"):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with lock_folders([self.folder]):
+                yield
+
+
+def data_folder() -> Path:
+    """Folder for what cannot be computed again."""
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"

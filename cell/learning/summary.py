@@ -1,0 +1,61 @@
+"""What a cell learned, a row for each policy and specimen."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from cell.config.learning import LearningSettings
+from cell.learning.bias import bias
+from cell.learning.experience import Experience
+
+
+def summaries(
+    experiences: Sequence[Experience], settings: LearningSettings
+) -> list[dict[str, Any]]:
+    """A row for each policy and specimen: biases and one sigma [m], and where the cell changed."""
+    subjects = dict.fromkeys((e.policy, e.strip, e.specimen) for e in experiences)
+    return [_row(*subject, experiences, settings) for subject in subjects]
+
+
+def _row(
+    policy: str,
+    strip: str,
+    specimen: str,
+    experiences: Sequence[Experience],
+    settings: LearningSettings,
+) -> dict[str, Any]:
+    mine = [one for one in experiences if one.policy == policy]
+    found = bias(mine, strip, specimen, settings)
+    folds = [one for one in mine if (one.strip, one.specimen) == (strip, specimen)]
+    return {
+        "policy": policy,
+        "strip": strip,
+        "specimen": specimen,
+        "folds": sum(one.kind == "camera" for one in folds),
+        "bias": found.seen,
+        "sigma": found.sigma,
+        "cell": found.parts[0],
+        "of_strip": found.parts[1],
+        "of_specimen": found.parts[2],
+        "unseen": found.rig,
+        "since": found.since,
+    }
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """The rows as text [mm], with a line for every change of the cell."""
+    if not rows:
+        return "nothing was learned yet\n"
+    lines = [
+        f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])} +- "
+        f"{1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell {_mm(row['cell'])}, strip "
+        f"{_mm(row['of_strip'])}, specimen {_mm(row['of_specimen'])}); unseen by the camera "
+        f"{_mm(row['unseen'])} mm"
+        for row in rows
+    ]
+    changes = dict.fromkeys(row["since"] for row in rows if row["since"])
+    lines += [f"  since run {run} something moved: check the calibration" for run in changes]
+    return "\n".join(lines) + "\n"
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:+.1f}"

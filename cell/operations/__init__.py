@@ -1,1 +1,0 @@
-"""What the commands do: fold, calibrate, replay, predict, make the standard runs."""

@@ -1,0 +1,49 @@
+"""Ctrl-C, or a signal that ends programs: the first requests a controlled stop, the second stops at
+once.
+"""
+
+import signal
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+from drivers.errors import CellError
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Interrupted(CellError):
+    """Stopped from the keyboard outside a fold, which records that itself."""
+
+    exit_code = 130
+
+
+class Interrupt:
+    """Context manager that counts SIGNALS; the first is only remembered, later ones raise."""
+
+    def __init__(self) -> None:
+        self._asked = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __call__(self) -> bool:
+        """Whether a controlled stop was requested."""
+        return self._asked
+
+    def __enter__(self) -> Self:
+        """Install the signal handlers."""
+        self._before = {number: signal.signal(number, self._hear) for number in SIGNALS}
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Restore the previous signal handlers."""
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def _hear(self, _number: int, _frame: FrameType | None) -> None:
+        if self._asked:
+            raise KeyboardInterrupt
+        self._asked = True

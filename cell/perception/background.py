@@ -1,0 +1,102 @@
+"""Background image behind the strip, and correction for changing light."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.kernels import CELL, EVEN, PATCH, Floats, brightness
+from cell.perception.region import Region
+from drivers.types import Array, Image
+
+EDGE = 3  # rows of desk that are averaged to either side of the strip
+LIFTED_SHADE, DESK_SHADE = 0.06, 0.15  # shares of brightness by which evened light may be off
+
+
+@dataclass(frozen=True, slots=True)
+class Background:
+    """The scene without the strip: `image` (height, width, 3) BGR of the whole picture.
+
+    `shade` (height, width) is the share of brightness by which the light may still differ after
+    it was evened out: more on the desk, where the strip throws its own shadow. Light is the median
+    over `about` (odd) by `about` patches.
+    """
+
+    image: Image
+    shade: Floats
+    about: int
+
+    def light(self, image: Image, region: Region, visible: Image) -> Floats:
+        """(n + 2, m + 2) brightness in the cells of `region` and a border of one, EVEN where
+        unchanged since preflight.
+
+        Shadow and flicker are smooth, a strip is thin: the median over a neighbourhood is light
+        only. Pixels where `visible` (h, w) is 0, such as the hand, are not used.
+        """
+        rows, columns = region.cells(PATCH)
+        patches = (region.left, region.top, rows, columns)
+        now, then = brightness(image, *patches), brightness(self.image, *patches)
+        clear = visible[PATCH // 2 :: PATCH, PATCH // 2 :: PATCH] > 0
+        known = np.ones((rows, columns), np.float32)
+        known[: clear.shape[0], : clear.shape[1]] = clear
+        ratio = self._fill_holes(np.asarray(now / np.maximum(then, 3.0), dtype=np.float32), known)
+        steps = np.rint(np.clip(EVEN * ratio, 1, 255)).astype(np.uint8)
+        smooth = cv2.blur(cv2.medianBlur(steps, self.about).astype(np.float32), (3, 3))
+        cells = cv2.resize(smooth, (columns * PATCH // CELL, rows * PATCH // CELL))
+        n, m = region.cells(CELL)
+        return np.asarray(cv2.copyMakeBorder(cells[:n, :m], 1, 1, 1, 1, cv2.BORDER_REPLICATE))
+
+    def _fill_holes(self, values: Floats, known: Floats) -> Floats:
+        """Values (n, m) where `known`, the mean of neighbouring known ones elsewhere."""
+        if known.all():
+            return values
+        size = (3 * self.about, 3 * self.about)
+        weight = cv2.blur(known, size)
+        mean = cv2.blur(values * known, size) / np.maximum(weight, 1e-6)
+        return np.where(known > 0, values, np.where(weight > 1e-4, mean, 1)).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the resting strip is seen in the plane of its near edge: from x = 0 to `length` [m],
+    between the heights `low` and `high` [m], its blur and shadow included; its midline lies `rise`
+    [m] over the desk's.
+    """
+
+    length: float
+    rise: float
+    low: float
+    high: float
+
+
+def learn_background(
+    image: Image, calibration: Calibration, place: Place, about: int
+) -> Background:
+    """The scene of `image` (height, width, 3) with the strip at `place` taken out."""
+    x = np.linspace(0.0, place.length + 0.012, 60)
+    ends = calibration.to_image(np.column_stack([x[[0, -1]], [0.0, 0.0]]))[:, 0]
+    columns = np.arange(max(int(ends[0]), 0), min(int(ends[1]) + 1, image.shape[1] - 1))
+    bottom, top = (
+        np.interp(columns, *calibration.to_image(np.column_stack([x, 0 * x + z])).T)
+        for z in (place.low, place.high)
+    )
+    empty = image.copy()
+    _bridge(empty, columns, np.floor(top).astype(int), np.ceil(bottom).astype(int))
+    edge = np.interp(np.arange(image.shape[1]), columns, top) - EDGE
+    lying = np.arange(image.shape[0])[:, None] >= edge[None]
+    shade = np.where(lying, DESK_SHADE, LIFTED_SHADE).astype(np.float32)
+    return Background(empty, shade, about)
+
+
+def _bridge(image: Image, columns: Array, top: Array, bottom: Array) -> None:
+    """Interpolate every column between its rows `top` and `bottom`, in place."""
+    height = image.shape[0]
+    tops, bottoms = np.maximum(top, EDGE), np.minimum(bottom, height - EDGE - 1)
+    for u, first, last in zip(columns, tops, bottoms, strict=True):
+        if first >= last:
+            continue
+        above = image[first - EDGE : first, u].mean(axis=0)
+        below = image[last + 1 : last + 1 + EDGE, u].mean(axis=0)
+        share = (np.arange(first, last + 1) - first + 1)[:, None] / (last - first + 2)
+        image[first : last + 1, u] = np.rint(above + share * (below - above))

@@ -1,0 +1,195 @@
+"""Checks of an image before grasping, each with its finding and its remedy."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from calibration.landmarks import CameraShift, LandmarkSettings
+from cell.perception.appearance import Appearance
+from cell.perception.background import DESK_SHADE
+from cell.perception.kernels import Floats
+from cell.perception.region import way_of
+from cell.perception.resting import Samples, Underside, shares_along
+from cell.perception.segmenter import Segmenter, separation
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image
+
+MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
+THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
+WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
+BURNT = 0.1  # share of pixels that may be so
+SOLID = 0.5  # share of strip that every part of it shows
+HIDDEN = 0.04  # share of the background that may look like the strip
+APART = 3.0  # separation from what is behind it, standard deviations
+
+
+@dataclass(frozen=True, slots=True)
+class PreflightCheck:
+    """One named check: its finding, and the remedy when it failed."""
+
+    name: str
+    passed: bool
+    reason: str
+    remedy: str
+
+
+def size(image: Image, calibration: Calibration) -> PreflightCheck:
+    """Whether the image (h, w, 3) has the calibration's size."""
+    lens = calibration.lens
+    return PreflightCheck(
+        "picture fits calibration",
+        image.shape[:2] == (lens.height, lens.width),
+        f"the picture is {image.shape[1]} x {image.shape[0]} pixels, "
+        f"the calibration is for {lens.width} x {lens.height}",
+        "set the camera to the calibrated size, or calibrate again",
+    )
+
+
+def thin_enough(strip: StripFile) -> PreflightCheck:
+    """Whether the strip is thin enough for perception."""
+    return PreflightCheck(
+        "thickness",
+        strip.thickness <= THICKEST,
+        f"the strip is {1e3 * strip.thickness:.1f} mm thick, its edge is found in images up to "
+        f"{1e3 * THICKEST:.1f} mm",
+        "fold a thinner strip, or correct `thickness` in its file",
+    )
+
+
+def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
+    """Whether each of the strip's colours is distinguishable from the desk
+    (3,), lit or in shadow.
+    """
+    apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
+    shade = np.array([DESK_SHADE], dtype=np.float32)
+    away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
+    mostly = "" if away >= settings.separation else ", mostly as a desk and its shadow do"
+    return PreflightCheck(
+        "contrast",
+        apart >= settings.contrast and away >= settings.separation,
+        f"strip and desk differ by {apart:.0f} grey levels{mostly}, {settings.contrast:.0f} "
+        f"are needed; their separation is {away:.1f}, {settings.separation:.1f} is needed",
+        "check that a strip lies there; lay a mat under it that has another colour, not only "
+        "another brightness",
+    )
+
+
+def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> PreflightCheck:
+    """Whether no part of the strip, whose midline rests at a height `rise` [m], looks like desk in
+    the smoothed matte `levels` (h, w).
+    """
+    least = float(np.quantile(shares_along(levels, calibration, strip, rise), 0.05))
+    return PreflightCheck(
+        "solid",
+        least >= SOLID,
+        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip is told from the desk, "
+        f"{100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
+        "lay a mat under it that differs from each of its colours",
+    )
+
+
+def background_contrast(
+    scene: Segmenter, calibration: Calibration, strip: StripFile
+) -> PreflightCheck:
+    """Whether the background along the strip's motion is distinguishable from
+    each of its colours.
+    """
+    way = way_of(calibration, strip.length)
+    alike = (scene.separation(way) < APART).mean(axis=0)
+    share = float(alike.mean())
+    place = np.zeros(way.shape, dtype=np.float32)
+    place[way > 0] = alike
+    x, z = calibration.to_plane(_heaviest(place)[None])[0]
+    if share > MOSTLY:
+        return PreflightCheck(
+            "contrast",
+            False,
+            f"what lies in the strip's place looks like {100 * share:.0f} % of the background",
+            "check that a strip lies there, its side on the marked line; if it does, hang a cloth "
+            "of another colour behind the desk",
+        )
+    return PreflightCheck(
+        "background",
+        share <= HIDDEN,
+        f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
+        f"{100 * HIDDEN:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
+        "take away or cover what stands there, or hang a cloth of another colour behind the desk",
+    )
+
+
+def exposed(seen: Samples) -> PreflightCheck:
+    """Whether strip, desk and backdrop are neither over- nor underexposed."""
+    pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
+    white, black = ((pixels > WHITE).any(axis=1).mean(), (pixels < BLACK).all(axis=1).mean())
+    return PreflightCheck(
+        "exposure",
+        max(white, black) <= BURNT,
+        f"{100 * white:.0f} % of the picture is burnt out and {100 * black:.0f} % black, allowed "
+        f"{100 * BURNT:.0f} % of each",
+        "expose shorter where it is burnt out, longer or with more light where it is black",
+    )
+
+
+def lies_there(seen: Underside, strip: StripFile, *, clear: bool) -> PreflightCheck:
+    """Whether the strip is seen along its expected place; `clear` where it can be."""
+    there = float(seen.present[seen.x < strip.length - 0.01].mean())
+    return PreflightCheck(
+        "strip lies there",
+        clear and there > 0.9,
+        f"seen along {100 * there:.0f} % of its place",
+        "lay the strip along the x-axis, its fixed edge at x = 0, its side on the marked line",
+    )
+
+
+def rests_well(
+    seen: Underside, appearance: Appearance, settings: PerceptionSettings, strip: StripFile
+) -> tuple[PreflightCheck, ...]:
+    """Whether the strip lies flat, in the calibrated plane, with the stated length."""
+    x, z = seen.x[seen.present], seen.z[seen.present]
+    bump = float(np.abs(z - appearance.rest_height(x)).max())
+    high = float(np.abs(appearance.rest_height(x)).max())
+    flat = PreflightCheck(
+        "flat and straight",
+        bump <= settings.flatness,
+        f"its edge leaves a smooth line by {1e3 * bump:.1f} mm, "
+        f"allowed {1e3 * settings.flatness:.1f} mm",
+        "smooth the strip out, lay it straight along the line",
+    )
+    level = PreflightCheck(
+        "on the desk plane",
+        high <= settings.level,
+        f"its edge lies {1e3 * high:.1f} mm off z = 0, allowed {1e3 * settings.level:.1f} mm",
+        "lay the near edge on the marked line; if it is, calibrate the camera again",
+    )
+    error = seen.end - strip.length
+    length = PreflightCheck(
+        "length",
+        abs(error) <= settings.length_tolerance,
+        f"its free edge is at x = {1e3 * seen.end:.0f} mm, stated length "
+        f"{1e3 * strip.length:.0f} mm, allowed within {1e3 * settings.length_tolerance:.0f} mm",
+        "push the fixed edge to x = 0, or state the strip's own length",
+    )
+    return flat, level, length
+
+
+def _heaviest(alike: Floats) -> Array:
+    """(2,) pixel u, v around which most of `alike` (h, w) lies."""
+    near = cv2.blur(alike, (61, 61))
+    v, u = np.unravel_index(int(np.argmax(near)), near.shape)
+    return np.array([float(u), float(v)])
+
+
+def camera_check(shift: CameraShift, settings: LandmarkSettings) -> PreflightCheck:
+    """Whether the camera has moved since its calibration, by its landmarks."""
+    seen = np.isfinite([shift.x, shift.z]).all()
+    desk = f", the desk's line by {shift.desk:+.1f} mm" if np.isfinite(shift.desk) else ""
+    moved = f"the gripper appears moved by x {shift.x:+.1f}, z {shift.z:+.1f} mm{desk}"
+    return PreflightCheck(
+        "camera stands where it was calibrated",
+        bool(seen and shift.distance <= settings.moved_mm),
+        f"{moved}, allowed {settings.moved_mm:.1f} mm" if seen else "the gripper is not seen there",
+        "look whether camera, zoom, focus or robot were touched; fasten them, calibrate again",
+    )

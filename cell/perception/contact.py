@@ -1,0 +1,94 @@
+"""desk_contact in an image: search along the strip's line, refined on its underside."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.appearance import Appearance
+from cell.perception.levels import SCALE, ZERO, share
+from drivers.types import Array, Image
+
+SPACING = 0.0003  # m between samples along the line
+FRONT = -0.005  # m of height where desk shows before the strip
+AVERAGE = 9  # samples over which a sample is averaged against noise
+MARGIN = 0.004  # m of desk that must follow
+HALF = ZERO + SCALE // 2  # level of which half is strip
+
+
+@dataclass(frozen=True, slots=True)
+class SearchLine:
+    """The line along which the strip's underside is searched, where its midline is `height` over
+    rest.
+
+    `x` (n,) [m] and raw image points `pixels` (n, 2), projected once; `front` (k, 2) [px] lie on
+    the desk in front of the strip, where no strip can be.
+    """
+
+    x: Array
+    pixels: Array
+    front: Array
+
+    @classmethod
+    def of(
+        cls,
+        calibration: Calibration,
+        appearance: Appearance,
+        height: float,
+        thickness: float,
+        span: tuple[float, float],
+    ) -> "SearchLine":
+        """The line over `span` [m] of x."""
+        x = np.arange(span[0], span[1], SPACING)
+        z = appearance.rest_height(x) + height - thickness / 2
+        near = x[: len(x) // 2 : 20]
+        front = np.column_stack([near, np.full_like(near, FRONT)])
+        pixels = calibration.to_image(np.column_stack([x, z]))
+        return cls(x, pixels, calibration.to_image(front))
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """x of the desk contact [m], NaN when not seen, and the sharpness of the transition to desk."""
+
+    x: float
+    confidence: float
+
+
+def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
+    """First point along the line, from the fixed end, where strip changes to desk.
+
+    `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
+    """
+    desk = _sample(levels, line.front - origin)
+    if (desk > HALF).mean() > 0.5:  # all looks like strip
+        return Contact(float("nan"), 0.0)
+    along = share(_average(_sample(levels, line.pixels - origin)))
+    strip = along > 0.5
+    if not strip[: len(strip) // 8].any():
+        return Contact(float("nan"), 0.0)
+    ahead = int(MARGIN / SPACING)
+    clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
+    started = np.maximum.accumulate(strip)
+    ends = np.flatnonzero(started[:-1] & strip[:-1] & ~strip[1:] & (clear[1:] == 0))
+    if len(ends) == 0:
+        x = float(line.x[-1]) if strip[-1] else float("nan")
+        return Contact(x, 1.0 if strip[-1] else 0.0)
+    i = int(ends[0])
+    part = (along[i] - 0.5) / max(along[i] - along[i + 1], 1e-6)
+    before, after = along[max(i - 4 * ahead, 0) : i + 1].max(), along[i + 1 : i + 4 * ahead].min()
+    confidence = float(np.clip(2 * (before - after) - 0.6, 0.0, 1.0))
+    return Contact(float(line.x[i] + part * SPACING), confidence)
+
+
+def _sample(levels: Image, pixels: Array) -> Image:
+    at = pixels.astype(np.float32)[None]
+    sampled = cv2.remap(levels, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=ZERO)
+    return np.asarray(sampled[0], dtype=np.uint8)
+
+
+def _average(values: Image) -> Array:
+    """Moving average of AVERAGE samples (n,), the ends repeated."""
+    samples = values[None].astype(np.float64)
+    return np.asarray(cv2.blur(samples, (AVERAGE, 1), borderType=cv2.BORDER_REPLICATE)[0])

@@ -1,0 +1,121 @@
+"""The held end of a strip, found in images alone: where no arm says where it is."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.appearance import Appearance
+from cell.perception.measurement import StripMeasurement
+from cell.perception.perception import Perception
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.file import StripFile
+from drivers.types import Array, Frame, Pose
+
+SURE = 0.5  # confidence in a profile from which the end is taken from it
+CLOSE = 0.001  # m by which the end may still move when it counts as found
+ROUNDS = 6
+END = 0.02  # m at the profile's end that give its tangent
+LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
+AROUND = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What an image shows, with the pose of the held end; None where it was not found."""
+
+    measurement: StripMeasurement
+    end: Pose | None
+
+
+class HeldEnd:
+    """Follows the held end from image to image.
+
+    Of a strip of known length, what is missing between the seen profile and the whole length lies
+    in the grip: the end is the point at that length along the profile. It moves where the profile
+    is read, so both are found together, in a few rounds from where the end should be by now.
+    """
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: PerceptionSettings,
+        strip: StripFile,
+        appearance: Appearance,
+    ) -> None:
+        self._perception = Perception(calibration, settings, strip, appearance)
+        self._length, self._little = strip.length, settings.little
+        self._past: list[tuple[float, Pose]] = []
+
+    def look(self, frame: Frame) -> Held:
+        """The strip in `frame` and its held end; images are given in their order."""
+        first, *others = self._guesses(frame.stamp)
+        best = self._settle(frame, first)
+        for guess in others:
+            if best.end is not None and best.measurement.confidence >= SURE:
+                break
+            found = self._settle(frame, guess)
+            if found.measurement.confidence > best.measurement.confidence:
+                best = found
+        if best.end is not None:
+            self._past = [*self._past[-2:], (frame.stamp, best.end)]
+        return best
+
+    def _guesses(self, stamp: float) -> Iterator[Pose]:
+        """Where the end may be: where it was going, about there, or just lifted."""
+        if not self._past:
+            yield Pose(self._length, 0.0, 0.0)
+            for height in LIFTS:
+                yield Pose(self._length - height / 2, height, min(height / 0.1, 1.0) * np.pi / 2)
+            return
+        last = self._past[-1][1]
+        expected = self._predict(stamp)
+        yield expected
+        yield last
+        for step in AROUND:
+            yield replace(expected, x=expected.x + step)
+            yield replace(expected, z=max(expected.z + step, 0.0))
+
+    def _predict(self, stamp: float) -> Pose:
+        if len(self._past) < 2:
+            return self._past[-1][1]
+        (before, one), (then, two) = self._past[-2:]
+        share = (stamp - then) / (then - before)
+        ahead = two.as_array() + min(share, 5.0) * (two.as_array() - one.as_array())
+        return Pose(float(ahead[0]), max(float(ahead[1]), 0.0), two.pitch)
+
+    def _settle(self, frame: Frame, guess: Pose) -> Held:
+        """The strip read with the end where it comes to rest, begun from `guess`."""
+        for _ in range(ROUNDS):
+            measurement = self._perception.look(frame, guess)
+            end = self._end(measurement)
+            if end is None:
+                return Held(measurement, None)
+            moved = float(np.hypot(end.x - guess.x, end.z - guess.z))
+            guess = end
+            if moved < CLOSE:
+                return Held(replace(measurement, gripper=(end.x, end.z)), end)
+        return Held(measurement, None)
+
+    def _end(self, measurement: StripMeasurement) -> Pose | None:
+        """The point at the strip's length along the profile and on; None without a profile."""
+        curve = measurement.profile
+        if len(curve) < 2:
+            return None
+        steps = np.hypot(*np.diff(curve, axis=0).T)
+        along = measurement.contact_x + np.concatenate([[0.0], np.cumsum(steps)])
+        whole = curve[along <= self._length]
+        if len(whole) < 2:
+            return None
+        return _beyond(whole, self._length - float(along[len(whole) - 1]))
+
+
+def _beyond(curve: Array, rest: float) -> Pose:
+    """The point `rest` [m] beyond the end of a curve (n, 2) [m], along its last stretch."""
+    back = np.hypot(*(curve - curve[-1]).T)
+    begin = int(np.flatnonzero(back >= min(END, float(back.max())))[-1])
+    way = curve[-1] - curve[begin]
+    way = way / max(float(np.hypot(*way)), 1e-9)
+    point = curve[-1] + rest * way
+    return Pose(float(point[0]), float(point[1]), float(np.arctan2(way[1], way[0])))

@@ -1,0 +1,34 @@
+"""Whether a fold lies as it was laid: its edges are seen, near where the gripper let go of them."""
+
+from dataclasses import dataclass
+
+FAR = 0.015  # m between the grasped edge as seen and where the gripper opened
+
+
+@dataclass(frozen=True, slots=True)
+class LaidFold:
+    """The laid fold: `released` and `seen` are the offset of the grasped edge from the fixed one
+    [m], with the sign of d, where the gripper opened and as the camera sees it after the retreat.
+
+    `seen` is None where the image shows no loop that can be measured.
+    """
+
+    released: float
+    seen: float | None
+
+    def complaint(self) -> tuple[str, str] | None:
+        """Outcome and reason of a strip that is not folded; None where it lies as it was laid."""
+        if self.seen is None:
+            return (
+                "edges_not_seen",
+                "the layers touched, but the camera sees no fold where it was laid: the strip "
+                "sprang open or is hidden; look at it, and lay it again",
+            )
+        if abs(self.seen - self.released) > FAR:
+            return (
+                "edges_apart",
+                f"the laid edges are {1e3 * self.seen:+.1f} mm apart, the gripper let go of them "
+                f"at {1e3 * self.released:+.1f} mm (allowed {1e3 * FAR:.0f} mm from there): the "
+                "strip slipped, stretched or sprang open; look at the grip and the strip",
+            )
+        return None

@@ -1,0 +1,149 @@
+"""layer_touch from a sequence of images: the visible gap closes and the falling fold stops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.file import StripFile
+from drivers.types import Array, Pose
+
+DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals tell different events
+THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
+UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
+
+
+@dataclass(frozen=True, slots=True)
+class Fall:
+    """One frame of the falling fold: time [s], gap [m] at x [m], arc length [m] from there along
+    the upper layer to the gripper point.
+    """
+
+    time: float
+    gap: float
+    x: float
+    to_grasped: float
+
+
+class LayerTouch:
+    """Detects layer_touch in a sequence of measurements once two signals agree.
+
+    The first signal is the gap: within `touch_margin` of the touching distance. The second is the
+    fall: its speed drops to `touch_stop` of what it was while the gap closed. The time of the touch
+    is where the closing gap, extrapolated from before the stop, reaches the touching distance. That
+    is the strip's thickness; where the file states a spread of it, the gap that stays.
+    """
+
+    def __init__(self, settings: PerceptionSettings, strip: StripFile) -> None:
+        self._settings = settings
+        thickness = strip.spread.get("thickness", (strip.thickness, strip.thickness))
+        self._distances = max(thickness[0], THINNEST), max(thickness[1], THINNEST)
+        self._length = strip.length
+        self._most = strip.length + settings.length_error
+        self._falls: list[Fall] = []
+        self._touch: SeenTouch | None = None
+
+    def tell(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
+        """The touch, from the frame that completes the evidence on, else None.
+
+        `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.
+        """
+        if self._touch is None:
+            fall = _fall(measurement, gripper)
+            if fall is not None and self._follows(fall):
+                self._falls = [*self._falls, fall][-self._settings.touch_frames :]
+                self._touch = self._find_touch()
+        return self._touch
+
+    def _follows(self, fall: Fall) -> bool:
+        """Whether it is later than the ones before, and consistent with the strip's length."""
+        later = not self._falls or fall.time > self._falls[-1].time
+        return later and fall.x + fall.to_grasped < self._most
+
+    def _find_touch(self) -> SeenTouch | None:
+        t = np.array([f.time for f in self._falls])
+        gap = np.array([f.gap for f in self._falls])
+        distance = float(np.clip(np.median(gap[-3:]), *self._distances))
+        level = distance + self._settings.touch_margin
+        if len(gap) < 6 or not (gap[-3:] < level).all():
+            return None
+        closing = _closing(t, gap, level, distance)
+        if closing is None:
+            return None
+        time, speed = closing
+        after = t >= time
+        if after.sum() < 3:
+            return None
+        left = -float(np.polyfit(t[after], gap[after], 1)[0])
+        if left > self._settings.touch_stop * speed:
+            return None
+        apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
+        if apart > DISAGREE:
+            return None
+        x = np.array([f.x for f in self._falls])
+        l1 = np.array([f.to_grasped for f in self._falls])
+        seen = SeenTouch(
+            time=time,
+            x=_at(time, t, x),
+            to_grasped=_at(time, t, l1),
+            to_fixed=_at(time, t, x),
+            confidence=float(np.exp(-apart)),
+            distance=distance,
+        )
+        return seen if self._is_a_fold(seen) else None
+
+    def _is_a_fold(self, touch: SeenTouch) -> bool:
+        """Whether the layers can lie so: a fold near the strip's end is a misreading."""
+        return touch.to_fixed > 0 and abs(touch.displacement) <= UNEVEN * self._length
+
+
+def _fall(measurement: StripMeasurement, gripper: Pose) -> Fall | None:
+    """The falling fold in one measurement, or None where no gap is seen."""
+    if not np.isfinite(measurement.gap) or len(measurement.profile) < 4:
+        return None
+    points = np.vstack([measurement.profile, [(gripper.x, gripper.z)]])
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    remaining = np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    tip = int(np.argmax(points[:, 0]))
+    upper = points[tip:]
+    past = np.flatnonzero(upper[:, 0] <= measurement.gap_x)
+    if len(past) == 0 or past[0] == 0:
+        return None
+    j = tip + int(past[0])
+    ahead, behind = points[j - 1, 0], points[j, 0]
+    share = (ahead - measurement.gap_x) / (ahead - behind)
+    l1 = remaining[j - 1] + share * (remaining[j] - remaining[j - 1])
+    return Fall(measurement.stamp, measurement.gap, measurement.gap_x, float(l1))
+
+
+def _closing(t: Array, gap: Array, level: float, end: float) -> tuple[float, float] | None:
+    """When the closing gap reached `end` [m] and how fast [m/s], or None if it never closed.
+
+    The line through the last three gaps above `level` is extrapolated to `end`: later ones may be
+    at rest already.
+    """
+    down = np.flatnonzero((gap[:-1] > level) & (gap[1:] <= level))
+    if len(down) == 0:
+        return None
+    j = int(down[-1])
+    first = max(j - 2, 0)
+    if j == first:
+        return None
+    speed = -float(np.polyfit(t[first : j + 1], gap[first : j + 1], 1)[0])
+    if speed <= 0:
+        return None
+    latest = float(t[j + 1]) + max(float(gap[j + 1]) - end, 0.0) / speed
+    return min(float(t[j]) + (float(gap[j]) - end) / speed, latest), speed
+
+
+def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
+    """End of the fall: the intersection of its line with the level of the gap at rest."""
+    rest = float(np.median(gap[t >= time]))
+    moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
+    j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
+    return float(t[j]) + (float(gap[j]) - rest) / speed
+
+
+def _at(time: float, t: Array, values: Array) -> float:
+    return float(np.interp(time, t, values))

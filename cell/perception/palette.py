@@ -1,0 +1,69 @@
+"""Colours of a strip, sampled where it lies."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Array, frozen
+
+MOST = 4  # colours that a strip may have
+SPREAD = 6.0  # grey levels by which weave and noise scatter one colour
+SHADE = 0.06  # share of brightness by which weave and light vary over a resting strip
+FAR = 3.0  # standard deviations from which a sample is of another colour
+BLENDS = 0.08  # share of samples that may lie between colours
+ROUNDS = 12
+
+Indices = NDArray[np.signedinteger[Any]]
+
+
+def palette(samples: Array) -> Array:
+    """(k, 3) the fewest colours that explain `samples` (n, 3), at most MOST, most frequent first.
+
+    Samples between two colours, as at the border of a stripe, may stay unexplained.
+    """
+    colours = np.median(samples, axis=0)[None]
+    while unexplained(samples, colours).mean() > BLENDS and len(colours) < MOST:
+        colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
+    nearest = _distances(samples, colours).argmin(axis=1)
+    frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
+    return frozen(colours[frequent])
+
+
+def unexplained(samples: Array, colours: Array) -> NDArray[np.bool_]:
+    """Which samples (n, 3) match none of the colours (k, 3)."""
+    return np.asarray(_distances(samples, colours).min(axis=1) > FAR)
+
+
+def _distances(samples: Array, colours: Array) -> Array:
+    """(n, k) in standard deviations; brightness counts less than colour."""
+    away = samples[:, None] - colours
+    bright = colours / np.maximum(np.linalg.norm(colours, axis=1), 1.0)[:, None]
+    along = (away * bright).sum(axis=2)
+    aside = (away**2).sum(axis=2) - along**2
+    stretch = SPREAD**2 + SHADE**2 * (colours**2).sum(axis=1)
+    return np.asarray(np.sqrt(np.maximum(aside, 0.0) / SPREAD**2 + along**2 / stretch))
+
+
+def _farthest(samples: Array, colours: Array) -> Array:
+    """Median colour of the tenth of the samples that are explained worst."""
+    distance = _distances(samples, colours).min(axis=1)
+    worst = samples[int(np.argmax(distance))]
+    near = np.argsort(np.linalg.norm(samples - worst, axis=1), kind="stable")
+    return np.asarray(np.median(samples[near[: max(len(samples) // 20, 1)]], axis=0))
+
+
+def _refine(samples: Array, colours: Array) -> Array:
+    """Colours moved to the median of the samples nearest to each, until convergence."""
+    for _ in range(ROUNDS):
+        nearest: Indices = _distances(samples, colours).argmin(axis=1)
+        moved = np.array(
+            [
+                np.median(samples[nearest == k], axis=0) if (nearest == k).any() else colour
+                for k, colour in enumerate(colours)
+            ]
+        )
+        if np.allclose(moved, colours, atol=0.1):
+            break
+        colours = moved
+    return colours

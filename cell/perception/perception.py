@@ -1,0 +1,150 @@
+"""Reads one measurement of the strip from one frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.appearance import Appearance
+from cell.perception.contact import Contact, SearchLine, find_contact
+from cell.perception.kernels import CELL, PATCH
+from cell.perception.levels import soft
+from cell.perception.measurement import StripMeasurement
+from cell.perception.profile import Geometry, midline_points, ordered, resampled
+from cell.perception.region import START, Region, strip_region, without_hand, zones
+from cell.perception.settings import PerceptionSettings
+from cell.perception.silhouette import Grip, Side, outer_side, silhouette
+from cell.perception.sizes import Sizes
+from drivers.strip.file import StripFile
+from drivers.strip.shape import Gap, fold_tip, layer_gap
+from drivers.types import Array, Frame, Image, Pose
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """The lifted midline (n, 2) [m] from contact to gripper, and the fraction
+    of it that was seen.
+    """
+
+    points: Array
+    confidence: float
+
+
+UNSEEN = Curve(np.empty((0, 2)), 0.0)
+
+
+class Perception:
+    """Reads frames of one strip under one calibration; has no state between frames."""
+
+    def __init__(
+        self,
+        calibration: Calibration,
+        settings: PerceptionSettings,
+        strip: StripFile,
+        appearance: Appearance,
+    ) -> None:
+        self._calibration = calibration
+        self._settings = settings
+        self._strip = strip
+        self._scene = appearance.scene
+        self._faint = max(settings.faint, 2.0 * appearance.scene.noise)
+        self._line = SearchLine.of(
+            calibration,
+            appearance,
+            settings.contact_height,
+            strip.thickness,
+            (START + 0.0005, strip.length + 0.01),
+        )
+        self._zones = zones(calibration, strip.length, settings.shadow_height)
+        self._sizes = Sizes.of(calibration, PATCH)
+        self._rest = appearance.rest_height
+        self._contact_bias = settings.contact_bias + calibration.contact_bias
+
+    def look(self, frame: Frame, gripper: Pose) -> StripMeasurement:
+        """The strip in `frame`; `gripper` is the measured pose at the frame's stamp.
+
+        Never raises because of an image: what is not seen is NaN with confidence 0.
+        """
+        region = strip_region(self._calibration, self._strip.length, gripper, CELL)
+        visible = without_hand(region, self._calibration, gripper)
+        levels, region = self._scene.levels(frame.image, region, visible)
+        smooth = soft(levels)
+        contact = find_contact(smooth, self._line, region.origin)
+        curve = self._curve(levels, smooth, region, contact, gripper)
+        tip, gap = self._fold(contact, curve)
+        return StripMeasurement(
+            stamp=frame.stamp,
+            sequence=frame.sequence,
+            contact_x=contact.x - self._contact_bias,
+            contact_confidence=contact.confidence,
+            profile=curve.points,
+            profile_confidence=curve.confidence,
+            tip=tip,
+            gap=gap.height if gap else NAN,
+            gap_x=gap.x if gap else NAN,
+            gripper=(gripper.x, gripper.z),
+        )
+
+    def _curve(
+        self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
+    ) -> Curve:
+        """The lifted strip's midline in the window `levels` of the image."""
+        if not np.isfinite(contact.x):
+            return UNSEEN
+        if np.hypot(gripper.x - contact.x, gripper.z) < self._settings.little:
+            return Curve(np.empty((0, 2)), contact.confidence)
+        side = self._side(smooth, region, contact, gripper)
+        if side is None:
+            return UNSEEN
+        geometry = Geometry(
+            self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
+        )
+        midline = midline_points(levels, side, geometry)
+        points = ordered(midline, self._settings.spacing)
+        lifted = points[_first_lifted(points, contact.x) :]
+        if len(lifted) < 8:
+            return UNSEEN
+        even = resampled(lifted, self._settings.profile_points)
+        reach = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
+        length = contact.x + _arc(even)[-1] + reach
+        error = max(abs(length - self._strip.length), reach - self._settings.reach)
+        whole = np.clip(2 - error / self._settings.length_error, 0.0, 1.0)
+        return Curve(even, float(whole * midline.seen.mean()))
+
+    def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
+        """The lifted strip's outer side in the window."""
+        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
+        mask = silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
+        start, grip = self._ends(contact, gripper, region)
+        return outer_side(mask, start, grip, self._settings.outline_step, self._sizes)
+
+    def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
+        """The fold's rightmost point and the gap between the layers, where a profile was seen."""
+        if len(curve.points) == 0:
+            return (NAN, NAN), None
+        x = np.arange(0.0, max(contact.x, 0.0), self._settings.spacing)
+        whole = np.vstack([np.column_stack([x, self._rest(x)]), curve.points])
+        return fold_tip(whole), layer_gap(whole, _arc(whole), self._settings.gap_opening)
+
+    def _ends(self, contact: Contact, gripper: Pose, region: Region) -> tuple[Array, Grip]:
+        along = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+        held = np.array([gripper.x, gripper.z])
+        view = self._calibration.viewpoint
+        if (held - view.foot()) @ (along[1], -along[0]) < 0:  # its outer side is the far edge
+            held += view.sweep(self._strip.width) * (view.foot() - held)
+        plane = np.array([(contact.x, 0.0), held, held + 0.01 * along])
+        start, point, after = self._calibration.to_image(plane) - region.origin
+        approach = (after - point) / np.hypot(*(after - point))
+        clearance = self._settings.gripper_clearance / self._sizes.scale
+        return start, Grip(point, approach, clearance, self._sizes.aside)
+
+
+def _first_lifted(points: Array, contact_x: float) -> int:
+    """Index of the first point past the contact, counted along the curve."""
+    return int(np.argmax(points[:, 0] >= contact_x)) if len(points) else 0
+
+
+def _arc(points: Array) -> Array:
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])

@@ -1,0 +1,121 @@
+"""Image region in which the strip can appear, and the mask of the hand."""
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.calibration import Calibration
+from drivers.types import Array, Image, Pose
+
+T = TypeVar("T", bound=np.generic)
+START = 0.001  # m, right of the clamp that holds the fixed edge
+BELOW = 0.009  # m under the resting strip: desk, not yet its front
+BEYOND = 0.03  # m past the furthest that the strip can reach
+OVER = 0.012  # m above the gripper point
+FOLD = 0.09  # m of height that is always looked at
+FINGER = (0.045, 0.020)  # m: length along the approach, half width
+LOW, HIGH = 0.012, 0.09  # m of height: free of the resting strip, below the waiting hand
+WAY = (0.3, 0.85, 1.02, 0.5)  # of its length: where a strip moves, from, free of hand, to, up to
+HAND = (0.60, 0.100)  # m: hand and what carries it
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A rectangle of the image [px]: first column and row, and one past the last."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def origin(self) -> Array:
+        """(2,) the image point of its first pixel."""
+        return np.array([self.left, self.top], dtype=np.float64)
+
+    def of(self, image: NDArray[T]) -> NDArray[T]:
+        """The part of `image` (h, w, ...), a view."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+    def cells(self, cell: int) -> tuple[int, int]:
+        """Rows and columns of cells of `cell` [px] that cover it."""
+        return -(-(self.bottom - self.top) // cell), -(-(self.right - self.left) // cell)
+
+
+def strip_region(calibration: Calibration, length: float, gripper: Pose, cell: int) -> Region:
+    """The region in which a strip of `length` [m], fixed at x = 0 and held by the gripper, can
+    appear, in whole cells of `cell` [px].
+
+    It ends on the right half way between the strip's length and the gripper.
+    """
+    top = max(gripper.z + OVER, FOLD)
+    right = float(np.clip((length + gripper.x) / 2, length / 2, length)) + BEYOND
+    corners = np.array([(x, z) for x in (START, right) for z in (-BELOW, top)])
+    pixels = calibration.to_image(corners)
+    lens = calibration.lens
+    size = np.array([lens.width, lens.height])
+    first = np.clip(pixels.min(axis=0), 0, size - 2).astype(int) // cell * cell
+    last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 2, size).astype(int)
+    right_bottom = np.minimum(-(-last // cell) * cell, size)
+    return Region(*first.tolist(), *right_bottom.tolist())
+
+
+def whole(image: Image) -> Region:
+    """All of `image` (height, width, ...)."""
+    return Region(0, 0, image.shape[1], image.shape[0])
+
+
+def way_of(calibration: Calibration, length: float) -> Image:
+    """Mask (height, width) of the background along the motion of a strip of `length` [m].
+
+    Above the desk; where the hand waits before the grasp only the low part.
+    """
+    start, middle, end, top = (share * length for share in WAY)
+    outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
+    return _filled(calibration, np.array(outline))
+
+
+@dataclass(frozen=True, slots=True)
+class Zones:
+    """Masks (height, width) of the whole image, 255 inside: `strip`, where one can lie or hang;
+    `lifted`, the part of it high enough to be clear of its shadow.
+    """
+
+    strip: Image
+    lifted: Image
+
+
+def zones(calibration: Calibration, length: float, shadow_height: float) -> Zones:
+    """The zones of a strip of `length` [m] whose shadow reaches up to `shadow_height` [m]."""
+    return Zones(*(_zone(calibration, length, low) for low in (-BELOW, shadow_height)))
+
+
+def _zone(calibration: Calibration, length: float, low: float) -> Image:
+    right, ceiling = length + BEYOND, length
+    corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
+    return _filled(calibration, np.array(corners))
+
+
+def _filled(calibration: Calibration, corners: Array) -> Image:
+    """Mask (height, width), 255 within `corners` (n, 2) [m]."""
+    pixels = np.rint(calibration.homography.to_image(corners))
+    mask = np.zeros((calibration.lens.height, calibration.lens.width), dtype=np.uint8)
+    cv2.fillPoly(mask, [pixels.astype(np.int32)], 255)
+    return mask
+
+
+def without_hand(region: Region, calibration: Calibration, gripper: Pose) -> Image:
+    """Mask (h, w) of `region`, 0 where the hand is in the way and 255 elsewhere."""
+    approach = np.array([np.cos(gripper.pitch), np.sin(gripper.pitch)])
+    aside = np.array([-approach[1], approach[0]])
+    (finger, slim), (hand, wide) = FINGER, HAND
+    outline = [(0.0, -slim), (finger, -slim), (finger, -wide), (hand, -wide)]
+    outline += [(along, -across) for along, across in reversed(outline)]
+    corners = np.array(outline) @ np.stack([approach, aside]) + (gripper.x, gripper.z)
+    pixels = np.rint(calibration.homography.to_image(corners) - region.origin)
+    mask = np.full((region.bottom - region.top, region.right - region.left), 255, dtype=np.uint8)
+    cv2.fillPoly(mask, [np.clip(pixels, -20000, 20000).astype(np.int32)], 0)
+    return mask

@@ -1,0 +1,148 @@
+"""The resting strip in one image: its colours, its underside, its end."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.calibration import Calibration
+from cell.perception.levels import share
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image
+
+FRONT = (-0.008, -0.003)  # m of height where the desk shows before a thin strip
+THIN = 0.002  # m of thickness up to which it does; before a thicker one it shows lower down
+BACKDROP = (0.06, 0.25)  # m of height where the backdrop shows
+SEARCH = 0.008  # m above and below rest in which the underside is looked for
+FACE = 0.7  # share of the strip's face, from the near edge on, that shows its colour
+INNER = (0.3, 0.6)  # shares of it that lie well within
+DEGREE = 3  # of the polynomial that the homography's remainder follows
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Underside:
+    """Position of the strip's lower border: `x` (n,) [m], midline height `z` (n,) [m] by it, NaN
+    without a strip, and `end` [m], x of the strip's free edge.
+    """
+
+    x: Array
+    z: Array
+    end: float
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """Mask of the columns where a strip was seen."""
+        return np.isfinite(self.z)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Pixels (n, 3) BGR of the resting strip, of the desk before it, of the scene above it."""
+
+    strip: Array
+    desk: Array
+    backdrop: Array
+
+    @property
+    def desk_colour(self) -> Array:
+        """Median colour (3,) BGR of the desk."""
+        return np.asarray(np.median(self.desk, axis=0))
+
+
+def samples(image: Image, calibration: Calibration, strip: StripFile) -> Samples:
+    """Pixels of `image` (h, w, 3) where strip, desk and backdrop are expected."""
+    lower = max(strip.thickness - THIN, 0.0) / 2
+    front = (FRONT[0] - lower, FRONT[1] - lower)
+    face = face_height(calibration, strip)
+    return Samples(
+        _pixels(image, calibration, _span(strip, 0.05), (0.0, FACE * face)),
+        _pixels(image, calibration, _span(strip, 0.03), front),
+        _pixels(image, calibration, _span(strip, 0.0), BACKDROP),
+    )
+
+
+def inner_pixels(
+    image: Image, calibration: Calibration, strip: StripFile, rise: float = 0.0
+) -> Array:
+    """Pixels (n, 3) BGR well within the strip's face, whose edge appears at a height `rise` [m]."""
+    face = face_height(calibration, strip)
+    height = (rise + INNER[0] * face, rise + INNER[1] * face)
+    return _pixels(image, calibration, _span(strip, 0.0), height)
+
+
+def face_height(calibration: Calibration, strip: StripFile) -> float:
+    """Apparent height of the resting strip's far edge in the plane of its near edge [m]."""
+    return calibration.viewpoint.sweep(strip.width) * calibration.viewpoint.z
+
+
+def _span(strip: StripFile, margin: float) -> tuple[float, float]:
+    return margin + 0.01, strip.length - margin - 0.01
+
+
+def _pixels(
+    image: Image, calibration: Calibration, span: tuple[float, float], height: tuple[float, float]
+) -> Array:
+    """Pixels (n, 3) BGR over a rectangle of x and z [m] in the plane of the near edge."""
+    grid = _grid(np.linspace(*span, 250), np.linspace(*height, 12))
+    return _sample(image, calibration, grid).reshape(-1, 3)
+
+
+def _sample(image: Image, calibration: Calibration, points: Array) -> Array:
+    """Values of `image` (n, m) or (n, m, 3) at points (n, m, 2) of the plane [m]."""
+    pixels = calibration.to_image(points.reshape(-1, 2)).reshape(points.shape)
+    at = pixels.astype(np.float32)
+    sampled = cv2.remap(image, at[..., 0], at[..., 1], cv2.INTER_LINEAR, None, cv2.BORDER_REPLICATE)
+    return np.asarray(sampled, dtype=np.float64)
+
+
+def _grid(x: Array, z: Array) -> Array:
+    """Points (n, m, 2) of the plane at all x (n,) and z (m,) [m]."""
+    return np.stack(np.meshgrid(x, z, indexing="ij"), axis=-1)
+
+
+def shares_along(levels: Image, calibration: Calibration, strip: StripFile, rise: float) -> Array:
+    """(n,) share of strip along its near side, whose midline rests at a height `rise` [m], in the
+    smoothed matte `levels` (h, w) of the image.
+    """
+    x = np.arange(*_span(strip, 0.0), 0.001)
+    z = rise + np.linspace(-strip.thickness / 4, INNER[0] * face_height(calibration, strip), 5)
+    return np.asarray(share(_sample(levels, calibration, _grid(x, z))).mean(axis=1))
+
+
+def underside(levels: Image, calibration: Calibration, strip: StripFile) -> Underside:
+    """The lower border of the strip in smoothed matte `levels` (h, w) of the whole image."""
+    x = np.arange(0.005, strip.length + 0.06, 0.002)
+    z = np.arange(-SEARCH, SEARCH, 0.0001)
+    across = share(_sample(levels, calibration, _grid(x, z)))
+    solid = across > 0.5
+    first = solid.argmax(axis=1)
+    rows = np.arange(len(x))
+    before = across[rows, np.maximum(first - 1, 0)]
+    part = (0.5 - before) / np.maximum(across[rows, first] - before, 1e-6)
+    low = z[0] + (first - 1 + part) * (z[1] - z[0])
+    found = solid.any(axis=1) & (first > 0)
+    height = np.where(found, low + strip.thickness / 2, NAN)
+    return Underside(x, height, _end(levels, calibration, strip))
+
+
+def _end(levels: Image, calibration: Calibration, strip: StripFile) -> float:
+    """x [m] of the strip's end along the near edge's own line."""
+    x = np.arange(0.1, strip.length + 0.06, 0.0003)
+    heights = np.array([0.0, 0.0005, 0.001])
+    along = share(_sample(levels, calibration, _grid(x, heights)).max(axis=1))
+    inside = np.flatnonzero(along > 0.5)
+    return float(x[inside[-1]]) if len(inside) else NAN
+
+
+def resting_line(seen: Underside) -> Array:
+    """Polynomial (DEGREE + 1,) of the resting midline's height over x, robust to a bump."""
+    x, z = seen.x[seen.present], seen.z[seen.present]
+    kept = np.ones(len(x), dtype=bool)
+    fit: Array = np.zeros(DEGREE + 1)
+    for _ in range(3):
+        fit = np.asarray(np.polynomial.polynomial.polyfit(x[kept], z[kept], DEGREE), np.float64)
+        off = np.abs(z - np.polynomial.polynomial.polyval(x, fit))
+        kept = off <= max(3.0 * float(np.median(off)), 1e-4)
+    return fit

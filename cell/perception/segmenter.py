@@ -1,0 +1,158 @@
+"""Segmentation of the strip in a scene of any colours, learnt from one image before the fold."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.background import LIFTED_SHADE, Background, Place, learn_background
+from cell.perception.kernels import (
+    BLIND,
+    CELL,
+    PATCH,
+    Floats,
+    changed,
+    discriminants,
+    segment,
+)
+from cell.perception.levels import ZERO
+from cell.perception.palette import palette
+from cell.perception.region import Region, way_of
+from cell.perception.resting import face_height
+from cell.perception.sizes import Sizes
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image
+
+LEAST_NOISE = 2.5  # grey levels, assumed of any camera: weave, demosaicing and rounding add to it
+GAUSSIAN = (2 / np.pi) ** 0.5  # mean absolute value over standard deviation
+CHANGE = 1.2  # times the noise's mean difference in a cell, from which the cell changed
+DIFFERENCE = 2**0.5  # of two noisy pictures: the background is one too
+SOFT = 0.5  # of its noise is left in a picture after `soft`
+WINDOW = 5  # px over which a picture is averaged to leave its noise
+
+
+@dataclass(frozen=True, slots=True)
+class Segmenter:
+    """Learnt scene: `colours` (k, 3) BGR of the strip, and the `background`.
+
+    `sensor` [grey levels] is the noise of a pixel's difference from the background, `smooth` what
+    is left of it where borders are read, `noise` that of the pixel's share of strip: standard
+    deviations.
+    """
+
+    colours: Array
+    background: Background
+    sensor: float
+    smooth: float
+    noise: float
+
+    def levels(self, image: Image, region: Region, visible: Image) -> tuple[Image, Region]:
+        """Matte levels (h, w), and the part of `region` of whole cells of the whole `image`
+        (height, width, 3) that holds all but background.
+
+        Only cells that differ from the background in this light, and their neighbours, are
+        compared with the strip's colours. Pixels masked out by `visible`, of the region's size,
+        are background.
+        """
+        image, behind = np.ascontiguousarray(image), self.background.image
+        light, height = self.background.light(image, region, visible), image.shape[0]
+        cells = changed(
+            image.reshape(height, -1),
+            behind.reshape(height, -1),
+            np.rint(light[1:-1, 1:-1]).astype(np.uint8),
+            region.left,
+            region.top,
+            CHANGE * GAUSSIAN * self.sensor,
+        )
+        cells = cv2.dilate(cells, np.ones((3, 3), np.uint8))
+        cells[0, 0] |= not cells.any()  # never an empty part
+        j, i, columns, rows = cv2.boundingRect(cells)
+        part = Region(
+            region.left + CELL * j,
+            region.top + CELL * i,
+            min(region.left + CELL * (j + columns), region.right),
+            min(region.top + CELL * (i + rows), region.bottom),
+        )
+        found = segment(
+            image,
+            behind,
+            self.background.shade,
+            np.ascontiguousarray(light[i : i + rows + 2, j : j + columns + 2]),
+            np.ascontiguousarray(cells[i : i + rows, j : j + columns]),
+            _floats(self.colours),
+            self.smooth**2,
+            (part.left, part.top),
+        )
+        h, w = part.bottom - part.top, part.right - part.left
+        clear = visible[CELL * i : CELL * i + h, CELL * j : CELL * j + w]
+        return cv2.max(cv2.min(found[:h, :w], clear), ZERO), part
+
+    def separation(self, where: Image) -> Floats:
+        """(k, n) distance of each colour from the background in the n pixels of a mask, in standard
+        deviations.
+        """
+        behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
+        return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
+
+
+def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float) -> Floats:
+    """(n,) distance of `colour` (3,) from colours (n, 3) of the scene, in standard deviations."""
+    found = discriminants(_floats(colour), _floats(scene), shade, sensor**2)
+    return np.sqrt(found[:, 2])
+
+
+def learn(
+    image: Image, strip: Array, calibration: Calibration, stated: StripFile, place: Place
+) -> Segmenter:
+    """The scene in `image` (h, w, 3) with the resting strip at `place`, whose pixels are `strip`
+    (n, 3).
+    """
+    sensor = max(sensor_noise(image), LEAST_NOISE) * DIFFERENCE
+    smooth = max(sensor * SOFT, LEAST_NOISE * DIFFERENCE)
+    about = Sizes.of(calibration, PATCH).light
+    behind = learn_background(image, calibration, place, about)
+    colours, scene = palette(strip), behind.image[way_of(calibration, stated.length) > 0]
+    noise = _share_noise(colours, scene, smooth) * sensor
+    return Segmenter(colours, behind, sensor, smooth, noise)
+
+
+def resting_place(calibration: Calibration, strip: StripFile, rise: float, margin: float) -> Place:
+    """Where `strip` rests, its midline `rise` [m] over the desk plane's, with a `margin` [m]."""
+    half = strip.thickness / 2
+    top = half + face_height(calibration, strip)
+    return Place(strip.length, rise, rise - half - margin, rise + top + margin)
+
+
+def sensor_noise(image: Image) -> float:
+    """Standard deviation of the noise of `image` (h, w, 3) [grey levels], alike in most of it.
+
+    The median over cells of the deviation from a moving average. Cells at either end of the scale
+    are left out, since they show none.
+    """
+    seen = image.astype(np.float32)
+    rest = seen - cv2.blur(seen, (WINDOW, WINDOW))
+    size = (image.shape[1] // CELL, image.shape[0] // CELL)
+    power = cv2.resize(rest * rest, size, interpolation=cv2.INTER_AREA)
+    level = cv2.resize(seen, size, interpolation=cv2.INTER_AREA)
+    good = power[(level > 20) & (level < 235)]
+    return float(np.sqrt(np.median(good) / (1 - WINDOW**-2))) if len(good) else 0.0
+
+
+def _share_noise(colours: Array, behind: Image, smooth: float) -> float:
+    """Noise of a pixel's share of strip before `behind` (n, 3), per grey level of the sensor's, for
+    the worst colour.
+    """
+    scene, worst = _floats(behind), 0.0
+    shade = np.full(len(scene), LIFTED_SHADE, dtype=np.float32)
+    for colour in _floats(colours):
+        a, b, reach = discriminants(colour, scene, shade, smooth**2).T
+        size = np.linalg.norm(a[:, None] * colour + b[:, None] * scene, axis=1)
+        distinct = reach > BLIND**2
+        if distinct.any():
+            worst = max(worst, float(np.median(size[distinct] / reach[distinct])))
+    return worst
+
+
+def _floats(values: Array | Image | Floats) -> Floats:
+    return np.ascontiguousarray(values, dtype=np.float32)

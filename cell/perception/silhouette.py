@@ -1,0 +1,183 @@
+"""Silhouette of the strip, and its outer side in order from the desk to the gripper."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import combinations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from cell.perception.kernels import Offsets, silhouette_of
+from cell.perception.levels import SCALE, ZERO
+from cell.perception.sizes import Sizes
+from drivers.types import Array, Image
+
+SOLID = 0.35  # share of strip from which a pixel belongs to it, near the desk
+SLANTS = (0.0, -65.0, -45.0, -25.0, 25.0, 45.0, 65.0)  # degrees from the columns
+FACING = 0.8  # cosine within which two tips point at each other
+
+Outline = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The outer side in order from the desk contact to the gripper: `points` (n, 2) [px] in the
+    window, unit `normals` (n, 2) out of the strip; `missing` [px] between its end and the grip.
+    """
+
+    points: Array
+    normals: Array
+    missing: float
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """Where the fingers cover the strip, in the window: the gripper point (2,) [px], its unit
+    `approach` (2,), and the `clearance` [px] in front of it and `aside` of it within which nothing
+    is used.
+    """
+
+    point: Array
+    approach: Array
+    clearance: float
+    aside: float
+
+    def cuts(self, outline: Array) -> NDArray[np.bool_]:
+        """Which points (n, 2) of an outline are within the fingers' reach."""
+        away = outline - self.point
+        along = away @ self.approach
+        aside = np.abs(away @ np.array([-self.approach[1], self.approach[0]]))
+        return np.asarray((along > -self.clearance) & (np.maximum(aside, along) < self.aside))
+
+
+def silhouette(soft: Image, faint: float, strip: Image, lifted: Image, length: int) -> Image:
+    """Mask (h, w) of the strip from smoothed matte levels (h, w): share SOLID in the zone
+    `strip`, `faint` where it is `lifted`.
+
+    On the backdrop there is no shadow, and an edge-on strip is fainter than its colour: averaging
+    over `length` [px] along the way on which it hangs raises it above the noise.
+    """
+    solid, least = (round(ZERO + SCALE * share) for share in (SOLID, faint))
+    return silhouette_of(soft, strip, lifted, lines(length), solid, least)
+
+
+@lru_cache
+def lines(length: int) -> Offsets:
+    """(k, n, 2) rows and columns of `length` [px] points on lines at the angles of SLANTS."""
+    steps = np.arange(length) - length // 2
+    ways = [(np.cos(angle), np.sin(angle)) for angle in np.radians(SLANTS)]
+    return np.rint(steps[None, :, None] * np.array(ways)[:, None]).astype(np.int64)
+
+
+def outer_side(mask: Image, contact: Array, grip: Grip, step: int, sizes: Sizes) -> Side | None:
+    """Outer side of the silhouette from `contact` (2,) [px] to the grip, a point every `step`.
+
+    With the strip on its left the outline runs from under the contact around the fold, up to the
+    fingers. None where no region of strip is seen at the contact.
+    """
+    outline = _body(mask, contact, grip.point, sizes)
+    if outline is None:
+        return None
+    start = int(np.argmin(np.hypot(*(outline - contact).T)))
+    ring = np.roll(outline, -start, axis=0)
+    cut = grip.cuts(ring)
+    end = int(np.argmax(cut)) if cut.any() else int(np.argmin(np.hypot(*(ring - grip.point).T)))
+    if end < 3 * step:
+        return None
+    smooth = _smooth(ring, sizes.smooth)
+    tangent = np.roll(smooth, -2, axis=0) - np.roll(smooth, 2, axis=0)
+    speed = np.hypot(*tangent.T)
+    picked = np.arange(0, end + 1, step)
+    picked = picked[speed[picked] > 0.5]  # where the outline turns back on itself it has no side
+    tangent /= np.maximum(speed, 1e-9)[:, None]
+    normals = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    missing = 0.0 if cut.any() else float(np.hypot(*(ring[end] - grip.point)))
+    return Side(smooth[picked], normals[picked], missing)
+
+
+def _smooth(ring: Array, reach: int) -> Array:
+    """Moving average over 2 reach + 1 points of a closed outline (n, 2)."""
+    wrapped = np.vstack([ring[-reach:], ring, ring[:reach]])
+    sums = np.cumsum(np.vstack([np.zeros((1, 2)), wrapped]), axis=0)
+    window = 2 * reach + 1
+    return np.asarray((sums[window:] - sums[:-window]) / window)
+
+
+def _body(mask: Image, contact: Array, gripper: Array, sizes: Sizes) -> Array | None:
+    """Outline (n, 2) of the region at the contact, counter-clockwise as seen, with breaks bridged:
+    between regions, and in one whose parts are connected elsewhere, as touching layers are.
+    """
+    outlines = _outlines(mask, sizes.speck)
+    if not outlines:
+        return None
+    body = _nearest(outlines, contact)
+    others = [o for o in outlines if o is not body]
+    bridged = False
+    while others and np.hypot(*(body - gripper).T).min() > 6:
+        nearest, here, there = min(
+            ((other, *_closest(body, other)) for other in others),
+            key=lambda found: float(np.hypot(*(found[1] - found[2]))),
+        )
+        if np.hypot(*(here - there)) > sizes.bridge:
+            break
+        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+        others = [o for o in others if o is not nearest]
+        body = np.vstack([body, nearest])
+        bridged = True
+    if bridged:
+        body = _nearest(_outlines(mask, sizes.speck), contact)
+    for here, there in _breaks(body, sizes):
+        cv2.line(mask, here.tolist(), there.tolist(), 255, 1)
+        body = _nearest(_outlines(mask, sizes.speck), contact)
+    if len(body) < 4 * sizes.smooth:
+        return None
+    area = cv2.contourArea(body.reshape(-1, 1, 2), oriented=True)
+    return np.asarray((body if area < 0 else body[::-1]), dtype=np.float64)
+
+
+def _outlines(mask: Image, speck: int) -> list[Outline]:
+    found, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return [outline.reshape(-1, 2) for outline in found if len(outline) >= speck]
+
+
+def _nearest(outlines: list[Outline], point: Array) -> Outline:
+    return min(outlines, key=lambda o: float(np.hypot(*(o - point).T).min()))
+
+
+def _breaks(outline: Outline, sizes: Sizes) -> list[tuple[Outline, Outline]]:
+    """Pairs of tips that point at each other over a break of the strip."""
+    tips, ways = _tips(outline, sizes.arm, sizes.turn)
+    found = []
+    for i, j in combinations(range(len(tips)), 2):
+        across = (tips[j] - tips[i]).astype(np.float64)
+        length = float(np.hypot(*across))
+        facing = min(ways[i] @ across, -(ways[j] @ across)) > FACING * length
+        if 0.0 < length < sizes.bridge and facing:
+            found.append((tips[i], tips[j]))
+    return found
+
+
+def _tips(outline: Outline, arm: int, near: float) -> tuple[Outline, Array]:
+    """Points (k, 2) where an outline turns back on itself, and unit directions (k, 2) outwards.
+
+    There it comes `near` to itself [px] from `arm` points before to `arm` points after.
+    """
+    after, before = np.roll(outline, -arm, axis=0), np.roll(outline, arm, axis=0)
+    way = outline - 0.5 * (after + before)
+    length = np.hypot(*way.T)
+    turns = (np.hypot(*(after - before).T) < near) & (length > 0.6 * arm)
+    first = np.flatnonzero(turns & ~np.roll(turns, 1))
+    last = np.flatnonzero(turns & ~np.roll(turns, -1))
+    if len(first) and first[0] > last[0]:  # one begins before the outline's first point
+        last = np.roll(last, -1) + np.where(np.arange(len(last)) == len(last) - 1, len(turns), 0)
+    middle = ((first + last) // 2) % len(turns)
+    return outline[middle], way[middle] / length[middle, None]
+
+
+def _closest(one: Outline, other: Outline) -> tuple[Outline, Outline]:
+    """The two points, one of each outline, that are nearest to each other (every second one)."""
+    a, b = one[::2], other[::2]
+    distance = np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1))
+    i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)
+    return a[i], b[j]

@@ -1,0 +1,174 @@
+"""An index of the runs in a folder, in SQLite: a cache that is rebuilt from the folders."""
+
+import os
+import sqlite3
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import astuple, fields
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from cell.record.files import RESULT, RUN
+from cell.record.listing import UNDER_WAY, RunRow, read_row
+from drivers.errors import ConfigurationError, suggestion
+
+VERSION = 1  # of the columns; another one is thrown away
+COLUMNS = tuple(field.name for field in fields(RunRow))
+FIRST = "run"  # in place of `folder`: the folder's name
+SHOWN = (FIRST, *COLUMNS[1:])
+LIKE = COLUMNS.index("like_model") - 2
+ALLOWED = {
+    sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_RECURSIVE,
+}  # fmt: skip
+Stamp = tuple[int, int, int]  # times of change [ns] of the folder, run.yaml, result.yaml
+Progress = Callable[[int, int], None]
+
+
+class Catalogue:
+    """The runs directly under `root`, kept up to date in a database in the folder `cache`.
+
+    Where the cache cannot be written the index is made in memory, each time anew. Raises
+    ConfigurationError when `root` is no folder.
+    """
+
+    def __init__(
+        self, root: Path, cache: Path, progress: Progress = lambda _done, _total: None
+    ) -> None:
+        if not root.is_dir():
+            raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
+        self._root = root
+        self._base = _open(cache / f"{sha256(os.fsencode(root.resolve())).hexdigest()[:16]}.sqlite")
+        try:
+            self._refresh(progress)
+        except sqlite3.Error:  # another process holds it, or the disk is full
+            self._base.close()
+            self._base = _with_tables(sqlite3.connect(":memory:"))
+            self._refresh(progress)
+        self._base.set_authorizer(_read_only)
+
+    def __enter__(self) -> Self:
+        """The catalogue itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the database."""
+        self._base.close()
+
+    def rows(self, where: str = "", sort: str = "") -> tuple[RunRow, ...]:
+        """The runs for which the SQL expression `where` holds, oldest first or by the column
+        `sort`, downwards with a leading `-`; runs without a value come last.
+
+        Raises ConfigurationError for what is no such expression or column.
+        """
+        key = sort.removeprefix("-")
+        if key and key not in SHOWN:
+            raise ConfigurationError(
+                f"--sort: unknown column {key!r}{suggestion(key, SHOWN)}; "
+                f"allowed: {', '.join(SHOWN)}"
+            )
+        order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
+        text = f"SELECT {', '.join(SHOWN)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
+        found = self._asked(f"{text} ORDER BY {order}began, {FIRST}", "--where")
+        return tuple(self._row(values) for values in found)
+
+    def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
+        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for anything
+        else.
+        """
+        found = self._asked(sql, "--sql")
+        return tuple(column[0] for column in found.description or ()), found.fetchall()
+
+    def _asked(self, sql: str, origin: str) -> sqlite3.Cursor:
+        try:
+            return self._base.execute(sql)
+        except (sqlite3.Error, sqlite3.Warning) as error:
+            raise ConfigurationError(
+                f"{origin}: {error}; columns of runs: {', '.join(SHOWN)}"
+            ) from None
+
+    def _row(self, values: Sequence[Any]) -> RunRow:
+        name, began, *rest = values
+        if rest[LIKE] is not None:
+            rest[LIKE] = bool(rest[LIKE])
+        return RunRow(self._root / name, datetime.fromisoformat(began), *rest)
+
+    def _refresh(self, progress: Progress) -> None:
+        """Read what has changed since the last time, and forget what has gone."""
+        known = {
+            str(name): stamp
+            for name, *stamp in self._base.execute(f"SELECT {FIRST}, at, head, tail FROM runs")  # noqa: S608
+        }
+        there = dict(_stamps(self._root))
+        changed = [name for name, stamp in there.items() if list(stamp) != known.get(name)]
+        for done, name in enumerate(changed):
+            progress(done, len(changed))
+            self._put(read_row(self._root / name), there[name])
+        gone = [(name,) for name in known if name not in there]
+        self._base.executemany(f"DELETE FROM runs WHERE {FIRST} = ?", gone)  # noqa: S608
+        self._base.commit()
+
+    def _put(self, row: RunRow, stamp: Stamp) -> None:
+        values = values_of(row)
+        stamped = (None,) * 3 if row.outcome == UNDER_WAY else stamp  # which is read again
+        places = ", ".join("?" * (len(values) + 3))
+        self._base.execute(f"INSERT OR REPLACE INTO runs VALUES ({places})", [*values, *stamped])  # noqa: S608
+
+
+def values_of(row: RunRow) -> tuple[Any, ...]:
+    """The values of the columns `SHOWN` of `row`, in SI units."""
+    return (row.name, row.began.isoformat(), *astuple(row)[2:])
+
+
+def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
+    """Names and times of change of the runs under `root`, by as few calls as say it."""
+    try:
+        with os.scandir(root) as found:
+            for entry in found:
+                if head := _changed(f"{entry.path}/{RUN}"):
+                    tail = _changed(f"{entry.path}/{RESULT}")
+                    yield entry.name, (entry.stat().st_mtime_ns, head, tail)
+    except OSError as error:
+        raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
+
+
+def _changed(path: str) -> int:
+    """The time of change of the file at `path` [ns]; 0 where there is none."""
+    try:
+        return os.stat(path).st_mtime_ns  # noqa: PTH116  ten thousand paths take a tenth of a second
+    except (FileNotFoundError, NotADirectoryError):
+        return 0
+
+
+def _open(path: Path) -> sqlite3.Connection:
+    """The database at `path`, made anew where it is broken or of another version."""
+    for _ in range(2):
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            base = sqlite3.connect(path, timeout=5.0)
+            if base.execute("PRAGMA user_version").fetchone()[0] in {0, VERSION}:
+                return _with_tables(base)
+            base.close()
+        except (sqlite3.DatabaseError, OSError):
+            pass
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
+    return _with_tables(sqlite3.connect(":memory:"))
+
+
+def _with_tables(base: sqlite3.Connection) -> sqlite3.Connection:
+    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *SHOWN[1:], "at", "head", "tail"))
+    base.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns})")
+    base.execute(f"PRAGMA user_version = {VERSION}")
+    return base
+
+
+def _read_only(action: int, *_: str | None) -> int:
+    return sqlite3.SQLITE_OK if action in ALLOWED else sqlite3.SQLITE_DENY

@@ -1,0 +1,1 @@
+"""Runs that other programs measured: read from their tables, written as run folders."""

@@ -1,0 +1,160 @@
+"""Import of measured runs: foreign tables checked, converted, written as run folders."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from cell.extras import require_library
+from cell.record.documents import write_document
+from cell.record.exchange.episodes import INFO, episodes
+from cell.record.exchange.mapping import MAPPING, Mapping, Place
+from cell.record.exchange.tables import Folder, Source, read_columns
+from cell.record.files import PROFILE, RESULT, RUN, TICKS
+from cell.record.run import read_run
+from cell.record.tables import place_contacts, write_parquet
+from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
+from drivers.settings import load, parse, parse_yaml
+from drivers.types import Array
+
+NEEDED = ("t", "x", "z")
+
+
+def import_runs(places: Sequence[Path], mapping: Path | None, out: Path) -> tuple[Path, ...]:
+    """The folders below `out` with the runs that the tables in `places` hold, in their order.
+
+    A place is a folder of tables, an MCAP file, or a LeRobot data set; what `cell export` wrote
+    brings its own mapping. A run is written whole or not at all. Raises ConfigurationError for
+    tables that are missing or do not hold what `mapping` says, values that no run can have, or a
+    run that is there already.
+    """
+    stated = None if mapping is None else _with_needed(load(mapping, Mapping), str(mapping))
+    made: list[Path] = []
+    for index, source in enumerate(s for place in places for s in _sources(place)):
+        how, target = stated or _own_mapping(source), out / source.name
+        if target.exists():
+            raise ConfigurationError(f"{target}: is there already; name another --out")
+        try:
+            with writing(target):
+                _import(source, how, index, target, documents=stated is None)
+            _check_readable(target, source)
+        except ConfigurationError:
+            shutil.rmtree(target, ignore_errors=True)
+            raise
+        made.append(target)
+    return tuple(made)
+
+
+def _check_readable(run: Path, source: Source) -> None:
+    """Refuse what no run can hold; the error names what it was read from."""
+    try:
+        read_run(run)
+    except ConfigurationError as error:
+        raise ConfigurationError(str(error).replace(str(run), str(source.path))) from None
+
+
+def _sources(place: Path) -> Iterator[Source]:
+    if place.suffix == ".mcap":
+        require_library("mcap")
+        from cell.record.exchange.mcap_file import McapFile
+
+        yield McapFile(place)
+    elif (place / INFO).is_file():
+        yield from episodes(place)
+    elif place.is_dir():
+        yield Folder(place)
+    else:
+        raise ConfigurationError(
+            f"{place}: is no folder with tables, no .mcap file and no LeRobot data set"
+        )
+
+
+def _own_mapping(source: Source) -> Mapping:
+    content = source.documents.get(MAPPING)
+    if content is None:
+        raise ConfigurationError(
+            f"{source.path}: nothing says which column holds what; write a mapping file and give "
+            "it with --mapping"
+        )
+    origin = f"{source.path}: {MAPPING}"
+    text = content.decode(errors="replace")
+    return _with_needed(parse(parse_yaml(text, origin), Mapping, origin), origin)
+
+
+def _with_needed(mapping: Mapping, origin: str) -> Mapping:
+    missing = [name for name in NEEDED if name not in mapping.ticks.columns]
+    if missing:
+        raise ConfigurationError(f"{origin}: ticks.columns.{missing[0]}: is missing; add it")
+    return mapping
+
+
+def _import(source: Source, how: Mapping, index: int, target: Path, *, documents: bool) -> None:
+    """Write the run; with its own `documents`, where it brought them."""
+    ticks = dict(read_columns(source, how.ticks, how.ticks.columns.items()))
+    first = float(ticks["t"][0]) if len(ticks["t"]) else 0.0
+    begin = first if how.begin is None else how.begin
+    ticks["t"] = ticks["t"] - begin
+    if "contact_t" in ticks:
+        ticks["contact_t"] = ticks["contact_t"] - begin
+    if how.contact is not None:
+        seen = read_columns(source, how.contact, how.contact.columns.items())
+        placed = place_contacts(ticks["t"], seen["t"] - begin, seen["contact_x"])
+        ticks |= dict(zip(("contact_x", "contact_t"), placed, strict=True))
+    target.mkdir(parents=True)
+    write_document(target / RUN, _header(source.name, how, index))
+    write_parquet(target / TICKS, pa.table(ticks))
+    write_parquet(target / PROFILE, pa.table(_profile(source, how, begin)))
+    if how.result is not None:
+        write_document(target / RESULT, _result(source, how, begin))
+    for name in (RUN, RESULT) if documents else ():
+        if name in source.documents:
+            replace_file(target / name, source.documents[name])
+
+
+def _header(name: str, how: Mapping, index: int) -> dict[str, object]:
+    place = how.runs.get(name, Place())
+    header: dict[str, object] = {
+        "schema": 1,
+        "strip": how.strip,
+        "start": how.start,
+        "index": index if place.index is None else place.index,
+        "contact_height": how.contact_height,
+        "sigma": how.sigma.model_dump(exclude_unset=True),
+    }
+    if (condition := place.condition or how.condition) is not None:
+        header["condition"] = condition
+    return header | ({} if how.seen_by is None else {"seen_by": how.seen_by})
+
+
+def _profile(source: Source, how: Mapping, begin: float) -> dict[str, Array]:
+    """The points of the strip; no row where no profile was measured."""
+    if how.profile is None:
+        return {name: np.empty(0) for name in ("t", "i", "x", "z")}
+    points = dict(read_columns(source, how.profile, how.profile.columns.items()))
+    points["t"] = points["t"] - begin
+    if "i" not in points:  # in the order of the file
+        first = np.flatnonzero(np.diff(points["t"], prepend=np.nan))
+        sizes = np.diff(np.append(first, len(points["t"])))
+        order = np.arange(len(points["t"])) - np.repeat(first, sizes)
+        points["i"] = np.asarray(order, dtype=np.float64)
+    return points
+
+
+def _result(source: Source, how: Mapping, begin: float) -> dict[str, object]:
+    if how.result is None or not _is_there(source, how.result.file):
+        return {"outcome": "path_done"}
+    values = read_columns(source, how.result, how.result.columns.items())
+    if not all(len(column) for column in values.values()):
+        return {"outcome": "path_done"}
+    found = {name: float(column[0]) for name, column in values.items()}
+    found["t_layer_touch"] -= begin
+    found.setdefault("displacement", found["l1"] - found["l2"])
+    return {"outcome": "layer_touch", **found}
+
+
+def _is_there(source: Source, file: str) -> bool:
+    """Whether the touch was seen: a folder without its file says that it was not."""
+    return not isinstance(source, Folder) or (source.path / file).exists()

@@ -1,0 +1,267 @@
+"""Runs written as a LeRobotDataset v3.0: an episode a run, a frame a row of the gripper's points.
+
+The data set's clock is nominal, `frame_index / fps`; the exact stamps are the feature `stamp`, and
+those of the images `observation.contact_stamp` and `observation.profile_stamp`. What belongs to the
+frame nearest to its image is NaN in all others.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from cell.record.documents import plain
+from cell.record.exchange.episodes import DATA, EPISODE, EPISODES, INFO, POINTS, TOUCH
+from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.outgoing import Outgoing, mapping_of
+from cell.record.files import RESULT, RUN
+from cell.record.tables import place_rows
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes, replace_file
+from drivers.types import Array
+
+TASKS, STATS = "meta/tasks.parquet", "meta/stats.json"
+VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+CHUNK = 1000  # files of a folder
+VERSION = "v3.0"
+STATE, ACTION, FORCE = ("x", "z", "pitch"), ("x_cmd", "z_cmd"), ("f_x", "f_z")
+COUNTED = ("frame_index", "episode_index", "index", "task_index")
+Features = dict[str, dict[str, Any]]
+
+
+def write_lerobot(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
+    """The data set of the runs in the new folder `out`."""
+    points = max((_most_points(part) for part in parts), default=0)
+    features = _features(parts, points)
+    begin, rows, every = 0, [], []
+    for i, part in enumerate(parts):
+        count = len(part.tables["ticks"]["t"])
+        columns = _columns(part, features, points) | _counters(i, begin, count, _rate(parts))
+        every.append(columns)
+        _write(out / _file(DATA, i), _table(columns, features))
+        rows.append(_episode(part, i, begin, count))
+        begin += count
+    episodes = {name: [row[name] for row in rows] for name in rows[0]}
+    _write(out / EPISODES.format(chunk_index=0, file_index=0), pa.table(episodes))
+    _write(out / TASKS, _tasks(parts))
+    _write_json(out / STATS, _stats(every))
+    _write_json(out / INFO, _info(parts, features, begin))
+    text = yaml.safe_dump(plain(mapping_of(parts, _name)), sort_keys=False)
+    replace_file(out / "meta" / MAPPING, text.encode())
+    return (out,)
+
+
+def _name(table: str, column: str) -> tuple[str, str]:
+    """File and column of ours for the mapping of a data set."""
+    if table == "contact":
+        stamp = "observation.contact_stamp"
+        return EPISODE, stamp if column == "t" else "observation.contact"
+    if table != "ticks":
+        return {"profile": POINTS, "result": TOUCH}[table], column
+    for feature, names in _vectors().items():
+        if column in names:
+            return EPISODE, f"{feature}.{column}"
+    return EPISODE, "stamp"
+
+
+def _vectors() -> dict[str, tuple[str, ...]]:
+    return {"observation.state": STATE, "action": ACTION, "observation.force": FORCE}
+
+
+def _features(parts: Sequence[Outgoing], points: int) -> Features:
+    """Features of the frames: what every run measured, by LeRobot's names."""
+    found: Features = {}
+    for name, columns in _vectors().items():
+        there = [c for c in columns if all(c in part.tables["ticks"] for part in parts)]
+        if there:
+            found[name] = {"dtype": "float64", "shape": [len(there)], "names": there}
+    single = ["stamp"]
+    if any("contact" in part.tables for part in parts):
+        single += ["observation.contact", "observation.contact_stamp"]
+    if points:
+        single += ["observation.profile_stamp"]
+        for axis in "xz":
+            found[f"observation.profile_{axis}"] = {
+                "dtype": "float64", "shape": [points], "names": [str(i) for i in range(points)],
+            }  # fmt: skip
+    found |= {name: {"dtype": "float64", "shape": [1], "names": None} for name in single}
+    found["timestamp"] = {"dtype": "float32", "shape": [1], "names": None}
+    return found | {name: {"dtype": "int64", "shape": [1], "names": None} for name in COUNTED}
+
+
+def _columns(part: Outgoing, features: Features, points: int) -> dict[str, Array]:
+    """The measured features (n,) or (n, m) of a run."""
+    ticks, found = part.tables["ticks"], dict[str, Array]()
+    for name in _vectors():
+        if name in features:
+            found[name] = np.stack([ticks[c] for c in features[name]["names"]], axis=1)
+    found["stamp"] = np.asarray(ticks["t"])
+    if "observation.contact" in features:
+        empty = {"t": np.empty(0), "contact_x": np.empty(0)}
+        seen = part.tables.get("contact", empty)
+        rows = place_rows(found["stamp"], seen["t"])
+        for name, key in (("contact", "contact_x"), ("contact_stamp", "t")):
+            found[f"observation.{name}"] = _spread(rows, seen[key], len(found["stamp"]), part)
+    if points:
+        found |= _wide(part, found["stamp"], points)
+    return found
+
+
+def _wide(part: Outgoing, t: Array, points: int) -> dict[str, Array]:
+    """Curves (n, points) in the frames nearest to their images, and their stamps (n,)."""
+    curves = part.run.profile.curves()
+    stamps = np.array([stamp for stamp, _ in curves])
+    rows = place_rows(t, stamps)
+    padded = np.full((len(curves), points, 2), np.nan)
+    for i, (_, curve) in enumerate(curves):
+        padded[i, : len(curve)] = curve
+    found = {"observation.profile_stamp": _spread(rows, stamps, len(t), part)}
+    for k, axis in enumerate("xz"):
+        found[f"observation.profile_{axis}"] = _spread(rows, padded[..., k], len(t), part)
+    return found
+
+
+def _spread(rows: Any, values: Array, count: int, part: Outgoing) -> Array:
+    """`values` (k, ...) in their `rows` (k,) of (count, ...), NaN elsewhere."""
+    if len(np.unique(rows)) < len(rows):
+        raise ConfigurationError(
+            f"{part.run.folder}: two images belong to one row of ticks.parquet; LeRobot keeps one "
+            "a frame: export it as mcap or csv"
+        )
+    found = np.full((count, *values.shape[1:]), np.nan)
+    found[rows] = values
+    return found
+
+
+def _most_points(part: Outgoing) -> int:
+    return max((len(curve) for _, curve in part.run.profile.curves()), default=0)
+
+
+def _counters(episode: int, begin: int, count: int, fps: int) -> dict[str, Any]:
+    frame = np.arange(count)
+    return {
+        "timestamp": (frame / fps).astype(np.float32),
+        "frame_index": frame,
+        "episode_index": np.full(count, episode),
+        "index": begin + frame,
+        "task_index": np.zeros(count, dtype=np.int64),
+    }
+
+
+def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
+    """The frames, with the features as the library `datasets` reads them."""
+    arrays, stated = {}, {}
+    for name, values in columns.items():
+        kind, size = features[name]["dtype"], features[name]["shape"][0]
+        kind_of = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}[kind]
+        value = {"dtype": kind, "_type": "Value"}
+        if values.ndim == 1:
+            arrays[name], stated[name] = pa.array(values, kind_of), value
+        else:
+            flat = pa.array(values.ravel(), kind_of)
+            arrays[name] = pa.FixedSizeListArray.from_arrays(flat, size)
+            stated[name] = {"feature": value, "length": size, "_type": "Sequence"}
+    metadata = {"huggingface": json.dumps({"info": {"features": stated}})}
+    return pa.table(arrays).replace_schema_metadata(metadata)
+
+
+def _episode(part: Outgoing, i: int, begin: int, count: int) -> dict[str, Any]:
+    """A row of meta/episodes; `cell/` holds the documents of the run."""
+    documents = {}
+    for name in (RUN, RESULT):
+        path = part.run.folder / name
+        documents[f"cell/{name}"] = read_bytes(path, MEGABYTE).decode() if path.is_file() else ""
+    touch = {name: float(v[0]) for name, v in part.tables.get("result", {}).items()}
+    return {
+        "episode_index": i,
+        "tasks": [_task(part)],
+        "length": count,
+        "data/chunk_index": i // CHUNK,
+        "data/file_index": i % CHUNK,
+        "dataset_from_index": begin,
+        "dataset_to_index": begin + count,
+        "meta/episodes/chunk_index": 0,
+        "meta/episodes/file_index": 0,
+        "cell/name": part.run.name,
+        "cell/touch": json.dumps(touch),
+        **documents,
+    }
+
+
+def _task(part: Outgoing) -> str:
+    return f"fold {part.run.header.strip} in half"
+
+
+def _tasks(parts: Sequence[Outgoing]) -> pa.Table:
+    """The task and its index, the text being the index of a pandas frame."""
+    columns = [
+        {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": numpy,
+         "metadata": None}
+        for name, pandas, numpy in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+    ]  # fmt: skip
+    stated = {"index_columns": ["task"], "column_indexes": [], "columns": columns}
+    table = pa.table({"task_index": pa.array([0], pa.int64()), "task": [_task(parts[0])]})
+    return table.replace_schema_metadata({"pandas": json.dumps(stated)})
+
+
+def _stats(each: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Extremes, mean, deviation and count of each feature over what was measured of it."""
+    found = {}
+    for name in each[0]:
+        values = np.concatenate([columns[name] for columns in each])
+        values = values.reshape(len(values), -1)
+        known = np.isfinite(values)
+        some = np.where(known.any(axis=0), values, 0.0)
+        found[name] = {
+            "min": np.nanmin(some, axis=0).tolist(),
+            "max": np.nanmax(some, axis=0).tolist(),
+            "mean": np.nanmean(some, axis=0).tolist(),
+            "std": np.nanstd(some, axis=0).tolist(),
+            "count": [int(known.any(axis=1).sum())],
+        }
+    return found
+
+
+def _info(parts: Sequence[Outgoing], features: Features, frames: int) -> dict[str, Any]:
+    drivers = parts[0].run.header.drivers
+    return {
+        "codebase_version": VERSION,
+        "robot_type": "unknown" if drivers is None or not drivers.arm else drivers.arm,
+        "total_episodes": len(parts),
+        "total_frames": frames,
+        "total_tasks": 1,
+        "chunks_size": CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": _rate(parts),
+        "splits": {"train": f"0:{len(parts)}"},
+        "data_path": DATA,
+        "video_path": VIDEO,
+        "features": features,
+    }
+
+
+def _rate(parts: Sequence[Outgoing]) -> int:
+    """Nominal rows a second."""
+    steps = np.concatenate([np.diff(part.tables["ticks"]["t"]) for part in parts])
+    return max(round(1.0 / float(np.median(steps))), 1) if len(steps) else 1
+
+
+def _file(pattern: str, i: int) -> str:
+    return pattern.format(chunk_index=i // CHUNK, file_index=i % CHUNK)
+
+
+def _write(path: Path, table: pa.Table) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd")
+    replace_file(path, sink.getvalue().to_pybytes())
+
+
+def _write_json(path: Path, content: Mapping[str, Any]) -> None:
+    replace_file(path, json.dumps(content, indent=4).encode())

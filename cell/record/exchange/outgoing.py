@@ -1,0 +1,111 @@
+"""What a run measured as plain tables, and the mapping by which `cell import` reads them again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from cell.record.exchange.mapping import COUNTS, MEASURES
+from cell.record.header import Result
+from cell.record.run import Run
+from drivers.errors import ConfigurationError
+from drivers.types import Array
+
+TICKS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "f_x", "f_z")
+TOUCH = ("t_layer_touch", "l1", "l2", "displacement")
+Name = Callable[[str, str], tuple[str, str]]
+"""File and column of a table's column in a format."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outgoing:
+    """A run and what it measured: name of a table -> columns (n,) in SI units.
+
+    The tables are `ticks`, and where they were measured `contact`, `profile` and `result`.
+    """
+
+    run: Run
+    tables: Mapping[str, Mapping[str, Array]]
+
+    @classmethod
+    def of(cls, run: Run) -> Self:
+        """The tables of `run`; a column that holds nothing is left out."""
+        ticks = {name: np.asarray(getattr(run.ticks, name)) for name in TICKS}
+        found = {"ticks": {name: v for name, v in ticks.items() if np.isfinite(v).any()}}
+        seen = np.isfinite(run.ticks.contact_x)
+        stamps = np.where(np.isfinite(run.ticks.contact_t), run.ticks.contact_t, run.ticks.t)
+        if seen.any():
+            found["contact"] = {"t": stamps[seen], "contact_x": run.ticks.contact_x[seen]}
+        if len(run.profile.t):
+            found["profile"] = {name: getattr(run.profile, name) for name in ("t", "i", "x", "z")}
+        if (touch := _touch(run.result)) is not None:
+            found["result"] = {name: np.array([value]) for name, value in touch.items()}
+        return cls(run, found)
+
+
+def outgoing(runs: Sequence[Run]) -> tuple[Outgoing, ...]:
+    """What `runs` measured; ConfigurationError for runs that one mapping cannot describe: without a
+    row, or of several strips, starts or noises.
+    """
+    for run in runs:
+        if not len(run.ticks.t):
+            raise ConfigurationError(f"{run.folder}: holds no row; leave it out")
+        if _kind(run) != _kind(runs[0]):
+            raise ConfigurationError(
+                f"{run.folder}: differs from {runs[0].folder} in strip, start or sigma; export "
+                "runs of one kind together"
+            )
+    return tuple(Outgoing.of(run) for run in runs)
+
+
+def mapping_of(parts: Sequence[Outgoing], name: Name) -> dict[str, Any]:
+    """Contents of the mapping file of exported runs, whose columns `name` finds in the format.
+
+    A table or column is described where every run has it, the touch where any has.
+    """
+    header = parts[0].run.header
+    content: dict[str, Any] = {
+        "schema": 1,
+        "strip": header.strip,
+        "start": header.start,
+        "begin": 0.0,
+        "contact_height": header.contact_height,
+        "sigma": header.sigma.model_dump(exclude_unset=True),
+        "runs": {part.run.name: _place(part.run, i) for i, part in enumerate(parts)},
+    }
+    if all(part.run.header.by_cell for part in parts):
+        content["seen_by"] = "cell"
+    for table in ("ticks", "contact", "profile", "result"):
+        those = [part.tables[table] for part in parts if table in part.tables]
+        if those and (table == "result" or len(those) == len(parts)):
+            shared = [c for c in those[0] if all(c in each for each in those)]
+            named = {c: name(table, c) for c in shared}
+            content[table] = {
+                "file": named[shared[0]][0],
+                "columns": {c: {"column": named[c][1], "unit": unit_of(c)} for c in shared},
+            }
+    return content
+
+
+def unit_of(column: str) -> str:
+    """SI unit of a column of ours; of a number without a unit `1`."""
+    return "1" if column in COUNTS else next(iter(MEASURES.get(column, {"m": 1.0})))
+
+
+def _kind(run: Run) -> tuple[object, ...]:
+    header = run.header
+    return header.strip, header.start, header.sigma, header.contact_height
+
+
+def _place(run: Run, place: int) -> dict[str, object]:
+    index = place if run.header.index is None else run.header.index
+    condition = run.header.condition
+    return {"index": index} | ({} if condition is None else {"condition": condition})
+
+
+def _touch(result: Result | None) -> dict[str, float] | None:
+    if result is None:
+        return None
+    values = {name: getattr(result, name) for name in TOUCH}
+    return None if None in values.values() else values

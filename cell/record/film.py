@@ -1,0 +1,113 @@
+"""Films: images with the time of each, decoded from a file and encoded into one."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from cell.extras import require_library
+from drivers.errors import ConfigurationError
+from drivers.files import own_file, writing
+from drivers.types import Frame, Image
+
+TICK = Fraction(1, 90_000)  # s, the time base of films that are written
+ENCODER = "libx264"
+QUALITY = {
+    "libx264": {"crf": "20", "preset": "veryfast", "bf": "0"},
+    "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A film of one fixed camera at `path`."""
+
+    path: Path
+
+    def frames(self) -> Iterator[Frame]:
+        """Its images (h, w, 3), stamped by the file [s] since the first one.
+
+        Raises ConfigurationError for a file that is missing or no film.
+        """
+        require_library("av")
+        import av
+
+        if not self.path.is_file():
+            raise ConfigurationError(f"{self.path}: there is no such film")
+        try:
+            with av.open(str(self.path)) as container:
+                if not container.streams.video:
+                    raise ConfigurationError(f"{self.path}: holds no picture track")
+                begin: float | None = None
+                for number, picture in enumerate(container.decode(video=0)):
+                    stamp = _stamp(picture, self.path)
+                    begin = stamp if begin is None else begin
+                    image = picture.to_ndarray(format="bgr24")
+                    yield Frame(stamp - begin, stamp - begin, self.path.name, number, image)
+        except (av.FFmpegError, OSError) as error:
+            raise ConfigurationError(f"{self.path}: cannot be read as a film: {error}") from None
+
+
+def _stamp(picture: Any, path: Path) -> float:
+    if picture.pts is None or picture.time_base is None:
+        raise ConfigurationError(
+            f"{path}: its images carry no time; write it again with a program that keeps them"
+        )
+    return float(picture.pts * picture.time_base)
+
+
+class FilmWriter:
+    """Writes images of one size into a film without B-frames, readable up to its end after a kill.
+
+    A stamp is kept to 1/90,000 s.
+    """
+
+    def __init__(self, path: Path, encoder: str = ENCODER) -> None:
+        """Write to `path`, an .mkv or .mp4, with an encoder by its full name."""
+        require_library("av")
+        import av
+
+        options = {"movflags": "frag_keyframe+empty_moov"} if path.suffix == ".mp4" else {}
+        with writing(path):
+            own_file(path)
+            self._container = av.open(str(path), "w", options=options)
+        self._encoder, self._begin = encoder, 0.0
+        self._stream: Any = None
+
+    def add(self, stamp: float, image: Image) -> None:
+        """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one."""
+        import av
+
+        if self._stream is None:
+            self._begin = stamp
+            self._stream = self._open_stream(image)
+        picture = av.VideoFrame.from_ndarray(image, format="bgr24")
+        picture.pts, picture.time_base = round((stamp - self._begin) / TICK), TICK
+        self._container.mux(self._stream.encode(picture))
+
+    def __enter__(self) -> Self:
+        """The writer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write what the encoder still holds, and close the file."""
+        if self._stream is not None:
+            self._container.mux(self._stream.encode(None))
+        self._container.close()
+
+    def _open_stream(self, image: Image) -> Any:
+        stream = self._container.add_stream(
+            self._encoder, rate=30, options=QUALITY.get(self._encoder, {})
+        )
+        stream.height, stream.width = image.shape[:2]
+        stream.pix_fmt, stream.time_base = "yuv420p", TICK
+        stream.codec_context.time_base = TICK
+        stream.codec_context.thread_count = 1
+        return stream

@@ -1,0 +1,73 @@
+"""Single values of a YAML document that a program wrote, without building the document."""
+
+from collections.abc import Iterator
+
+import yaml
+
+DEEP = 2  # levels of keys that are read; a list or anything deeper is passed over
+
+Scalar = str | float | bool | None
+ITEM = 0
+NULLS = {"": None, "~": None, "null": None}
+TRUTHS = {"true": True, "false": False}
+
+
+def read_scalars(text: str) -> dict[str, Scalar]:
+    """Scalars of the mapping in `text` by their keys, those of a mapping within as `outer.inner`.
+
+    Reads the events of the parser alone, some thirty times faster than the document, and recurses
+    into nothing. Raises ValueError for text that is no YAML mapping.
+    """
+    try:
+        found = dict(_scalars(text))
+    except yaml.YAMLError as error:
+        raise ValueError(f"is not valid YAML: {error}") from None
+    if not found:
+        raise ValueError("must be a mapping of keys to values")
+    return found
+
+
+def _scalars(text: str) -> Iterator[tuple[str, Scalar]]:
+    path: list[str | int | None] = []  # the key at hand in each open mapping, ITEM in a list
+    for event in yaml.parse(text, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
+        if not isinstance(event, yaml.NodeEvent | yaml.CollectionEndEvent):
+            continue
+        if isinstance(event, yaml.CollectionEndEvent):
+            path.pop()
+            _pass(path)
+            continue
+        if not (path or isinstance(event, yaml.MappingStartEvent)):
+            raise ValueError("must be a mapping of keys to values")
+        if path and path[-1] is None:
+            path[-1] = _word(event)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            path.append(None if isinstance(event, yaml.MappingStartEvent) else ITEM)
+        else:
+            if isinstance(event, yaml.ScalarEvent) and len(path) <= DEEP and ITEM not in path:
+                yield ".".join(map(str, path)), _value(event)
+            _pass(path)
+
+
+def _pass(path: list[str | int | None]) -> None:
+    """A value has ended: in a mapping, a key comes next."""
+    if path and path[-1] != ITEM:
+        path[-1] = None
+
+
+def _word(event: yaml.NodeEvent) -> str:
+    if not isinstance(event, yaml.ScalarEvent):
+        raise ValueError("a key must be a word")
+    return str(event.value)
+
+
+def _value(event: yaml.ScalarEvent) -> Scalar:
+    text = str(event.value)
+    if event.style:  # quoted: text, whatever it looks like
+        return text
+    for words in (NULLS, TRUTHS):
+        if text.lower() in words:
+            return words[text.lower()]
+    try:
+        return float(text)
+    except ValueError:
+        return text

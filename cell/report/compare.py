@@ -1,0 +1,148 @@
+"""A page that compares runs: numbers, curves over one another, settings that differ."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cell.record.files import REPORT
+from cell.record.listing import read_row
+from cell.record.run import Run
+from cell.record.salvage import Salvage
+from cell.report.drawing import MUTED, as_svg, canvas
+from cell.report.facts import facts
+from cell.report.markup import Link, drawing, masthead, page, section, table, verdict_box
+from cell.report.words import NO_VALUE, millimetres, seconds
+from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
+
+COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
+MOST = 40  # runs in one comparison; more lines cannot be distinguished
+NUMBERS = ("run", "policy", "seed", "outcome", "displacement", "edges apart", "touch", "duration")
+OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
+
+
+def write_comparison(folders: Sequence[Path], out: Path) -> Path:
+    """Write the page that compares the runs in `folders` to `out`, and return its path.
+
+    Raises ConfigurationError for a folder that is no run, more than `MOST`, or a place that cannot
+    be written.
+    """
+    if len(folders) > MOST:
+        raise ConfigurationError(
+            f"{len(folders)} runs are too many for one page, at most {MOST}; choose with "
+            "`cell runs --where`"
+        )
+    runs = [Salvage.of(folder) for folder in folders]
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(out, comparison(runs, out.parent).encode(errors="backslashreplace"))
+    return out
+
+
+def comparison(runs: Sequence[Run], place: Path) -> str:
+    """The page that compares `runs`, for a file in the folder `place`."""
+    strips = ", ".join(sorted({run.header.strip for run in runs}))
+    parts = [
+        masthead(f"{len(runs)} runs of {strips}", ""),
+        _headline(runs),
+        section("In numbers", table(NUMBERS, [_numbers(run, place) for run in runs])),
+        section("What was set otherwise", table(*_differences(runs))),
+        section(
+            "Paths of the gripper", drawing(_paths(runs), "paths of the gripper, a line a run")
+        ),
+        section("Desk contact over time", drawing(_contacts(runs), "desk contact, a line a run")),
+    ]
+    return page(f"{len(runs)} runs of {strips}", parts)
+
+
+def _headline(runs: Sequence[Run]) -> str:
+    found = [r.result.displacement for r in runs if r.result and r.result.displacement is not None]
+    if not found:
+        return verdict_box("fair", "No run has a displacement", ())
+    spread = millimetres(max(found) - min(found))
+    text = f"Displacements lie within {spread} of one another"
+    middle = f"{len(found)} of {len(runs)} runs have one; their mean is "
+    return verdict_box(
+        "good", text, (f"{middle}{millimetres(float(np.mean(found)), signed=True)}.",)
+    )
+
+
+def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
+    row = read_row(run.folder)
+    report = run.folder / REPORT
+    href = os.path.relpath(report, place)
+    return (
+        Link(row.name, href) if report.exists() else row.name,
+        row.policy,
+        NO_VALUE if row.seed is None else str(row.seed),
+        row.outcome.replace("_", " "),
+        millimetres(row.displacement, signed=True),
+        millimetres(row.edge_offset, signed=True),
+        seconds(row.touch),
+        seconds(row.duration, 1),
+    )
+
+
+def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Settings that are not the same in all runs: a row a setting, a column a run."""
+    settings = [dict(facts(run)) | _own_settings(run) for run in runs]
+    keys = dict.fromkeys(key for each in settings for key in each)
+    rows = [
+        (key, *values)
+        for key in keys
+        if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1 and key not in OWN
+    ]
+    return ("setting", *(_short(run) for run in runs)), rows
+
+
+def _own_settings(run: Run) -> dict[str, str]:
+    return dict(_flat(run.header.config or {}, "cell"))
+
+
+def _flat(content: object, prefix: str) -> Iterator[tuple[str, str]]:
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from _flat(value, f"{prefix}.{key}")
+    else:
+        yield prefix, str(content)
+
+
+def _paths(runs: Sequence[Run]) -> str:
+    with canvas(8.4, 4.0) as figure:
+        axes = figure.add_subplot(aspect="equal", anchor="W")
+        axes.axhline(0, color=MUTED, lw=0.8)
+        for number, run in enumerate(runs):
+            axes.plot(1e3 * run.ticks.x, 1e3 * run.ticks.z, **_line(number, run))
+        axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
+        figure.legend(loc="outside lower left", ncols=2)
+        return as_svg(figure)
+
+
+def _contacts(runs: Sequence[Run]) -> str:
+    with canvas(8.4, 3.4) as figure:
+        axes = figure.add_subplot()
+        for number, run in enumerate(runs):
+            seen = np.isfinite(run.ticks.contact_x)
+            axes.plot(run.ticks.t[seen], 1e3 * run.ticks.contact_x[seen], **_line(number, run))
+            if run.result is not None and run.result.t_layer_touch is not None:
+                axes.axvline(
+                    run.result.t_layer_touch, color=_colour(number), lw=0.8, ls=(0, (3, 2))
+                )
+        axes.set(xlabel="t  [s]", ylabel="contact x  [mm]")
+        return as_svg(figure)
+
+
+def _line(number: int, run: Run) -> dict[str, object]:
+    return {"color": _colour(number), "lw": 1.2, "label": _short(run)}
+
+
+def _colour(number: int) -> str:
+    return COLOURS[number % len(COLOURS)]
+
+
+def _short(run: Run) -> str:
+    """A name of a run for headings: its last four characters, policy and seed."""
+    seed = "" if run.header.seed is None else f"#{run.header.seed}"
+    return " ".join(filter(None, (run.name[-4:], run.header.policy, seed)))

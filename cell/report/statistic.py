@@ -1,0 +1,136 @@
+"""Statistics of a study's quantities, with intervals that respect cases."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from scipy.stats import binomtest
+
+from drivers.types import Array
+
+LEVEL = 0.95
+DRAWS = 1000  # of the bootstrap
+
+
+def _size(of: Callable[[Array], float]) -> Callable[[Array], float]:
+    return lambda values: of(np.abs(values))
+
+
+class Statistic(Enum):
+    """What is said of many values: by name, and whether it has an interval."""
+
+    MEAN = "mean"
+    MEDIAN = "median"
+    RMS = "rms"
+    SIGMA = "sigma"
+    MEAN_SIZE = "mean | |"
+    P95_SIZE = "95 % | |"
+    WORST_SIZE = "worst | |"
+    SHARE = "share"
+    COUNT = "count"
+
+    def __call__(self, values: Array) -> float:
+        """The statistic of values (n,), NaN of none."""
+        return float(_OF[self](values)) if values.size else float("nan")
+
+
+_OF: dict[Statistic, Callable[[Array], float]] = {
+    Statistic.MEAN: np.mean,
+    Statistic.MEDIAN: np.median,
+    Statistic.RMS: lambda values: np.sqrt(np.mean(np.square(values))),
+    Statistic.SIGMA: np.std,
+    Statistic.MEAN_SIZE: _size(np.mean),
+    Statistic.P95_SIZE: _size(lambda values: np.quantile(values, 0.95)),
+    Statistic.WORST_SIZE: _size(np.max),
+    Statistic.SHARE: np.mean,
+    Statistic.COUNT: np.sum,
+}
+CERTAIN = (Statistic.WORST_SIZE, Statistic.COUNT)  # of these very cases: without an interval
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A column: `statistic` of the outcome's `value`, which is one number or a list of them.
+
+    Shown times `scale` in `unit`; the `bar` is the most that it may be, in that unit, or the least
+    where `floor`. `label` replaces the name.
+    """
+
+    value: str
+    statistic: Statistic
+    unit: str = "mm"
+    scale: float = 1e3
+    bar: float | None = None
+    floor: bool = False
+    label: str = ""
+    digits: int = 2
+
+    @property
+    def title(self) -> str:
+        """Head of the column."""
+        name = self.label or self.value.replace("_", " ")
+        if not self.label:
+            said = self.statistic.value
+            name = said.replace("| |", f"|{name}|") if "| |" in said else f"{said} {name}"
+        return f"{name} [{self.unit}]" if self.unit else name
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A number with its 95 % interval, NaN where it has none, and the `count` of cases behind it;
+    `held` says whether the bar is kept, None without a bar.
+    """
+
+    quantity: Quantity
+    value: float
+    low: float
+    high: float
+    count: int
+    held: bool | None = field(default=None)
+
+    def text(self) -> str:
+        """The number, and its interval where it has one."""
+        if not np.isfinite(self.value):
+            return "-"
+        digits = self.quantity.digits
+        said = f"{self.value:.{digits}f}"
+        if np.isfinite(self.low):
+            said += f" ({self.low:.{digits}f} to {self.high:.{digits}f})"
+        return said + {None: "", True: "", False: " over its bar"}[self.held]
+
+
+def figure(quantity: Quantity, samples: Sequence[Sequence[float]]) -> Figure:
+    """`quantity` over the `samples` of each case, which may be none.
+
+    The interval of a share is exact (Clopper and Pearson), the others' a bootstrap over cases,
+    since the samples of one case belong together.
+    """
+    cases = [np.asarray(each, dtype=np.float64) for each in samples]
+    cases = [each[np.isfinite(each)] for each in cases]
+    cases = [each for each in cases if each.size]
+    values = np.concatenate(cases) if cases else np.zeros(0)
+    low, high = _interval(quantity.statistic, cases, values)
+    s = quantity.scale
+    value = s * quantity.statistic(values)
+    bar = quantity.bar
+    held = None if bar is None or not np.isfinite(value) else (value >= bar) == quantity.floor
+    held = True if bar is not None and value == bar else held
+    return Figure(quantity, value, s * low, s * high, len(cases), held)
+
+
+def _interval(statistic: Statistic, cases: list[Array], values: Array) -> tuple[float, float]:
+    if len(cases) < 2 or statistic in CERTAIN:
+        return float("nan"), float("nan")
+    if statistic is Statistic.SHARE and values.size == len(cases):
+        exact = binomtest(int(values.sum()), len(values)).proportion_ci(LEVEL)
+        return float(exact.low), float(exact.high)
+    rng = np.random.default_rng(0)
+    draws = rng.integers(len(cases), size=(DRAWS, len(cases)))
+    if values.size == len(cases):
+        found = [statistic(values[draw]) for draw in draws]
+    else:
+        found = [statistic(np.concatenate([cases[i] for i in draw])) for draw in draws]
+    tail = (1 - LEVEL) / 2
+    low, high = np.quantile(found, (tail, 1 - tail))
+    return float(low), float(high)

@@ -1,0 +1,257 @@
+"""Rerun recording of a run: to a file, to a viewer, or rebuilt from the record."""
+
+import math
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+
+from calibration.calibration import Calibration
+from cell.perception.measurement import StripMeasurement
+from cell.record.files import REBUILT, RECORDING, RUN, is_under_way
+from cell.record.outlook import NAMES
+from cell.record.salvage import Salvage
+from cell.report.viz.layout import blueprint
+from cell.report.viz.model_view import LOST, Shadow
+from cell.report.viz.playback import LogLine, TickView, moments_of
+from drivers.errors import ConfigurationError
+from drivers.files import own_file, replacing
+from drivers.settings import parse
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image
+
+ROWS = 20  # ticks that are sent together
+EVERY = 4  # ticks between two poses of gripper and model
+VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
+SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
+HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
+SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
+SEEN_SIGNALS |= {"above/gap": SEEN}
+OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL for name in NAMES}
+OUTLOOK_SIGNALS["outlook/displacement"] = SEEN
+STATES = {
+    "PREFLIGHT": 0xB8BEC8FF,
+    "CALIBRATE": 0xB8BEC8FF,
+    "GRASP": 0x9FAFC8FF,
+    "LIFT": 0x8FB4E3FF,
+    "FOLD": 0x4F8BD6FF,
+    "TOUCHED": 0xE0963FFF,
+    "LAY": 0x7FC09AFF,
+    "RELEASE": 0xA5D3B6FF,
+    "DONE": 0xB8BEC8FF,
+    "STOPPING": 0xDD7466FF,
+    "FAULT": 0xC93E2BFF,
+}
+
+
+def viz_from_run(folder: Path) -> Path:
+    """Write the recording of a run again from its record, and return its path.
+
+    An existing run.rrd stays: it was recorded during the fold, from every image, of which the
+    record keeps a few; the new one lies beside it. Broken parts of the record are left out. Raises
+    ConfigurationError for a folder that cannot be read as a run or cannot be written, and for a run
+    under way, which writes its own.
+    """
+    run = Salvage.of(folder)
+    if is_under_way(folder):
+        raise ConfigurationError(f"{folder}: is still under way; let it finish")
+    name = REBUILT if (folder / RECORDING).exists() else RECORDING
+    stated = run.header.strip_file
+    strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
+    try:
+        with (
+            replacing(folder / name) as scratch,
+            open_recording(folder, scratch.name) as recording,
+        ):
+            screen = Screen(recording, run.calibration(), strip)
+            for item in moments_of(run):
+                screen.draw(item)
+            screen.finish()
+    except (OSError, RuntimeError, ValueError) as error:
+        raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
+    return folder / name
+
+
+@contextmanager
+def open_recording(
+    folder: Path,
+    name: str = RECORDING,
+    *,
+    live: bool = False,
+    viewer: Callable[[str], None] | None = None,
+) -> Iterator[rr.RecordingStream]:
+    """A recording into the file `name` of `folder`, complete when this ends; `live` serves it too.
+
+    `viewer` opens a viewer on the served address. Raises OSError, RuntimeError or ValueError when
+    the file cannot be written.
+    """
+    own_file(folder / name)
+    recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
+    sinks: list[Any] = [rr.FileSink(folder / name)]
+    if live:
+        port = free_port()
+        sinks.append(rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY))
+    recording.set_sinks(*sinks)
+    recording.send_blueprint(blueprint())
+    if live:
+        with suppress(OSError):  # without a viewer the file is still written
+            (viewer or open_viewer)(sinks[1].uri)
+    try:
+        yield recording
+    finally:
+        recording.disconnect()
+
+
+def open_viewer(address: str) -> None:
+    """Start Rerun's viewer on `address` as an independent process."""
+    command = [sys.executable, "-m", "rerun_cli", "--connect", address, "--memory-limit"]
+    subprocess.Popen(  # noqa: S603  nothing here comes from outside
+        [*command, VIEWER_MEMORY],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env={**os.environ, "RERUN_APP_ONLY": "true"},
+    )
+
+
+class Screen:
+    """Draws ticks and log lines into a recording; the only user of its entity paths."""
+
+    def __init__(
+        self,
+        recording: rr.RecordingStream,
+        calibration: Calibration | None,
+        strip: StripFile | None,
+    ) -> None:
+        """Without `calibration` nothing is drawn into images, without `strip`
+        no model is simulated.
+        """
+        self._to = recording
+        self._calibration = calibration
+        self._shadow = None if strip is None else Shadow(strip)
+        self._rows: list[tuple[float, int, list[float]]] = []
+        self._seen: list[tuple[float, int, list[float]]] = []
+        self._ahead: list[tuple[float, int, list[float]]] = []
+        self._track: list[tuple[float, float, float]] = []
+        self._state: tuple[str, bool] = ("", False)
+        self._furnish(1.0 if strip is None else strip.length)
+
+    def draw(self, item: TickView | LogLine) -> None:
+        """Add a tick or a line of the log."""
+        self._at(item)
+        if isinstance(item, LogLine):
+            level = rr.TextLogLevel.ERROR if item.alarm else rr.TextLogLevel.INFO
+            self._to.log("log", rr.TextLog(item.text, level=level))
+            return
+        started = math.isfinite(item.t)
+        if item.state and (item.state, started) != self._state:
+            self._state = (item.state, started)
+            self._to.log("cell/state", rr.StateChange(state=item.state))
+        if item.image is not None:
+            self._picture(item.image, item.measurement)
+        if started and item.measurement is not None:
+            self._measurement(item, item.measurement)
+        if started and item.outlook is not None:
+            self._ahead.append((item.t, item.tick, item.outlook.tolist()))
+        if started:
+            self._motion(item)
+
+    def finish(self) -> None:
+        """Send the buffered signals."""
+        rows, seen, ahead = self._rows, self._seen, self._ahead
+        self._rows, self._seen, self._ahead = [], [], []
+        self._send(rows, HAND_SIGNALS)
+        self._send(seen, SEEN_SIGNALS)
+        self._send(ahead, OUTLOOK_SIGNALS)
+
+    def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
+        if not rows:
+            return
+        times = rr.TimeColumn("t", duration=[row[0] for row in rows])
+        ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
+        for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
+            columns = rr.Scalars.columns(scalars=values)
+            self._to.send_columns(f"signals/{name}", [times, ticks], columns)
+
+    def _furnish(self, length: float) -> None:
+        self._to.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        desk = [[(-0.1, 0, 0), (length + 0.15, 0, 0)]]
+        self._to.log("desk", rr.LineStrips3D(desk, colors=0x8A9099FF, radii=0.001), static=True)
+        lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
+        self._to.log("cell/state", lanes, static=True)
+        for name, colour in (HAND_SIGNALS | SEEN_SIGNALS | OUTLOOK_SIGNALS).items():
+            label = name.partition("/")[2].replace("_", " ")
+            line = rr.SeriesLines(colors=colour, names=label, widths=1.5)
+            self._to.log(f"signals/{name}", line, static=True)
+
+    def _at(self, item: TickView | LogLine) -> None:
+        self._to.reset_time()
+        self._to.set_time("clock", duration=item.clock)
+        if math.isfinite(item.t):
+            self._to.set_time("t", duration=item.t)
+        if isinstance(item, TickView):
+            self._to.set_time("tick", sequence=item.tick)
+
+    def _measurement(self, moment: TickView, measurement: StripMeasurement) -> None:
+        self._seen.append(
+            (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
+        )
+        self._to.log("strip/measured", _curve(measurement.profile, SEEN, 0.002))
+
+    def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
+        """An image, and the measurement from it."""
+        self._to.log("camera/image", jpeg(image))
+        if measurement is None or self._calibration is None:
+            self._to.log("camera/overlay", rr.Clear(recursive=True))
+        else:
+            self._overlay(measurement, self._calibration)
+
+    def _overlay(self, measurement: StripMeasurement, calibration: Calibration) -> None:
+        pixels = calibration.to_image(measurement.profile)
+        self._to.log("camera/overlay/profile", rr.LineStrips2D([pixels], colors=SEEN, radii=1.5))
+        marks = np.array([(measurement.contact_x, 0.0), measurement.tip])
+        seen = np.isfinite(marks).all(axis=1)
+        colours = np.array([CONTACT, TIP], dtype=np.uint32)[seen]
+        points = rr.Points2D(calibration.to_image(marks[seen]), colors=colours, radii=6)
+        self._to.log("camera/overlay/marks", points)
+
+    def _motion(self, moment: TickView) -> None:
+        x, z = float(moment.pose[0]), float(moment.pose[1])
+        self._rows.append((moment.t, moment.tick, [x, z]))
+        shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
+        if moment.tick % EVERY == 0:
+            self._track.append((x, 0.0, z))
+            self._to.log("gripper", rr.Points3D([(x, 0.0, z)], colors=HAND, radii=0.006))
+            self._to.log("strip/twin", _curve(shape, MODEL, 0.0012))
+        if len(self._rows) >= ROWS:
+            track = rr.LineStrips3D([self._track], colors=HAND, radii=0.0008)
+            self._to.log("gripper/path", track)
+            self.finish()
+
+
+def _curve(points: Array, colour: int, radius: float) -> Any:
+    flat = np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
+    return rr.LineStrips3D([flat] if len(flat) > 1 else [], colors=colour, radii=radius)
+
+
+def jpeg(image: Image) -> Any:
+    """`image` (height, width, 3) BGR, compressed, as Rerun takes it."""
+    import cv2
+
+    _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 70])
+    return rr.EncodedImage(contents=bytes(content), media_type="image/jpeg")
+
+
+def free_port() -> int:
+    """A free port of the loopback."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

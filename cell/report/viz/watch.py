@@ -1,0 +1,175 @@
+"""Observer of a run for Rerun, with its own thread."""
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from calibration.calibration import load_calibration
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.record.files import CALIBRATION
+from cell.record.outlook import row_of
+from cell.report.viz.playback import LogLine, TickView, log_text
+from drivers.errors import CellError
+from drivers.strip.file import StripFile
+from drivers.types import Image
+from policies.foretelling import Foretold
+
+if TYPE_CHECKING:
+    from cell.report.viz.recording import Screen
+
+Mode = Literal["save", "live"]
+WAITING, IMAGES_WAITING = 1024, 16  # with 2.8 MB an image, at most 45 MB wait
+IMAGE_PERIOD = 0.1  # s
+PATIENCE = 30.0  # s, for what still waits when the run is over
+
+
+class Viz:
+    """Shows a run in Rerun without blocking it; drops the oldest ticks when it lags.
+
+    `save` writes run.rrd into the run's folder; `live` also serves it on loopback and opens a
+    viewer there. The viewer connects to us, so that one that hangs or dies cannot block anything.
+    `failure` is the reason why nothing is recorded any more, `dropped` counts what was skipped.
+    """
+
+    def __init__(
+        self,
+        mode: Mode,
+        folder: Path,
+        strip: StripFile,
+        viewer: Callable[[str], None] | None = None,
+        *,
+        hanging: bool = False,
+    ) -> None:
+        """The run's calibration is read from its folder; without one, images are shown without
+        overlays.
+
+        Measured time begins with the lift, or with the fold in a run that starts `hanging`.
+        `viewer` opens a viewer on an address; by default Rerun's own.
+        """
+        self.dropped = 0
+        self.failure = ""
+        self._waiting: deque[TickView | LogLine] = deque()
+        self._news, self._over = threading.Event(), threading.Event()
+        self._begins = State.FOLD if hanging else State.LIFT
+        self._origin, self._ticks = math.nan, 0
+        self._next_image, self._sequence = -math.inf, -1
+        self._foretold: Foretold | None = None
+        arguments = (mode, folder, strip, viewer)
+        self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
+        self._thread.start()
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Queue one tick."""
+        measurement = snapshot.view.measurement
+        if measurement is not None and measurement.sequence == self._sequence:
+            measurement = None
+        if measurement is not None:
+            self._sequence = measurement.sequence
+        foretold, self._foretold = self._foretold, snapshot.foretold
+        new = self._foretold is not None and self._foretold is not foretold
+        self._ticks += 1
+        self._put(
+            TickView(
+                clock=snapshot.time,
+                t=snapshot.time - self._origin,
+                tick=self._ticks,
+                state=str(snapshot.state),
+                pose=snapshot.arm.pose.as_array(),
+                measurement=measurement,
+                image=self._image(snapshot),
+                outlook=row_of(asdict(self._foretold)) if new and self._foretold else None,
+            )
+        )
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """Queue one event."""
+        if kind == "state" and facts.get("state") == self._begins:
+            self._origin = time
+        self._put(LogLine(time, log_text(kind, facts), kind == "fault", time - self._origin))
+
+    def close(self, timeout: float = PATIENCE) -> None:
+        """Let the thread finish its work, for at most `timeout` [s]; allowed twice."""
+        self._over.set()
+        self._news.set()
+        self._thread.join(timeout)
+
+    def _image(self, snapshot: Snapshot) -> Image | None:
+        """The newest image, if one is due and the thread keeps up."""
+        if (
+            not snapshot.view.fresh
+            or snapshot.view.frame is None
+            or snapshot.time < self._next_image
+        ):
+            return None
+        self._next_image = snapshot.time + IMAGE_PERIOD
+        waiting = (item for item in self._waiting.copy() if isinstance(item, TickView))
+        late = sum(item.image is not None for item in waiting) >= IMAGES_WAITING
+        return None if late else snapshot.view.frame.image
+
+    def _put(self, item: TickView | LogLine) -> None:
+        if not self._thread.is_alive():
+            return
+        if len(self._waiting) >= WAITING:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(item)
+        self._news.set()
+
+    def _work(
+        self,
+        mode: Mode,
+        folder: Path,
+        strip: StripFile,
+        viewer: Callable[[str], None] | None,
+    ) -> None:
+        """Draw the queue until the run is over. Rerun is imported here, in
+        parallel with the run.
+        """
+        from cell.report.viz.recording import Screen, open_recording
+
+        path = folder / CALIBRATION
+        try:
+            calibration = load_calibration(path) if path.exists() else None
+            with open_recording(folder, live=mode == "live", viewer=viewer) as recording:
+                screen = Screen(recording, calibration, strip)
+                while self._waiting or not self._over.is_set():
+                    self._draw(screen)
+                screen.finish()
+        except (CellError, OSError, RuntimeError, ValueError) as error:
+            self.failure = f"the view is not recorded any more: {error}"
+            self._waiting.clear()
+
+    def _draw(self, screen: "Screen") -> None:
+        self._news.wait()
+        self._news.clear()
+        while self._waiting:
+            screen.draw(self._waiting.popleft())
+
+
+@contextmanager
+def watching(
+    mode: Mode | Literal["off"], *, hanging: bool = False
+) -> Iterator[Callable[[Path, StripFile], tuple[Viz, ...]]]:
+    """Makes the Rerun observers of folds, none when `off`, and waits for them at the end.
+
+    `hanging` is where the measured time of the folds begins; see `Viz`.
+    """
+    watchers: list[Viz] = []
+
+    def watch(folder: Path, strip: StripFile) -> tuple[Viz, ...]:
+        if mode == "off":
+            return ()
+        watchers.append(Viz(mode, folder, strip, hanging=hanging))
+        return (watchers[-1],)
+
+    try:
+        yield watch
+    finally:
+        for watcher in watchers:
+            watcher.close()

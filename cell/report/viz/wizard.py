@@ -1,0 +1,117 @@
+"""A calibration in Rerun: the image with its measurements, the coverage, the next request."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from calibration.wizard.news import News, TouchNews, ViewNews
+from cell.report.viz.recording import SERVER_MEMORY, free_port, jpeg, open_viewer
+from drivers.files import own_file
+
+WIZARD_RECORDING = "wizard.rrd"
+CORNERS, FITTED, HELD_OUT, WANTED = 0x6ED25AFF, 0x6ED25AFF, 0x2882FFFF, 0xFFAA32FF
+
+
+@contextmanager
+def watched(
+    folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
+) -> Iterator["WizardScreen"]:
+    """Draws into wizard.rrd of `folder`, which must exist when the first news arrive.
+
+    `live` serves it on loopback too, and `viewer` opens a viewer there.
+    """
+    own_file(folder / WIZARD_RECORDING)
+    recording = rr.RecordingStream("cell-wizard", recording_id=folder.name)
+    sinks: list[Any] = [rr.FileSink(folder / WIZARD_RECORDING)]
+    if live:
+        address = rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)
+        sinks.append(address)
+    recording.set_sinks(*sinks)
+    recording.send_blueprint(_blueprint())
+    if live:
+        with suppress(OSError):  # without a viewer the file is still written
+            (viewer or open_viewer)(sinks[1].uri)
+    try:
+        yield WizardScreen(recording)
+    finally:
+        recording.disconnect()
+
+
+class WizardScreen:
+    """Draws the news of a wizard; the only user of its entity paths."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._to = recording
+        self._count = 0
+
+    def __call__(self, news: News) -> None:
+        """Draw the news."""
+        self._count += 1
+        self._to.set_time("step", sequence=self._count)
+        if news.frame is not None:
+            self._to.log("camera/image", jpeg(news.frame.image))
+        if isinstance(news, ViewNews):
+            self._views(news)
+        else:
+            self._touches(news)
+
+    def verdict(self, words: str) -> None:
+        """Log the verdict."""
+        self._to.log("wizard/log", rr.TextLog(words))
+        self._to.log("wizard/words", rr.TextDocument(words))
+
+    def _views(self, news: ViewNews) -> None:
+        wanted = "nothing more" if news.wanted is None else str(news.wanted)
+        rows = [f"{'x' if gate.passed else ' '} {gate}" for gate in news.gates]
+        self._say(wanted, news.why, rows)
+        shares = np.array([gate.share for gate in news.gates])
+        self._to.log("wizard/coverage", rr.BarChart(shares))
+        if news.result is None:
+            return
+        if news.result.refused is not None:
+            self._to.log(
+                "wizard/log", rr.TextLog(f"image {news.result.number}: {news.result.refused}")
+            )
+        if news.result.seen is not None:
+            points = rr.Points2D(news.result.seen.image, colors=CORNERS, radii=3)
+            self._to.log("camera/image/corners", points)
+
+    def _touches(self, news: TouchNews) -> None:
+        wanted = "nothing more"
+        if news.wanted is not None:
+            wanted = f"the arm at x {news.wanted.x:.3f}, z {news.wanted.z:.3f} m"
+        done = f"{len({point.number for point in news.touches})} of {len(news.plan)} points"
+        self._say(wanted, news.why, [str(news.stage), done])
+        if news.touches:
+            pixels = np.array([point.pixel for point in news.touches])
+            shades = [HELD_OUT if point.held_out else FITTED for point in news.touches]
+            colours = np.array(shades, dtype=np.uint32)
+            names = [str(point.number) for point in news.touches]
+            marks = rr.Points2D(pixels, colors=colours, labels=names, radii=5)
+            self._to.log("camera/image/touched", marks)
+        if news.result is not None and news.result.refused is not None:
+            words = f"point {news.result.number}: {news.result.refused}"
+            self._to.log("wizard/log", rr.TextLog(words))
+
+    def _say(self, wanted: str, why: str, rows: list[str]) -> None:
+        words = "\n".join([f"next: {wanted}", f"why: {why}", "", *rows])
+        self._to.log("wizard/words", rr.TextDocument(words))
+
+
+def _blueprint() -> Any:
+    right = rrb.Vertical(
+        rrb.TextDocumentView(origin="/wizard/words", name="what is wanted"),
+        rrb.BarChartView(origin="/wizard/coverage", name="covered"),
+        rrb.TextLogView(origin="/wizard/log", name="refused, and why"),
+    )
+    camera = rrb.Spatial2DView(origin="/camera/image", name="camera")
+    return rrb.Blueprint(
+        rrb.Horizontal(camera, right, column_shares=[3, 2]),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )

@@ -1,0 +1,1 @@
+"""Studies: what is measured of the cell, one file a study, on one machine or a cluster."""

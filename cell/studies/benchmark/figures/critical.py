@@ -1,0 +1,58 @@
+"""Critical points: gripper x at the first touch, over the folded height."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.report.drawing import MUTED, as_svg, canvas
+from cell.studies.benchmark import paper
+from cell.studies.benchmark.figures.style import WIDTH
+from cell.studies.benchmark.results import CriticalPoints, Results
+from drivers.types import Array
+
+SCALE = ["#3f8fc4", "#6a4fb3", "#b0428f", "#cf6a1f"]
+
+
+def critical_figure(results: Results) -> str:
+    """One panel for each speed; areas span the damping, colours the gripper's height; SVG."""
+    found = [r for r in results.results if isinstance(r, CriticalPoints)]
+    if not found:
+        return ""
+    with canvas(WIDTH, 3.6) as figure:
+        panels = figure.subplots(1, len(found), sharey=True, squeeze=False)[0]
+        for axes, points in zip(panels, found, strict=True):
+            _panel(axes, points)
+        panels[0].set_ylabel("gripper x at the first touch  [mm]")
+        return as_svg(figure)
+
+
+def table(points: CriticalPoints) -> Array:
+    """x (heights, stiffnesses, dampings) [m], NaN without a touch."""
+    return np.array(points.x, dtype=np.float64)
+
+
+def _panel(axes: Any, points: CriticalPoints) -> None:
+    from matplotlib.colors import LinearSegmentedColormap
+
+    scale = LinearSegmentedColormap.from_list("height", SCALE)
+    h = 1e3 * paper.FOLDED_HEIGHT * np.array(points.bending_lengths)
+    x = 1e3 * table(points)
+    for i, height in enumerate(points.heights):
+        shade = scale(i / max(len(points.heights) - 1, 1))
+        here = np.ma.masked_invalid(x[i])
+        axes.fill_between(h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0)
+        axes.plot(h, x[i, :, 0], color=shade, lw=1.3)
+        axes.annotate(
+            f"z = {1e3 * height:.0f}",
+            (h[-1], x[i, -1, 0]),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            fontsize=8,
+            color=shade,
+            annotation_clip=False,
+        )
+    axes.set_xlabel("height h of the folded strip  [mm]")
+    axes.set_title(f"moving at {1e3 * points.speed:.0f} mm/s", fontsize=9, color=MUTED, loc="left")
+    axes.set_xlim(h[0], h[-1] + 3.2)
+    axes.set_xticks([15, 20, 25, 30])

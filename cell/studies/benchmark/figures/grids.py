@@ -1,0 +1,99 @@
+"""The paper's range as maps: displacement and holding force of each policy."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.report.drawing import INK, MUTED, as_svg, canvas
+from cell.report.words import MINUS
+from cell.studies.benchmark.figures.style import WIDTH, colour, dot, policy_rows
+from cell.studies.benchmark.numbers import numeral
+from cell.studies.benchmark.results import RangeFolds, Results
+from policies.domain import DAMPING, STIFFNESS
+
+REACH = 90.0  # mm, where the colours end
+LINEAR = 8.0  # mm, up to about which they grow evenly
+TICKS = (-80, -20, -5, 5, 20, 80)
+FEWEST = 3  # columns that a map's width is meant for
+
+
+def maps_figure(results: Results) -> str:
+    """d over stiffness and damping, a map a policy; SVG, or nothing where none was measured."""
+    found = [results.over_range(policy, "rod") for policy in results.asked.policies]
+    measured = [folds for folds in found if folds is not None]
+    if not measured:
+        return ""
+    with canvas(WIDTH, 2.35) as figure:
+        panels = figure.subplots(1, max(len(measured), FEWEST), sharey=True, squeeze=False)[0]
+        shown = None
+        for axes, folds in zip(panels, measured, strict=False):
+            shown = _map(axes, folds)
+        for axes in panels[len(measured) :]:
+            axes.set_axis_off()
+        panels[0].set_ylabel("damping over the least")
+        bar = figure.colorbar(shown, ax=list(panels), shrink=0.8, pad=0.01, aspect=22)
+        bar.outline.set_visible(False)
+        bar.minorticks_off()
+        bar.set_ticks(TICKS, labels=[f"{tick:+d}".replace("-", MINUS) for tick in TICKS])
+        bar.set_label("d  [mm]")
+        return as_svg(figure)
+
+
+def force_figure(results: Results) -> str:
+    """The force that holds the fixed edge, over the paper's range; SVG."""
+    policies = results.asked.policies
+    with canvas(WIDTH, 0.34 * len(policies) + 0.7) as figure:
+        axes = figure.add_subplot()
+        for row, policy in enumerate(policies):
+            folds = results.over_range(policy, "rod")
+            if folds is None:
+                continue
+            low, high = np.quantile(folds.force, [0.05, 0.95])
+            axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
+            mean = float(np.mean(folds.force))
+            axes.plot(mean, row, **dot(policy))
+            axes.annotate(
+                f"{mean:.2f} N",
+                (high, row),
+                (7, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8.5,
+                color=INK,
+            )
+        policy_rows(axes, policies)
+        axes.set_xlim(0, None)
+        axes.margins(x=0.12)
+        axes.set_xlabel("mean force from the take-over to the touch  [N]")
+        return as_svg(figure)
+
+
+def _map(axes: Any, folds: RangeFolds) -> Any:
+    from matplotlib.colors import AsinhNorm
+
+    norm = AsinhNorm(LINEAR, vmin=-REACH, vmax=REACH)
+    side = folds.side
+    k = _edges(STIFFNESS[0], STIFFNESS[1], side)
+    b = _edges(1.0, DAMPING, side)
+    d = 1e3 * folds.d.T
+    shown = axes.pcolormesh(k, b, d, cmap="RdBu_r", norm=norm, lw=0)
+    axes.set(xscale="log", yscale="log", xlim=(k[0], k[-1]), ylim=(b[0], b[-1]))
+    axes.set_xticks([0.02, 0.06, 0.2], ["0.02", "0.06", "0.2"])
+    axes.set_yticks([1, 7, 50], ["1", "7", "50"])
+    axes.minorticks_off()
+    axes.grid(visible=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    size = np.abs(folds.d[np.isfinite(folds.d)])
+    mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
+    axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=15)
+    told = f"mean {numeral(float(mean))}, worst {numeral(float(worst))}"
+    axes.text(0, 1.03, told, transform=axes.transAxes, fontsize=7.6, color=MUTED)
+    axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
+    return shown
+
+
+def _edges(low: float, high: float, side: int) -> Any:
+    """Borders of the cells around `side` places from `low` to `high`, logarithmic."""
+    step = (high / low) ** (1 / (side - 1))
+    return low * step ** (np.arange(side + 1) - 0.5)

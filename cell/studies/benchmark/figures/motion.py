@@ -1,0 +1,182 @@
+"""Side views: motion of the strip, gripper paths, definition of the displacement."""
+
+from typing import Any
+
+import numpy as np
+
+from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, as_svg, canvas
+from cell.studies.benchmark.figures.style import (
+    DASHES,
+    WIDTH,
+    colour,
+    desk,
+    smooth,
+    stiffness_colours,
+)
+from cell.studies.benchmark.parts.evolution import LEVEL
+from cell.studies.benchmark.results import Adaptation, Curve, Evolution, Results
+from drivers.types import Array
+from policies.path import circular, triangular
+
+LENGTH = 0.6  # m, of the paper's strip
+ARROW = 0.09  # m
+
+
+def level_figure(results: Results) -> str:
+    """The strip while the gripper moves horizontally; the first state with
+    touching layers bold; SVG.
+    """
+    found = evolution(results, LEVEL)
+    if found is None:
+        return ""
+    with canvas(WIDTH, 2.7) as figure:
+        axes = figure.add_subplot()
+        desk(axes)
+        _shapes(axes, found, INK)
+        start, end = _mm(found.shapes[0])[-1], _mm(found.path)[-1]
+        axes.annotate("", _off(start, -110, 16), _off(start, 0, 16), arrowprops=_arrow(BLUE))
+        axes.plot(*end, "o", color=BLUE, ms=5)
+        _labels(axes, top=end[1] + 32)
+        return as_svg(figure)
+
+
+def policy_figure(results: Results) -> str:
+    """The strip under the learned policy, beside triangle and circle; SVG."""
+    found = evolution(results, "feedback")
+    if found is None:
+        return ""
+    with canvas(WIDTH, 4.4) as figure:
+        axes = figure.add_subplot()
+        desk(axes)
+        _references(axes)
+        _shapes(axes, found, INK)
+        axes.plot(*_mm(found.path).T, color=GREEN, lw=2.2)
+        axes.plot(*_mm(found.path)[-1], "o", color=GREEN, ms=5)
+        _labels(axes)
+        return as_svg(figure)
+
+
+def adaptation_figure(results: Results) -> str:
+    """The paths of the learned policy for strips of rising stiffness; SVG."""
+    found = next((r for r in results.results if isinstance(r, Adaptation)), None)
+    if found is None:
+        return ""
+    with canvas(WIDTH, 3.6) as figure:
+        axes = figure.add_subplot()
+        desk(axes)
+        _references(axes)
+        shades = stiffness_colours(len(found.paths))
+        for path, c, shade in zip(found.paths, found.bending_lengths, shades, strict=True):
+            axes.plot(*_mm(path).T, color=shade, lw=1.5, label=f"{1e3 * c:.1f}")
+        axes.legend(
+            title="bending length\n[mm]",
+            title_fontsize=8.5,
+            loc="upper left",
+            bbox_to_anchor=(1, 1),
+        )
+        axes.get_legend().get_title().set_color(MUTED)
+        _labels(axes)
+        return as_svg(figure)
+
+
+def measures_figure(results: Results) -> str:
+    """State and action in mid fold, and the lengths l1 and l2 at the touch; SVG."""
+    found = evolution(results, "feedback")
+    if found is None or found.touch_x is None or found.displacement is None:
+        return ""
+    with canvas(WIDTH, 3.2) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
+        _state(left, found)
+        _lengths(right, found, found.touch_x, found.displacement)
+        right.set_ylabel("")
+        return as_svg(figure)
+
+
+def evolution(results: Results, policy: str) -> Evolution | None:
+    """The evolution by `policy`, where it was measured."""
+    found = [r for r in results.results if isinstance(r, Evolution)]
+    return next((r for r in found if r.policy == policy), None)
+
+
+def _shapes(axes: Any, found: Evolution, ink: str) -> None:
+    for shape in found.shapes[:-1]:
+        axes.plot(*_mm(shape).T, color=MUTED, lw=0.8, alpha=0.75)
+    axes.plot(*smooth(_mm(found.shapes[-1])).T, color=ink, lw=2.2)
+    if found.touch_x is not None:
+        axes.plot(1e3 * found.touch_x, 0, "o", color=ORANGE, ms=5.5, zorder=6)
+        axes.annotate(
+            "layers touch",
+            (1e3 * found.touch_x, 0),
+            (0, -16),
+            textcoords="offset points",
+            ha="center",
+            color=ORANGE,
+            fontsize=8.5,
+        )
+
+
+def _references(axes: Any) -> None:
+    for name, path in (("triangular", triangular(LENGTH)), ("circular", circular(LENGTH))):
+        axes.plot(*(1e3 * path.points).T, color=colour(name), lw=1, ls=DASHES)
+        place = 1e3 * path.at(0.82 * path.length)
+        axes.annotate(name, place, (-5, 5), textcoords="offset points", ha="right",
+                      color=colour(name), fontsize=8.5)  # fmt: skip
+
+
+def _state(axes: Any, found: Evolution) -> None:
+    middle = len(found.shapes) // 3
+    shape, phi = _mm(found.shapes[middle]), found.headings[middle]
+    desk(axes)
+    axes.plot(*shape.T, color=INK, lw=2)
+    contact, gripper = 1e3 * found.contacts[middle], shape[-1]
+    axes.plot(contact, 0, "x", color=GREEN, ms=8, mew=2, zorder=6)
+    axes.annotate("desk contact x", (contact, 0), (0, -16), textcoords="offset points",
+                  ha="center", color=GREEN, fontsize=8.5)  # fmt: skip
+    axes.plot(*gripper, "o", color=BLUE, ms=5)
+    axes.annotate("gripper x, z", gripper, (9, -11), textcoords="offset points", fontsize=8.5)
+    along = 1e3 * ARROW * np.array([np.cos(phi), np.sin(phi)])
+    axes.annotate("", gripper + along, gripper, arrowprops=_arrow(BLUE))
+    turn = np.linspace(0.0, phi, 40)
+    ring = gripper + 40 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    axes.plot(*ring.T, color=BLUE, lw=0.8)
+    axes.plot(*(gripper + np.array([[0, 0], [62, 0]])).T, color=BLUE, lw=0.8, ls=DASHES)
+    axes.annotate("φ", ring[len(ring) // 3], (5, 4), textcoords="offset points", color=BLUE)
+    _labels(axes, top=345)
+    axes.set_xlim(-30, 610)
+    axes.set_title("state and action", fontsize=9, color=MUTED, loc="left")
+
+
+def _lengths(axes: Any, found: Evolution, touch_x: float, d: float) -> None:
+    shape = smooth(np.array(found.shapes[-1]))
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
+    upper = s[-1] - (d + touch_x)  # l1 = d + l2, and l2 is x where the lower layer lies flat
+    desk(axes)
+    axes.plot(*(1e3 * shape[s <= touch_x]).T, color=ORANGE, lw=2.6)
+    axes.plot(*(1e3 * shape[(s >= touch_x) & (s <= upper)]).T, color=MUTED, lw=1.4)
+    axes.plot(*(1e3 * shape[s >= upper]).T, color=BLUE, lw=2.6)
+    axes.annotate("l₂", (500 * touch_x, 0), (0, -14), textcoords="offset points",
+                  color=ORANGE, ha="center")  # fmt: skip
+    place = 1e3 * shape[(s >= upper).nonzero()[0][0] :]
+    axes.annotate("l₁", place[2 * len(place) // 3], (-14, 0), textcoords="offset points",
+                  color=BLUE)  # fmt: skip
+    _labels(axes, top=345)
+    axes.set_xlim(-30, 610)
+    axes.set_title(f"d = l₁ − l₂ = {1e3 * d:+.1f} mm".replace("-", "−"), fontsize=9,
+                   color=MUTED, loc="left")  # fmt: skip
+
+
+def _labels(axes: Any, top: float | None = None) -> None:
+    axes.set(xlabel="x  [mm]", ylabel="z  [mm]")
+    axes.set_ylim(-34, top)
+
+
+def _arrow(ink: str) -> dict[str, Any]:
+    return {"arrowstyle": "-|>", "color": ink, "lw": 1.8, "shrinkA": 0, "shrinkB": 0}
+
+
+def _off(place: Array, right: float, up: float) -> Array:
+    return np.asarray(place + np.array([right, up]))
+
+
+def _mm(curve: Curve) -> Array:
+    return 1e3 * np.array(curve, dtype=np.float64)

@@ -1,0 +1,89 @@
+"""A camera image of a fold by feedback, with the controller's measurements drawn in."""
+
+import base64
+from pathlib import Path
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.record.frames import FrameNote, decode
+from cell.record.run import Run, read_run
+from cell.report.overlay import window_on
+from cell.studies.benchmark.results import Results
+from drivers.errors import ConfigurationError
+from drivers.types import Array, Image
+from policies.path import circular, triangular
+
+RED, GREEN, BLUE, BLACK = (40, 40, 220), (60, 190, 60), (230, 120, 30), (20, 20, 20)
+WIDTH = 1000  # px
+PART = 0.45  # of the fold's duration, about where the picture is taken
+
+
+def photograph(results: Results) -> str:
+    """A kept image (JPEG as text) of a fold by feedback; empty where there is none.
+
+    As in the paper: the line that is searched in red, the desk contact green, the gripper blue,
+    triangle and circle black.
+    """
+    for fold in results.repeats("feedback") or results.folds("feedback"):
+        try:
+            return _drawn(read_run(Path(fold.run)))
+        except ConfigurationError:
+            continue
+    return ""
+
+
+def _drawn(run: Run) -> str:
+    calibration, sights = run.calibration(), run.sights()
+    notes = [n for n in run.frame_index() if n.file is not None and n.stamp > 0]
+    if calibration is None or not notes or sights.stamp.size == 0:
+        raise ConfigurationError(f"{run.folder}: keeps no images that could be shown")
+    note = min(notes, key=lambda n: abs(n.stamp - PART * float(run.ticks.t[-1])))
+    image = _mark(_image(note), run, note, calibration)
+    return _jpeg(window_on(run.ticks, calibration).cut(image))
+
+
+def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
+    ticks, sights = run.ticks, run.sights()
+    length = float(ticks.x[0])
+    drawn = image.copy()
+    for path in (triangular(length), circular(length)):
+        _line(drawn, calibration, path.at(np.linspace(0.0, path.length, 200)), BLACK, 2)
+    gripper = [np.interp(note.stamp, ticks.t, ticks.x), np.interp(note.stamp, ticks.t, ticks.z)]
+    _line(drawn, calibration, np.array([(length, 0.0), (0.0, 0.0)]), RED, 2)
+    row = int(np.argmin(np.abs(sights.stamp - note.stamp)))
+    _dot(drawn, calibration, np.array([sights.contact_x[row], 0.0]), GREEN)
+    _dot(drawn, calibration, np.array(gripper), BLUE)
+    return drawn
+
+
+def _image(note: FrameNote) -> Image:
+    if note.file is None:
+        raise ConfigurationError("the image was not kept")
+    return decode(note.file)
+
+
+def _line(
+    image: Image, calibration: Calibration, points: Array, bgr: tuple[int, int, int], width: int
+) -> None:
+    import cv2
+
+    pixels = np.rint(8 * calibration.to_image(points)).astype(np.int32)
+    cv2.polylines(image, [pixels], False, bgr, width, cv2.LINE_AA, shift=3)
+
+
+def _dot(image: Image, calibration: Calibration, point: Array, bgr: tuple[int, int, int]) -> None:
+    import cv2
+
+    if np.isfinite(point).all():
+        centre = np.rint(8 * calibration.to_image(point[None])[0]).astype(int)
+        cv2.circle(image, tuple(centre.tolist()), 8 * 9, bgr, -1, cv2.LINE_AA, shift=3)
+
+
+def _jpeg(image: Image) -> str:
+    import cv2
+
+    height = round(image.shape[0] * WIDTH / image.shape[1])
+    small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
+    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
+    return base64.b64encode(bytes(content)).decode()

@@ -1,0 +1,92 @@
+"""Parts of a benchmark, from its specification."""
+
+import hashlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+import policies
+from cell.campaign.journal import digest
+from cell.campaign.versions import code
+from cell.config.places import Configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request
+from cell.studies.benchmark.parts.adaptation import Adapted
+from cell.studies.benchmark.parts.critical import Critical
+from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
+from cell.studies.benchmark.parts.hidden_effect import HIDDEN, HiddenEffect
+from cell.studies.benchmark.parts.image_fold import ThroughImages
+from cell.studies.benchmark.parts.laid import LaidDown
+from cell.studies.benchmark.parts.paper_range import OverRange
+from cell.studies.benchmark.parts.part import Part
+from cell.studies.benchmark.spec import BenchmarkSpec
+
+SLOW = 0.02  # m/s, of the level motion
+LEARNED = "feedback"  # the policy that the paper's figures of paths are about
+
+
+def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
+    """All parts of a benchmark by its `spec`, the longest first; runs go to `runs`."""
+    speed = configs.cell().fold.speed
+    return (*_in_the_model(spec, speed), *_through_images(spec, configs, runs))
+
+
+def weights_digest(policy: str = "*") -> str:
+    """Digest of the committed weights of `policy`, or of all policies."""
+    folder = Path(policies.__file__).parent / "weights"
+    files = sorted([*folder.glob(f"{policy}.json"), *folder.glob(f"{policy}.npz")])
+    return digest(*(hashlib.sha256(path.read_bytes()).hexdigest() for path in files))
+
+
+def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
+    extent = spec.extent
+    for policy in spec.policies:
+        of = digest(code(), weights_digest(policy))
+        yield OverRange(policy, "rod", extent.grid, speed, of)
+        yield OverRange(policy, "chain", extent.chain, speed, of)
+        for effect in HIDDEN:
+            yield HiddenEffect(policy, effect, extent.hidden, speed, of)
+    of = digest(code())
+    for pace in (SLOW, speed):
+        yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
+    for place in np.linspace(0.0, 1.0, extent.laid):
+        yield LaidDown(float(place), of)
+    yield Evolved(LEVEL, SLOW, of)
+    if LEARNED in spec.policies:
+        of = digest(code(), weights_digest(LEARNED))
+        yield Evolved(LEARNED, speed, of)
+        yield Adapted(LEARNED, speed, of)
+
+
+def _through_images(spec: BenchmarkSpec, configs: Configs, runs: Path) -> Iterator[Part]:
+    for strip in spec.strips:
+        for policy in spec.policies:
+            yield _fold(spec, configs, runs, strip, policy, 0)
+    for policy in spec.policies:
+        for repeat in range(1, spec.repeats):
+            yield _fold(spec, configs, runs, spec.repeated, policy, repeat)
+
+
+def _fold(
+    spec: BenchmarkSpec, configs: Configs, runs: Path, strip: str, policy: str, repeat: int
+) -> ThroughImages:
+    """The fold whose noise has the seed asked for plus `repeat`; the strip is always new."""
+    request = Request(
+        strip=strip,
+        policy=policy,
+        checkpoint=None,
+        choice=DeviceSelection(seed=spec.seed + repeat),
+        runs=runs,
+        configs=configs.folder,
+        frames=None,
+        truth=True,
+        viz="off",
+    )
+    of = digest(
+        code(),
+        configs.cell().model_dump_json(),
+        configs.strip(strip).model_dump_json(),
+        weights_digest(policy),
+    )
+    return ThroughImages(request, of)

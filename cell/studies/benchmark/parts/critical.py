@@ -1,0 +1,84 @@
+"""Critical points: gripper position at the first touch, over height and fabric."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from cell.studies.benchmark.results import CriticalPoints
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import Array
+from policies.domain import DAMPING, strip_at
+from policies.path import Path
+
+STEP = 0.005  # s
+SEGMENTS = 100
+LIFT = 0.1  # m/s, up to where the level motion begins
+END = -0.15  # m, where the level motion ends
+STILL = 3.0  # s at rest before it: three times the slowest fabric's retardation
+
+
+@dataclass(frozen=True, slots=True)
+class Critical:
+    """Horizontal motion at `speed` [m/s], at each of `heights` [m], over stiffnesses x dampings."""
+
+    speed: float
+    heights: tuple[float, ...]
+    stiffnesses: int
+    dampings: int
+    of: str
+
+    @property
+    def key(self) -> str:
+        """Key with all parameters of the part."""
+        heights = ", ".join(f"{height:g}" for height in self.heights)
+        counts = f"{self.stiffnesses} x {self.dampings}"
+        return f"critical points at {self.speed} after rest over {counts}, heights {heights}"
+
+    @property
+    def cost(self) -> float:
+        """Estimated time [s]."""
+        return 0.002 * len(self.heights) * self.stiffnesses * self.dampings / self.speed
+
+    def measure(self) -> CriticalPoints:
+        """Move every strip at every height until its layers touch."""
+        u, v = np.linspace(0, 1, self.stiffnesses), np.linspace(0, 1, self.dampings)
+        strips = [strip_at(a, b) for a, b in product(u, v)]
+        found = [self._row(height, strips).reshape(len(u), len(v)) for height in self.heights]
+        table = tuple(
+            tuple(tuple(float(x) if np.isfinite(x) else None for x in row) for row in block)
+            for block in found
+        )
+        return CriticalPoints(
+            speed=self.speed,
+            heights=self.heights,
+            bending_lengths=tuple(strip_at(a, 0.0).bending_length for a in u),
+            dampings=tuple(float(DAMPING**b) for b in v),
+            x=table,
+        )
+
+    def _row(self, height: float, strips: Sequence[StripFile]) -> Array:
+        """Gripper x (n,) at the first touch, NaN without one."""
+        length = strips[0].length
+        poses = level_motion(length, height, self.speed)
+        rod = Rod(SEGMENTS, strict=False)
+        rod.reset([describe(strip) for strip in strips])
+        touches = rod.advance(np.repeat(poses[:, None], len(strips), axis=1), STEP).touch
+        times = np.arange(1, len(poses) + 1) * STEP
+        ends = np.array([np.nan if touch is None else touch.time for touch in touches])
+        return np.where(np.isfinite(ends), np.interp(ends, times, poses[:, 0]), np.nan)
+
+
+def level_motion(length: float, height: float, speed: float) -> Array:
+    """Poses (k, 3), one each `STEP`: up the triangle's leg to `height`, a rest,
+    horizontally to `END`.
+    """
+    path = Path.through(np.array([(length, 0.0), (length - height, height), (END, height)]))
+    rise = np.sqrt(2) * height
+    up = np.arange(STEP, rise / LIFT, STEP) * LIFT
+    rest = np.full(round(STILL / STEP), rise)
+    along = rise + np.arange(STEP, (path.length - rise) / speed, STEP) * speed
+    return path.poses(np.concatenate([up, rest, along]))

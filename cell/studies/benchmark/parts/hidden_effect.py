@@ -1,0 +1,72 @@
+"""A policy on strips with an effect that it is not told of, in the rod."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cell.studies.benchmark.parts.paper_range import SEGMENTS, knowing
+from cell.studies.benchmark.results import EffectFolds
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from policies.adaptive.fabrics import EFFECTS, effect, friction, plain
+from policies.planned import Planned
+from policies.rollout import Rollout, roll_out
+from policies.sensing import IMAGES
+
+FRICTION = "bending_hysteresis"
+YIELD = (20.0, 60.0)  # 1/m, as laboratories measure it
+HIDDEN = ("", FRICTION, *EFFECTS)
+"""Effects that are hidden in turn; the empty name stands for none."""
+COST = 0.1  # of a fold; planning takes many
+
+
+@dataclass(frozen=True, slots=True)
+class HiddenEffect:
+    """`count` strips of the paper's range with `effect` at textile size, folded at `speed` [m/s].
+
+    Every policy folds the same strips, observed as through images.
+    """
+
+    policy: str
+    effect: str
+    count: int
+    speed: float
+    of: str
+
+    @property
+    def key(self) -> str:
+        """Key with all parameters of the part."""
+        return f"{self.policy} on {self.count} strips with {self.effect or 'nothing'} hidden"
+
+    @property
+    def cost(self) -> float:
+        """Estimated time [s]."""
+        return self.count * COST * (5 if self.policy == Planned.name else 1)
+
+    def measure(self) -> EffectFolds:
+        """Fold all strips."""
+        rng = np.random.default_rng(1)
+        strips = [self._strip(rng) for _ in range(self.count)]
+        known = [strip.model_copy(update={"effects": {}}) for strip in strips]
+        folds = roll_out(
+            knowing(self.policy, known),
+            Rod(SEGMENTS, strict=False),
+            known[0],
+            [describe(strip) for strip in strips],
+            settings=Rollout(speed=self.speed, sensing=IMAGES),
+            rng=rng,
+        )
+        return EffectFolds(
+            policy=self.policy,
+            effect=self.effect,
+            displacement=tuple(float(d) if np.isfinite(d) else None for d in folds.displacement),
+        )
+
+    def _strip(self, rng: np.random.Generator) -> StripFile:
+        if not self.effect:
+            return plain(rng)
+        if self.effect == FRICTION:
+            return plain(rng, bending_hysteresis=friction(rng, *YIELD))
+        bare = plain(rng)
+        return bare.model_copy(update={"effects": {self.effect: effect(self.effect, rng)}})

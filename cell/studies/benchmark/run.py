@@ -1,0 +1,107 @@
+"""Runs a whole benchmark: measures the missing parts and collects all results."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from cell.calibrating.calibrate import calibration_of
+from cell.campaign.journal import Record
+from cell.campaign.run import Engine, Watcher, carry_out
+from cell.config.places import Configs
+from cell.folding.fold import PACKAGES
+from cell.report.words import millimetres
+from cell.studies.benchmark.parts.all_parts import order, weights_digest
+from cell.studies.benchmark.parts.part import Part
+from cell.studies.benchmark.results import AnyResult, Refused, Result, Results
+from cell.studies.benchmark.spec import BenchmarkSpec
+
+JOURNAL = "parts"
+_ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A part of the benchmark as one of a campaign, which keeps plain JSON."""
+
+    part: Part
+
+    @property
+    def key(self) -> str:
+        """Unique key with all parameters of the part."""
+        return self.part.key
+
+    @property
+    def of(self) -> str:
+        """Digest of the files that the result depends on."""
+        return self.part.of
+
+    @property
+    def cost(self) -> float:
+        """Estimated time on one core [s]."""
+        return self.part.cost
+
+    def measure(self) -> Mapping[str, Any]:
+        """Its result; raises CellError where there is none."""
+        return self.part.measure().model_dump(mode="json")
+
+
+def benchmark(
+    asked: BenchmarkSpec,
+    configs: Configs,
+    folder: Path,
+    runs: Path,
+    *,
+    engine: Engine,
+    again: bool,
+    watcher: Watcher,
+) -> Results:
+    """Measure the benchmark; parts that `folder` holds are not measured again, unless `again`.
+
+    The folds are recorded in `runs`. Raises ConfigurationError for a folder that cannot be written,
+    and for an invalid configuration.
+    """
+    settings = configs.cell()
+    parts = order(asked, configs, runs)
+    calibration_of(settings)  # made once, not by every fold at once
+    found = dict(measured(parts, folder / JOURNAL, engine, watcher, again=again))
+    return Results(
+        schema=1,
+        asked=asked,
+        made_with=made_with(settings.name),
+        speed=settings.fold.speed,
+        results=tuple(found[part.key] for part in parts),
+    )
+
+
+def measured(
+    parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
+) -> Iterator[tuple[str, Result]]:
+    """Every part's key with its result; one that cannot be measured is Refused."""
+    wanted = [Measured(part) for part in parts]
+    for part, record in carry_out(wanted, folder, engine, watcher, again=again):
+        yield part.key, _result(record)
+
+
+def said(record: Record) -> str:
+    """What came of a part, in a few words."""
+    if record.outcome is None:
+        return f": {record.reason}"
+    if record.outcome["kind"] == "fold":
+        return f": {millimetres(record.outcome['displacement'], signed=True)}"
+    return ""
+
+
+def _result(record: Record) -> Result:
+    if record.outcome is None:
+        return Refused(part=record.key, reason=record.reason)
+    return _ANY.validate_python(record.outcome, strict=False)
+
+
+def made_with(cell: str) -> Mapping[str, str]:
+    """Versions of libraries that affect the numbers, the weights' digest, the cell's name."""
+    versions = {package: version(package) for package in PACKAGES}
+    return {"cell": cell, "weights": weights_digest(), **versions}

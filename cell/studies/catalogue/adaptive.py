@@ -1,0 +1,82 @@
+"""`adaptive` over strips that nobody measured, each effect hidden in turn, from noisy states."""
+
+import numpy as np
+
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
+from cell.studies.study import Study, Values
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from policies.adaptive.checkpoint import load_critic
+from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, plain
+from policies.adaptive.train.piece import truth
+from policies.fixed_paths import Shifted
+from policies.rollout import Rollout, roll_out
+
+STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
+           "stretch 3 N": stretchy}  # fmt: skip
+SENSED = ("nothing", "30 Hz", "3 mm noise", "half dropped", "latency +-10 ms", "latency +-30 ms")
+CONDITIONS = (*SENSED, *STRANGE, *EFFECTS)
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """A strip in the next condition; every condition twenty times on the rod, then on the chain."""
+    times, which = divmod(number, len(CONDITIONS))
+    name = CONDITIONS[which]
+    if name in STRANGE:
+        strip = STRANGE[name](rng)
+    else:
+        strip = plain(rng, LENGTH, **({name: effect(name, rng)} if name in EFFECTS else {}))
+    content = strip.model_dump(mode="json", by_alias=True)
+    engine = "chain" if times >= 20 else "rod"
+    return {"engine": engine, "condition": name, "strip": content, "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """d [m] by `adaptive` and by the shifted triangle, the prediction and the belief."""
+    strip = StripFile.model_validate(case["strip"])
+    rate = 30.0 if case["condition"] == "30 Hz" else 60.0
+    sensing = sensing_of(case["condition"])
+    settings = Rollout(rate=rate, sensing=sensing, substeps=round(180 / rate))
+    rng, policy = np.random.default_rng([case["noise"], 1]), Kept(load_critic())
+    folds, before = (
+        roll_out(p, stepper(case["engine"]), strip, [describe(strip)], settings=settings, rng=rng)
+        for p in (policy, Shifted())
+    )
+    touch, d = folds.touch[0], float(folds.displacement[0])
+    end = np.inf if touch is None else touch.time
+    known = [said for seen, said in policy.seen if seen.time[0] < end][-1]
+    length, time, _ = truth(strip)
+    ratio = abs(d - known.displacement) / known.sigma
+    return {
+        "d": d,
+        "shifted": float(before.displacement[0]),
+        "touched": touch is not None,
+        "within_1": ratio < 1.0,
+        "within_2": ratio < 1.96,
+        "length_off": float(np.log(known.bending_length.value) - length),
+        "time_off": float(np.log(known.retardation_time.value) - time),
+    }
+
+
+STUDY = Study(
+    name="adaptive",
+    question="How far off is `adaptive` from noisy states, with each effect hidden in turn?",
+    draw=draw,
+    measure=measure,
+    by=("engine", "condition"),
+    quantities=(
+        Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),
+        Quantity("d", Statistic.P95_SIZE, label="95 % |d|"),
+        Quantity("d", Statistic.WORST_SIZE, label="worst |d|"),
+        Quantity("shifted", Statistic.MEAN_SIZE, label="mean |d|, shifted"),
+        Quantity("touched", Statistic.SHARE, "%", 100.0, label="touched", digits=0),
+        Quantity("within_1", Statistic.SHARE, "%", 100.0, label="within 1 sigma", digits=0),
+        Quantity("within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0),
+        Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
+        Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
+    ),
+    usual=20 * len(CONDITIONS),
+    quick=1,
+    seconds=1.0,
+)

@@ -1,0 +1,113 @@
+"""How often `adaptive` says that a strip does not behave like the model, rightly and wrongly.
+
+Strips as they may come are compared with a rod of what the policy believed at the touch
+(`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cell.config.unknown import unknown_strip
+from cell.exam.causes import cause_of
+from cell.perception.agreement import agreement
+from cell.perception.measured_fold import MeasuredFold
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
+from cell.studies.study import Study, Values
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.twin.chain.engine import Chain
+from drivers.twin.chain.extra_forces import ForceFunction, Parts
+from policies.adaptive.checkpoint import load_critic
+from policies.adaptive.fabrics import LENGTH, effect, plain, unknown
+from policies.rollout import Rollout, roll_out
+
+LINKS = 80
+USUAL = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
+LAWS = {
+    "draught 0.35 m/s": ("draught", {"speed": 0.35}),
+    "draught 0.55 m/s": ("draught", {"speed": 0.55}),
+    "Dahl friction 60": ("dahl", {"yield_curvature": 60.0}),
+    "softening bending": ("sinh_bending", {"cubic": -2e-4}),
+    "stiffening bending": ("sinh_bending", {"cubic": 1e-3}),
+}
+
+
+def seamed(rng: np.random.Generator) -> StripFile:
+    """A strip with a seam."""
+    return plain(rng, seam=effect("seam", rng))
+
+
+DRAWN: dict[str, Callable[[np.random.Generator], StripFile]] = {
+    "friction 20-60": rough(20.0, 60.0),
+    "friction 90": rough(90.0, 90.1),
+    "stretch 3 N": stretchy,
+    "seam": seamed,
+    **dict.fromkeys(LAWS, plain),
+}
+CONDITIONS = (*USUAL, "friction 90", "stretch 3 N", *LAWS)
+
+
+class Law:
+    """A cause of the exam as a foreign law of the chain."""
+
+    def __init__(self, name: str, values: dict[str, float]) -> None:
+        self._cause, self._rng = cause_of(name, values), np.random.default_rng(0)
+
+    def begin(self, parts: Parts) -> ForceFunction:
+        """The force of the law on `parts`; raises ValueError for a cause that is none."""
+        force = self._cause.begin(parts, self._rng)
+        if force is None:
+            raise ValueError("the cause is not a force")
+        return force
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """A strip in the next condition."""
+    name = CONDITIONS[number % len(CONDITIONS)]
+    strip = DRAWN.get(name, unknown)(rng)
+    content = strip.model_dump(mode="json", by_alias=True)
+    kind = "as trained" if name in USUAL else "outside"
+    return {"kind": kind, "condition": name, "strip": content, "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """Whether the fold was flagged, the rod's residual and d [m]."""
+    strip = StripFile.model_validate(case["strip"])
+    law = LAWS.get(case["condition"])
+    engine, policy = Traced(Chain(LINKS, () if law is None else (Law(*law),))), Kept(load_critic())
+    settings = Rollout(sensing=sensing_of(case["condition"]))
+    rng = np.random.default_rng([case["noise"], 1])
+    folds = roll_out(policy, engine, strip, [describe(strip)], settings=settings, rng=rng)
+    touch, d = folds.touch[0], float(folds.displacement[0])
+    if touch is None:
+        return {"d": None, "flagged": None, "residual": None}
+    rows = [row for row in policy.seen if row[0].time[0] <= touch.time]
+    stamps = np.array([seen.stamp[0] for seen, _ in rows])
+    new = np.concatenate([[True], np.diff(stamps) > 0])
+    curves = np.array([seen.profile[0] for seen, _ in rows])
+    path = np.array(engine.poses)[:, 0]
+    fold = MeasuredFold.until(touch.time, np.array(engine.times), path, stamps[new], curves[new])
+    agreed = agreement(unknown_strip(str(LENGTH)), rows[-1][1], fold)
+    if agreed is None:
+        return {"d": d, "flagged": None, "residual": None}
+    return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual}
+
+
+STUDY = Study(
+    name="agreement",
+    question="How often is a strip said not to behave like the model, rightly and wrongly?",
+    draw=draw,
+    measure=measure,
+    by=("kind", "condition"),
+    quantities=(
+        Quantity("flagged", Statistic.SHARE, "%", 100.0, label="flagged", digits=0),
+        Quantity("residual", Statistic.MEDIAN, label="median residual"),
+        Quantity("residual", Statistic.WORST_SIZE, label="worst residual"),
+        Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),
+    ),
+    usual=40 * len(CONDITIONS),
+    quick=1,
+    seconds=4.0,
+)

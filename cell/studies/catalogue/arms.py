@@ -1,0 +1,52 @@
+"""Folds through the robot's own library beside folds by the in-process arm: the same, and again."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.folds import folded
+from cell.studies.study import Study, Values
+
+FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """The next strip."""
+    noise, strip = divmod(number, len(find_configs(None).strip_names()))
+    return {"strip": find_configs(None).strip_names()[strip], "noise": noise}
+
+
+def measure(case: Values) -> Values:
+    """The difference of both true displacements [m], and whether a second fold has equal bytes."""
+    with TemporaryDirectory() as place:
+        arms = ("fci", "fci", "twin")
+        made = [
+            folded(case["strip"], "triangular", case["noise"], Path(place) / str(i), arm=arm)
+            for i, arm in enumerate(arms)
+        ]
+        first, again = ([(Path(m.run) / name).read_bytes() for name in FILES] for m in made[:2])
+    fci, twin = made[0].displacement_true, made[2].displacement_true
+    apart = None if fci is None or twin is None else fci - twin
+    return {"fci": fci, "apart": apart, "same": first == again,
+            "pace": made[0].wall / made[0].duration}  # fmt: skip
+
+
+STUDY = Study(
+    name="arms",
+    question="Does a fold through the robot's library end like one by the in-process arm?",
+    draw=draw,
+    measure=measure,
+    by=("strip",),
+    quantities=(
+        Quantity("apart", Statistic.WORST_SIZE, label="|difference of d|", bar=1.5),
+        Quantity("same", Statistic.SHARE, "%", 100.0, bar=100.0, floor=True, label="same bytes",
+                 digits=0),
+        Quantity("pace", Statistic.MEDIAN, "1", 1.0, label="wall / duration", digits=1),
+    ),
+    usual=10,
+    quick=1,
+    seconds=45.0,
+)  # fmt: skip

@@ -1,0 +1,128 @@
+"""What the parts of a fold cost: an image, its reading, a decision, a turn of the control loop.
+
+Processor time of one thread where a part is called alone; a turn and the fold as a whole on the
+wall clock, so that they need an idle machine.
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.config.unknown import unknown_strip
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request, fold
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.record.run import read_run
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.folds import calibrated
+from cell.studies.kit.rollouts import Kept, stepper
+from cell.studies.kit.sights import fold_of
+from cell.studies.kit.twin_fold import FoldCamera
+from cell.studies.study import Study, Values
+from drivers.strip.describe import describe
+from policies.adaptive.adaptive import Adaptive
+from policies.adaptive.checkpoint import load_critic
+from policies.adaptive.fabrics import plain
+from policies.path import triangular
+from policies.rollout import Rollout, roll_out
+from policies.sensing import IMAGES
+
+EVERY = 6  # images of a fold
+
+
+def image_and_reading(seed: int) -> Mapping[str, list[float]]:
+    """Milliseconds of each image of a fold of denim, rendered, then read."""
+    configs = find_configs(None)
+    strip, settings, camera = (
+        configs.strip("denim"),
+        PerceptionSettings(),
+        configs.cell().twin.camera,
+    )
+    made, twin = fold_of("denim", triangular(strip.length), 0.1), FoldCamera(strip, camera, seed)
+    found = inspect(twin.flat(strip), calibrated(), settings, strip)
+    if found.appearance is None:
+        return {}
+    perception = Perception(calibrated(), settings, strip, found.appearance)
+    touch, costs = LayerTouch(settings, strip), {"image": [0.0], "reading": [0.0]}
+    for sequence in range(EVERY, int(made.t[-1] * camera.rate), EVERY):
+        pose, begun = made.pose(sequence / camera.rate), time.thread_time()
+        frame = twin.frame(made, sequence)
+        rendered = time.thread_time()
+        touch.tell(perception.look(frame, pose), pose)
+        costs["image"].append(1e3 * (rendered - begun))
+        costs["reading"].append(1e3 * (time.thread_time() - rendered))
+    return {name: values[1:] for name, values in costs.items()}
+
+
+def decision(seed: int) -> Mapping[str, list[float]]:
+    """Milliseconds of each decision of `adaptive` in a fold from noisy states."""
+    rng, kept = np.random.default_rng(seed), Kept(load_critic())
+    strip = plain(rng)
+    sensed = Rollout(sensing=IMAGES)
+    roll_out(kept, stepper("rod"), strip, [describe(strip)], settings=sensed, rng=rng)
+    policy, costs = Adaptive(load_critic()), []
+    policy.reset(unknown_strip("0.6"), 0.1, 1)
+    for seen, _ in kept.seen:
+        begun = time.thread_time()
+        policy.decide(seen)
+        policy.foretold()
+        costs.append(1e3 * (time.thread_time() - begun))
+    return {"decision": costs}
+
+
+def whole(seed: int) -> Mapping[str, list[float]]:
+    """A fold as `cell fold` makes it, with page and recording: of its own time, the share that it
+    took of the wall clock; milliseconds of each turn of the control loop.
+    """
+    calibration, choice = calibrated(), DeviceSelection(seed=seed)
+    with TemporaryDirectory() as place:
+        request = Request(
+            "denim", "feedback", None, choice, Path(place), None, None, truth=True, viz="save"
+        )
+        result = fold(request, calibration=calibration)
+        turns = 1e3 * read_run(Path(result.run)).costs()
+    return {"turn": turns.tolist(), "fold": [result.wall / result.duration]}
+
+
+PARTS: dict[str, Callable[[int], Mapping[str, list[float]]]] = {
+    "image and reading": image_and_reading,
+    "decision": decision,
+    "fold": whole,
+}
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """The next part."""
+    seed, part = divmod(number, len(PARTS))
+    return {"part": list(PARTS)[part], "noise": seed}
+
+
+def measure(case: Values) -> Values:
+    """Its costs, a list a name."""
+    return PARTS[case["part"]](case["noise"])
+
+
+STUDY = Study(
+    name="costs",
+    question="What do an image, its reading, a decision, a turn and a fold cost?",
+    draw=draw,
+    measure=measure,
+    by=("part",),
+    quantities=(
+        Quantity("image", Statistic.MEDIAN, "ms", 1.0, bar=8.0, label="image"),
+        Quantity("reading", Statistic.MEDIAN, "ms", 1.0, bar=3.0, label="reading"),
+        Quantity("decision", Statistic.MEDIAN, "ms", 1.0, bar=5.0, label="decision"),
+        Quantity("turn", Statistic.MEDIAN, "ms", 1.0, label="turn"),
+        Quantity("fold", Statistic.MEDIAN, "1", 1.0, bar=0.4, label="fold over its duration"),
+    ),
+    usual=12,
+    quick=1,
+    seconds=12.0,
+)

@@ -1,0 +1,72 @@
+"""How exactly the homography wizard measures the latency of a camera."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.wizard.latency import LatencyVerdict
+from cell.calibrating.calibrate import NO_STRIP, calibration_of
+from cell.calibrating.homography_wizard import touch
+from cell.calibrating.keyboard import TwinOperator
+from cell.config.places import find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.twin import TwinCalibrationAids, twin_devices
+from cell.orchestrator.context import CalibrationContext
+from cell.orchestrator.operator import Unattended
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.study import Study, Values
+from drivers.errors import Fault
+from drivers.twin.open import open_twin
+
+LATENCIES = (0.045, 0.0, 0.012, 0.110)  # s
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """The next latency."""
+    noise, which = divmod(number, len(LATENCIES))
+    return {"latency": LATENCIES[which], "noise": noise}
+
+
+def measure(case: Values) -> Values:
+    """What the wizard says of a camera that is so late, less the truth [s].
+
+    Raises Fault where it says nothing.
+    """
+    settings, late = find_configs(None).cell(), _late_twin(case["latency"], case["noise"])
+    if late.aids is None:
+        raise Fault("no_aids", "the twin has no hands")
+    operator = TwinOperator(late.aids, Unattended())
+    lens = calibration_of(settings).lens
+    context = CalibrationContext(settings.controller, lens, operator)
+    touch(late, context, lambda: False)
+    found: LatencyVerdict | None = context.latency
+    if found is None:
+        raise Fault("no_latency", "the wizard measured no latency")
+    return {"off": found.latency - case["latency"]}
+
+
+def _late_twin(latency: float, seed: int) -> Devices:
+    """A twin without a strip whose images show the world `latency` [s] before their stamps."""
+    settings = find_configs(None).cell()
+    plain = twin_devices(settings, NO_STRIP, DeviceSelection(seed=seed), calibrating=True)
+    world = settings.twin.world.model_copy(update={"strip": False})
+    bare = settings.twin.model_copy(update={"world": world})
+    effects = {"camera_latency": {"time": latency}} if latency else {}
+    twin = open_twin(bare, NO_STRIP, effects, seed, installation=settings.installation)
+    aids = TwinCalibrationAids(twin, settings, seed)
+    return replace(
+        plain, clock=twin.clock, arm=twin.arm, hand=twin.hand, camera=twin.camera, aids=aids
+    )
+
+
+STUDY = Study(
+    name="latencies",
+    question="How exactly is the latency of a camera measured?",
+    draw=draw,
+    measure=measure,
+    by=("latency",),
+    quantities=(Quantity("off", Statistic.WORST_SIZE, "ms", label="worst |error|", bar=5.0),),
+    usual=4,
+    quick=1,
+    seconds=30.0,
+)

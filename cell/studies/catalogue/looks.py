@@ -1,0 +1,65 @@
+"""Strips folded in every look of the cell: what preflight and images make of it."""
+
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import yaml
+
+from cell.config.places import find_configs
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.folds import calibrated, facts, folded
+from cell.studies.study import Study, Values
+from drivers.twin.renderer.looks import looks
+
+ALLOWED = 6.0  # mm of displacement
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """Every look of every strip of the cell."""
+    strips = find_configs(None).strip_names()
+    strip, look = divmod(number, len(looks()))
+    return {"look": list(looks())[look], "strip": strips[strip % len(strips)]}
+
+
+def measure(case: Values) -> Values:
+    """The fold by feedback with the calibration of the plain look: the camera stays in place."""
+    with TemporaryDirectory() as place:
+        configs = in_look(case["look"], Path(place) / "configs")
+        result = folded(
+            case["strip"], "feedback", 0, Path(place), configs=configs, calibration=calibrated()
+        )
+    refused = result.outcome == "preflight_refused"
+    failed = [line.split(":")[0] for line in result.reason.splitlines()] if refused else []
+    stopped = not refused and result.displacement is None
+    return {**facts(result), "admitted": not refused, "stopped": stopped, "refused_by": failed}
+
+
+def in_look(look: str, folder: Path) -> Path:
+    """A copy of the configuration in `folder`, its twin in `look`."""
+    configs = find_configs(None)
+    shutil.copytree(configs.folder, folder)
+    settings = configs.cell()
+    twin = settings.twin.model_copy(update={"look": look})
+    content = settings.model_copy(update={"twin": twin}).model_dump(mode="json", by_alias=True)
+    (folder / "cell.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return folder
+
+
+STUDY = Study(
+    name="looks",
+    question="In which looks of the cell is a strip admitted, and how well is it then folded?",
+    draw=draw,
+    measure=measure,
+    by=("look",),
+    quantities=(
+        Quantity("true", Statistic.WORST_SIZE, label="worst |d|", bar=ALLOWED),
+        Quantity("misread", Statistic.WORST_SIZE, label="worst |seen - true|"),
+        Quantity("admitted", Statistic.SHARE, "%", 100.0, label="admitted", digits=0),
+        Quantity("stopped", Statistic.COUNT, "", 1.0, bar=0.0, label="stopped", digits=0),
+    ),
+    usual=10 * 12,
+    quick=1,
+    seconds=9.0,
+)

@@ -1,0 +1,97 @@
+"""How well images agree with the truth: contact, tip, profile, touch, over folds of the chain.
+
+What policies are trained with beside it is `policies.sensing.IMAGES` and `TRAINING`; sigma in
+`configs/cell.yaml` and the contact bias of `cell.perception.settings` are read off this table.
+"""
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.sights import Sight, fold_of, sights
+from cell.studies.study import Study, Values
+from drivers.strip.shape import fold_tip
+from drivers.types import Array
+from policies.path import triangular
+from policies.profile import profiles, seen_profile
+
+SPEED = 0.1  # m/s
+EVERY = 3  # images
+WILD = 5.0  # robust standard deviations from which an error is an outlier
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """The next strip of the cell."""
+    strips = find_configs(None).strip_names()
+    return {"strip": strips[number % len(strips)]}
+
+
+def measure(case: Values) -> Values:
+    """Errors of each image of a triangular fold, seen minus true [m, s]."""
+    strip = find_configs(None).strip(case["strip"])
+    fold = fold_of(case["strip"], triangular(strip.length), SPEED, 80)
+    errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
+    errors["profile"], unseen, late, images = [], 0, [], 0
+    for sight in sights(fold, EVERY):
+        images += 1
+        if sight.touch is not None and fold.touch is not None:
+            late = [sight.touch.time - fold.touch.time,
+                    sight.touch.displacement - fold.touch.displacement]  # fmt: skip
+        if len(sight.seen.profile) < 2 or not np.isfinite(sight.seen.contact_x):
+            unseen += 1
+            continue
+        tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
+        row = (sight.contact, *tip, float(np.sqrt(np.mean(_curve(sight) ** 2))))
+        for name, value in zip(errors, row, strict=False):
+            errors[name].append(float(value))
+        errors["profile"].append(float(np.sqrt(np.mean(sight.profile()[0] ** 2))))
+    contact = np.array(errors["contact"])
+    return {
+        **errors,
+        "bias": float(np.median(contact)),
+        "noise": spread(contact),
+        "wild": float(np.mean(abs(contact - np.median(contact)) > WILD * spread(contact))),
+        "unseen": unseen / images,
+        "late": late[0] if late else None,
+        "displacement": late[1] if late else None,
+    }
+
+
+def _curve(sight: Sight) -> Array:
+    """Errors (points, 2) [m] of the profile as a policy reads it."""
+    fold, grip = sight.fold, (sight.pose.x, sight.pose.z)
+    seen = seen_profile(sight.seen.profile, sight.seen.contact_x, grip)[0]
+    contact, true = np.array([fold.contact_x(sight.stamp)]), fold.shape(sight.stamp)[None]
+    straight = profiles(true, fold.arc[None], contact, np.array([grip]))
+    return np.asarray((seen - straight[0])[1:-1])
+
+
+def spread(values: Array) -> float:
+    """Robust standard deviation of values (n,)."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+STUDY = Study(
+    name="perception",
+    question="How well do images agree with the truth?",
+    draw=draw,
+    measure=measure,
+    by=("strip",),
+    quantities=(
+        Quantity("contact", Statistic.RMS, label="contact rms", bar=1.5),
+        Quantity("contact", Statistic.WORST_SIZE, label="contact worst"),
+        Quantity("bias", Statistic.MEAN, label="contact bias"),
+        Quantity("noise", Statistic.MEDIAN, label="contact noise"),
+        Quantity("wild", Statistic.MEAN, "%", 100.0, label="wild", digits=1),
+        Quantity("tip_x", Statistic.RMS, label="tip x rms"),
+        Quantity("tip_z", Statistic.RMS, label="tip z rms"),
+        Quantity("profile", Statistic.RMS, label="profile rms", bar=1.0),
+        Quantity("curve", Statistic.RMS, label="policy's profile rms"),
+        Quantity("unseen", Statistic.MEAN, "%", 100.0, label="unseen", digits=1),
+        Quantity("late", Statistic.WORST_SIZE, "ms", label="touch late", digits=0),
+        Quantity("displacement", Statistic.WORST_SIZE, label="d off"),
+    ),
+    usual=10,
+    quick=1,
+    seconds=15.0,
+)

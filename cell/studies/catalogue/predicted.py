@@ -1,0 +1,44 @@
+"""`adaptive` on the strips of the cell, as their files say and with effects that nobody knows."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.studies.kit.folds import folded
+from cell.studies.kit.predicted import QUANTITIES, compared
+from cell.studies.study import Study, Values
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """Every strip and every plant, then again with the next noise."""
+    configs = find_configs(None)
+    plants = sorted(path.stem for path in (configs.folder / "plants").glob("*.yaml"))
+    subjects = [(name, "") for name in configs.strip_names()]
+    subjects += [(name, name) for name in plants if name in configs.strip_names()]
+    noise, which = divmod(number, len(subjects))
+    strip, plant = subjects[which]
+    return {"strip": strip, "plant": plant, "kind": "plant" if plant else "strip", "noise": noise}
+
+
+def measure(case: Values) -> Values:
+    """The fold, and how well it was predicted."""
+    plants = find_configs(None).folder / "plants"
+    plant = plants / f"{case['plant']}.yaml" if case["plant"] else None
+    with TemporaryDirectory() as place:
+        where = Path(place)
+        return compared(folded(case["strip"], "adaptive", case["noise"], where, plant=plant))
+
+
+STUDY = Study(
+    name="predicted",
+    question="How far off does `adaptive` fold the cell's strips and plants, and does it say so?",
+    draw=draw,
+    measure=measure,
+    by=("kind", "strip"),
+    quantities=QUANTITIES,
+    usual=39,
+    quick=1,
+    seconds=10.0,
+)

@@ -1,0 +1,81 @@
+"""Where rod and chain can be believed: strips ever further from ordinary fabric.
+
+The bounds in `drivers/strip/validity.py` are read off this table.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from cell.config.places import find_configs
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.study import Study, Values
+from drivers.errors import CellError
+from drivers.strip.describe import describe
+from drivers.strip.engine import Stepper
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.twin.chain.engine import Chain
+from policies.registry import make_policy
+from policies.rollout import Rollout, roll_out
+
+SWEEPS = {
+    "bending_length": (0.0135, 0.002, 0.004, 0.006, 0.008, 0.010, 0.033, 0.045, 0.06, 0.08, 0.1,
+                       0.2),
+    "length": (0.1, 0.15, 0.2, 0.3, 0.45, 0.9, 1.2, 2.0),
+    "width": (0.002, 0.01, 0.2, 1.0),
+    "thickness": (1e-5, 1e-4, 0.004, 0.008, 0.02),
+    "areal_density": (0.001, 0.01, 0.05, 2.0, 10.0, 50.0),
+    "retardation_time": (0.0, 1e-3, 4e-3, 0.2, 1.0, 3.0, 10.0),
+}  # fmt: skip
+CHANGES = [(key, value) for key, values in SWEEPS.items() for value in values]
+ENGINES: dict[str, tuple[Callable[[], Stepper], Callable[[], Stepper]]] = {
+    "rod": (lambda: Rod(100), lambda: Rod(200)),
+    "chain": (lambda: Chain(80), lambda: Chain(160)),
+}
+
+
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """One value of denim changed, on one engine."""
+    change, engine = divmod(number, len(ENGINES))
+    key, value = CHANGES[change % len(CHANGES)]
+    return {"engine": list(ENGINES)[engine], "key": key, "value": value}
+
+
+def measure(case: Values) -> Values:
+    """d [m] of a fold by the triangle as the engine is used, and how far a finer one is from it."""
+    strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
+    coarse, fine = (_folded(make(), strip) for make in ENGINES[case["engine"]])
+    reason = coarse if isinstance(coarse, str) else fine if isinstance(fine, str) else ""
+    if isinstance(coarse, str) or isinstance(fine, str):
+        return {"d": None, "apart": None, "ended": False, "reason": reason}
+    return {"d": coarse, "apart": fine - coarse, "ended": True, "reason": ""}
+
+
+def _folded(engine: Stepper, strip: StripFile) -> float | str:
+    """d [m] of the fold, or what came instead of it."""
+    policy, rng = make_policy("triangular"), np.random.default_rng(0)
+    try:
+        settings = Rollout(substeps=4)
+        ended = roll_out(policy, engine, strip, [describe(strip)], settings=settings, rng=rng)
+    except CellError as error:
+        return str(error).partition(":")[0]
+    return float(ended.displacement[0]) if ended.touched[0] else "no touch"
+
+
+STUDY = Study(
+    name="validity",
+    question="Where can rod and chain be believed: does half their step in space change d?",
+    draw=draw,
+    measure=measure,
+    by=("engine", "key", "value"),
+    quantities=(
+        Quantity("d", Statistic.MEAN, label="d", digits=1),
+        Quantity("apart", Statistic.WORST_SIZE, label="|finer - d|", digits=1),
+        Quantity("ended", Statistic.SHARE, "%", 100.0, label="ended in a touch", digits=0),
+    ),
+    usual=2 * len(CHANGES),
+    quick=1,
+    seconds=6.0,
+    limit=600.0,
+)

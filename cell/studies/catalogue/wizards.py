@@ -1,0 +1,149 @@
+"""How exact the calibration wizards are: cameras at random places, wild touches, known latencies.
+
+Every camera is calibrated through rendered boards and rendered touches alone; a tenth of the
+touches is wild by 4 to 40 mm, the arm is uncertain by 0.1 mm. Errors are those of the map over a
+dense grid of the work area, against the true camera.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calibration.board import BoardSettings
+from calibration.lens import Lens
+from calibration.wizard.board_views import BoardViews
+from calibration.wizard.touch_verdict import TouchVerdict
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import TouchSettings
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.study import Study, Values
+from drivers.twin.board import Held, board_frame, held_before
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Array, Frame, Pose
+
+WILD, ARM_NOISE = 0.10, 1e-4  # share of touches; m
+BOARD, TOUCHES = BoardSettings(), TouchSettings()
+MARGIN = 40  # px from the image's edge to the work area's corners
+BARE = StripLook((40, 60, 110), 0.001, 0.05)
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """A camera somewhere before the work area, all of which it sees."""
+    while True:
+        camera = CameraSettings(
+            distance=rng.uniform(1.4, 2.6),
+            elevation=np.radians(rng.uniform(1.5, 4.9)),
+            aim_x=rng.uniform(0.28, 0.34),
+            aim_z=rng.uniform(0.14, 0.18),
+            view_width=rng.uniform(0.72, 0.86),
+            yaw=rng.uniform(-0.03, 0.03),
+            tilt=rng.uniform(-0.02, 0.02),
+            roll=rng.uniform(-0.03, 0.03),
+            principal=tuple(rng.uniform(-15, 15, 2)),
+            distortion=(rng.uniform(-0.3, 0.05), rng.uniform(-0.1, 0.2)),
+            lens_blur=rng.uniform(0.5, 1.2),
+            noise=rng.uniform(1.0, 4.0),
+            gain=rng.uniform(0.85, 1.1),
+        )
+        seen = Optics.of(camera).plane(_area(2))
+        high = (camera.width - MARGIN, camera.height - MARGIN)
+        if ((seen > MARGIN) & (seen < high)).all():
+            return {"camera": camera.model_dump(mode="json"), "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """Median and worst error of the map [m], and how many wild touches were named."""
+    camera = CameraSettings.model_validate(case["camera"])
+    rng = np.random.default_rng([case["noise"], 1])
+    lens, refused = _lens(camera, case["noise"])
+    if lens is None:
+        return {"median": None, "worst": None, "refused": True, "reasons": list(refused)}
+    verdict, wild = _touched(camera, lens, rng)
+    reasons = [*refused, *verdict.reasons]
+    if verdict.homography is None:
+        return {"median": None, "worst": None, "refused": True, "reasons": reasons}
+    grid = _area(25)
+    seen = verdict.homography.to_plane(lens.undistort(Optics.of(camera).plane(grid)))
+    errors = np.hypot(*(seen - grid).T)
+    return {
+        "median": float(np.median(errors)),
+        "worst": float(errors.max()),
+        "stated": 1e-3 * verdict.residual_mm,
+        "wild": wild,
+        "named": len(verdict.wild) + len(verdict.rejected),
+        "refused": bool(refused),
+        "reasons": reasons,
+    }
+
+
+def _area(count: int) -> Array:
+    x = np.linspace(TOUCHES.x_min, TOUCHES.x_max, count)
+    z = np.linspace(TOUCHES.z_min, TOUCHES.z_max, count)
+    return np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
+
+
+def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ...]]:
+    """The lens by the wizard, through rendered boards; the reasons where it is refused."""
+    views, board, sequence = BoardViews(BOARD), BOARD.board(), 0
+    while (wanted := views.ask()) is not None:
+        held = Held(wanted.x, wanted.y, wanted.size, wanted.tilt, wanted.turn, wanted.roll)
+        pose = held_before(camera, board, held)
+        views.tell(board_frame(camera, board, pose, seed, sequence=sequence))
+        sequence += 1
+    views.set_length(BOARD.width)
+    verdict = views.verdict()
+    return (verdict.fit.lens if verdict.fit is not None else None), verdict.reasons
+
+
+def _touched(
+    camera: CameraSettings, lens: Lens, rng: np.random.Generator
+) -> tuple[TouchVerdict, int]:
+    """The map by the wizard, through rendered touches, and how many first touches were wild."""
+    renderer, sequence = Renderer(camera, BARE, int(rng.integers(1 << 30))), 0
+    points, off = TouchedPoints(lens, TOUCHES), np.zeros(2)
+    count = round(WILD * len(points.plan))
+    first = set(rng.choice(len(points.plan), count, replace=False).tolist())
+    stage: tuple[int | None, bool] = (None, False)
+    while (pose := points.ask()) is not None:
+        if (points.number, points.again) != stage:
+            stage = (points.number, points.again)
+            slips = rng.random() < WILD if points.again else points.number in first
+            angle = rng.uniform(0, 2 * np.pi)
+            off = slips * rng.uniform(0.004, 0.04) * np.array([np.cos(angle), np.sin(angle)])
+        seen = replace(pose, x=pose.x + off[0], z=max(pose.z + off[1], 0.01))
+        noise = ARM_NOISE * rng.normal(size=2)
+        points.tell(
+            _pointer(renderer, seen, sequence),
+            replace(pose, x=pose.x + noise[0], z=pose.z + noise[1]),
+        )
+        sequence += 1
+    return points.verdict(), len(first)
+
+
+def _pointer(renderer: Renderer, pose: Pose, sequence: int) -> Frame:
+    """The pin at `pose`, no strip in the cell."""
+    points = np.column_stack([np.linspace(0, 0.6, 7), np.zeros(7)])
+    scene = Scene(0.0, points, points[:, 0], pose, 0.0, holds_strip=False, pointer=True,
+                  strip=False)  # fmt: skip
+    return Frame(0.0, 0.02, "test", sequence, renderer.render([scene], sequence))
+
+
+STUDY = Study(
+    name="wizards",
+    question="How exact is the map of the calibration wizards, whatever the camera?",
+    draw=draw,
+    measure=measure,
+    quantities=(
+        Quantity("median", Statistic.WORST_SIZE, label="largest median error", bar=0.5),
+        Quantity("worst", Statistic.WORST_SIZE, label="worst error", bar=1.0),
+        Quantity("stated", Statistic.MEDIAN, label="stated residual"),
+        Quantity("refused", Statistic.COUNT, "", 1.0, bar=0.0, label="refused", digits=0),
+    ),
+    usual=20,
+    quick=1,
+    seconds=20.0,
+)

@@ -1,0 +1,84 @@
+"""One fold through images on the twin, as a case of a study."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from calibration.calibration import Calibration
+from cell.calibrating.calibrate import calibration_of
+from cell.config.places import find_configs
+from cell.config.unknown import name_of
+from cell.devices.devices import DeviceSelection
+from cell.devices.open import DeviceFactory
+from cell.folding.fold import Request, fold
+from cell.folding.result import FoldResult
+from drivers.strip.file import StripFile
+
+
+@cache
+def calibrated(configs: Path | None = None) -> Calibration:
+    """The calibration of the cell in `configs`, made or read once a process."""
+    return calibration_of(find_configs(configs).cell())
+
+
+def folded(
+    strip: str,
+    policy: str,
+    seed: int,
+    folder: Path,
+    *,
+    plant: Path | None = None,
+    configs: Path | None = None,
+    checkpoint: Path | None = None,
+    arm: str | None = None,
+    calibration: Calibration | None = None,
+    opened: DeviceFactory | None = None,
+) -> FoldResult:
+    """The fold of `strip`, recorded in `folder` without images and page."""
+    choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
+    request = Request(
+        strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off"
+    )
+    known = calibration or calibrated(configs)
+    return fold(request, calibration=known, opened=opened, page=False)
+
+
+def folded_unknown(
+    strip: StripFile,
+    seed: int,
+    folder: Path,
+    *,
+    measured: bool = True,
+    checkpoint: Path | None = None,
+    opened: DeviceFactory | None = None,
+) -> FoldResult:
+    """The fold by `adaptive` of `strip`, of which it knows the length and, if `measured`, the
+    thickness.
+    """
+    plant = folder / "plant.yaml"
+    content = strip.model_dump(mode="json", by_alias=True)
+    plant.write_text(yaml.safe_dump(content), encoding="utf-8")
+    name = name_of(strip.length, strip.thickness if measured else None)
+    return folded(name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened)
+
+
+def facts(result: FoldResult) -> Mapping[str, Any]:
+    """What a study keeps of a fold [m, s]: no path and no wall time, so that it repeats."""
+    seen, true = result.displacement, result.displacement_true
+    return {
+        "outcome": result.outcome,
+        "touched": seen is not None,
+        "seen": seen,
+        "true": true,
+        "misread": None if seen is None or true is None else seen - true,
+        "edges": result.edge_offset_true,
+        "edges_misread": _less(result.edge_offset, result.edge_offset_true),
+        "duration": result.duration,
+    }
+
+
+def _less(a: float | None, b: float | None) -> float | None:
+    return None if a is None or b is None else a - b

@@ -1,0 +1,95 @@
+"""Strips folded by `adaptive` from noisy states, on rod or chain, with what it predicted."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from drivers.strip.engine import Observables, Stepper
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.rod.engine import Rod
+from drivers.twin.chain.engine import Chain
+from drivers.types import Array
+from policies.adaptive.adaptive import Adaptive
+from policies.adaptive.fabrics import LENGTH, friction, plain
+from policies.foretelling import Foretold
+from policies.policy import Decision, Observation
+from policies.sensing import IMAGES, Sensing
+
+LINKS, SEGMENTS = 80, 100
+LOUD = replace(IMAGES, contact_sigma=0.003, tip_sigma=0.003, profile_sigma=0.003)
+Draw = Callable[[np.random.Generator], StripFile]
+
+
+class Kept(Adaptive):
+    """`adaptive` for one strip, which keeps every observation and what was predicted after it."""
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Forget the last fold."""
+        super().reset(strip, speed, count)
+        self.seen: list[tuple[Observation, Foretold]] = []
+
+    def decide(self, observation: Observation) -> Decision:
+        """Decide, and keep."""
+        decision = super().decide(observation)
+        judged = self.judgement
+        if judged is None:
+            return decision
+        d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
+        said = Foretold(float(d), float(sigma), **belief, blind=False)
+        self.seen.append((observation, said))
+        return decision
+
+
+class Traced:
+    """An engine that remembers where its grippers went: `times` (k,), `poses` (k, n, 3)."""
+
+    def __init__(self, engine: Stepper) -> None:
+        self._engine = engine
+        self.times: list[float] = []
+        self.poses: list[Array] = []
+
+    def reset(self, models: Sequence[StripModel]) -> None:
+        """Begin anew."""
+        self._engine.reset(models)
+        self.times, self.poses = [0.0], [np.tile((LENGTH, 0.0, 0.0), (len(models), 1))]
+
+    def step(self, poses: Array, dt: float) -> Observables:
+        """Step to `poses` (n, 3) in `dt` [s]."""
+        self.times.append(self.times[-1] + dt)
+        self.poses.append(poses.copy())
+        return self._engine.step(poses, dt)
+
+    def shapes(self) -> Array:
+        """Midlines (n, nodes, 2)."""
+        return self._engine.shapes()
+
+    def arc(self) -> Array:
+        """Arc lengths (n, nodes)."""
+        return self._engine.arc()
+
+
+def stepper(name: str) -> Stepper:
+    """The engine called `rod` or `chain`."""
+    return Rod(SEGMENTS, strict=False) if name == "rod" else Chain(LINKS)
+
+
+def rough(low: float, high: float) -> Draw:
+    """Strips with yarn friction at a yield curvature between `low` and `high` [1/m]."""
+    return lambda rng: plain(rng, bending_hysteresis=friction(rng, low, high))
+
+
+def stretchy(rng: np.random.Generator) -> StripFile:
+    """A strip that stretches far more than fabric does."""
+    return plain(rng, stretch={"stiffness": 3.0})
+
+
+def sensing_of(name: str) -> Sensing:
+    """How states are sensed in the condition called `name`: as through images where not named."""
+    late = {f"latency +-{ms} ms": replace(IMAGES, delay_error=1e-3 * ms) for ms in (10, 30)}
+    half = replace(IMAGES, dropped=(0.5, 0.5))
+    known: Mapping[str, Any] = {"3 mm noise": LOUD, "half dropped": half, **late}
+    found: Sensing = known.get(name, IMAGES)
+    return found

@@ -1,0 +1,90 @@
+"""A fold of the twin as a camera sees it, with the truth beside: what perception is measured on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
+from drivers.strip.shape import Touch, desk_contact
+from drivers.twin.chain.engine import Chain
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Array, Frame, Pose
+from policies.path import Path
+
+STEP = 0.005  # s of the plant
+CONTACT_HEIGHT = 0.001
+BESIDE, CLEAR = 0.05, 0.25  # m: where the hand waits while a strip is judged
+
+
+@dataclass(frozen=True)
+class TwinFold:
+    """A simulated fold: times (k,) [s], poses (k, 3), shapes (k, n, 2), arc (n,), true touch."""
+
+    strip: StripFile
+    t: Array
+    poses: Array
+    shapes: Array
+    arc: Array
+    touch: Touch | None
+
+    def shape(self, time: float) -> Array:
+        """The midline (n, 2) at `time`, interpolated."""
+        place = np.clip(time / STEP, 0, len(self.t) - 1.001)
+        i, share = int(place), place - int(place)
+        return np.asarray(self.shapes[i] + share * (self.shapes[i + 1] - self.shapes[i]))
+
+    def pose(self, time: float) -> Pose:
+        """The gripper at `time`."""
+        return Pose(*(float(np.interp(time, self.t, self.poses[:, c])) for c in range(3)))
+
+    def contact_x(self, time: float) -> float:
+        """True desk contact at `time` [m]."""
+        return desk_contact(self.shape(time), CONTACT_HEIGHT)
+
+    def scene(self, time: float) -> Scene:
+        """The world at `time`."""
+        return Scene(time, self.shape(time), self.arc, self.pose(time), 0.004, holds_strip=True)
+
+
+def simulate_fold(
+    strip: StripFile, path: Path, speed: float, *, after: float = 0.25, links: int = 60
+) -> TwinFold:
+    """The strip along `path` at `speed` [m/s] until `after` [s] past the touch, or the end."""
+    chain = Chain(links)
+    chain.reset([describe(strip)])
+    t, poses, shapes = [0.0], [path.poses(0.0)], [chain.shapes()[0].copy()]
+    touch: Touch | None = None
+    while t[-1] * speed < path.length and (touch is None or t[-1] < touch.time + after):
+        t.append(t[-1] + STEP)
+        poses.append(path.poses(min(t[-1] * speed, path.length)))
+        touch = chain.step(poses[-1][None], STEP).touch[0]
+        shapes.append(chain.shapes()[0].copy())
+    return TwinFold(strip, np.array(t), np.array(poses), np.array(shapes), chain.arc()[0], touch)
+
+
+class FoldCamera:
+    """Renders frames of a fold at any time; one renderer per strip."""
+
+    def __init__(self, strip: StripFile, settings: CameraSettings, seed: int = 0) -> None:
+        self.settings = settings
+        self.renderer = Renderer(settings, StripLook.of(strip), seed)
+
+    def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
+        """The strip flat and still before the grasp, the hand where it waits in the cell."""
+        arc = np.linspace(0, strip.length, 61)
+        points = np.column_stack([arc, np.zeros_like(arc)])
+        away = Pose(strip.length + BESIDE, CLEAR, 0.0)
+        scene = Scene(0.0, points, arc, away, 0.04, holds_strip=False)
+        return Frame(0.0, 0.02, "test", sequence, self.renderer.render([scene], sequence))
+
+    def frame(self, fold: TwinFold, sequence: int) -> Frame:
+        """Frame `sequence` of the fold."""
+        stamp = sequence / self.settings.rate
+        count = self.settings.sub_shapes
+        offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.settings.exposure
+        scenes = [fold.scene(max(stamp + float(offset), 0.0)) for offset in offsets]
+        return Frame(stamp, stamp + 0.02, "test", sequence, self.renderer.render(scenes, sequence))

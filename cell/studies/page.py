@@ -1,0 +1,89 @@
+"""The page of a study: its question, table, the cases as points, cost, what was set aside."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cell.campaign.journal import Record
+from cell.campaign.progress import clock
+from cell.record.documents import write_document
+from cell.report.drawing import BLUE, INK, as_svg, canvas
+from cell.report.markup import (
+    Tone,
+    definitions,
+    drawing,
+    masthead,
+    page,
+    section,
+    table,
+    verdict_box,
+)
+from cell.studies.campaign import Kept, cost
+from cell.studies.table import cells, grouped, head, held, markdown, rows, said, samples
+from drivers.files import replace_file
+
+TABLE, PAGE, FIT = "table.md", "study.html", "fit.yaml"
+ROW, WIDTH = 0.32, 8.4  # inch
+
+
+def write_page(kept: Kept) -> Path:
+    """Write table, page, what belongs into the checkout and, of a whole study that fits something,
+    its data file; the page's path.
+
+    Raises OSError where the folder cannot be written.
+    """
+    folder, study = kept.asked.folder, kept.asked.study
+    folder.mkdir(parents=True, exist_ok=True)
+    replace_file(folder / TABLE, markdown(kept).encode())
+    if study.fit is not None and len(kept.outcomes) >= kept.asked.count:
+        source = {"source": said(kept), "belongs_to": study.fit.path}
+        write_document(folder / FIT, {**study.fit.of(kept.outcomes), **source})
+    if study.ledger is not None:
+        text = f"{study.ledger.of(kept.outcomes)}\n{said(kept)}\n"
+        replace_file(folder / Path(study.ledger.path).name, text.encode())
+    path = folder / PAGE
+    replace_file(path, page_of(kept).encode())
+    return path
+
+
+def page_of(kept: Kept) -> str:
+    """The page, self-contained."""
+    study, found = kept.asked.study, rows(kept)
+    whole = len(kept.outcomes) >= kept.asked.count
+    tone: Tone = "fair" if not whole else "good" if held(found) else "bad"
+    bars = [q for q in study.quantities if q.bar is not None]
+    headline = "Its bars are kept" if held(found) else "A bar is not kept"
+    body = [
+        masthead("Study", study.name),
+        verdict_box(
+            tone if bars else "fair",
+            headline if bars and found else "What was measured",
+            (study.question, said(kept)),
+        ),
+        section("Table", table(head(kept), [cells(row) for row in found])),
+        section("Cases", drawing(points(kept), "a point a case") if kept.outcomes else ""),
+        section("Set aside or failed", table(("case", "why"), [_why(r) for r in kept.lost])),
+        section("Cost", definitions(cost(kept, clock), "rows")),
+    ]
+    return page(f"Study: {study.name}", body)
+
+
+def _why(record: Record) -> tuple[str, str]:
+    return record.key, record.reason
+
+
+def points(kept: Kept) -> str:
+    """The first quantity of every case, a line a group; SVG."""
+    quantity, groups = kept.asked.study.quantities[0], grouped(kept)
+    with canvas(WIDTH, 0.7 + ROW * len(groups)) as figure:
+        axes = figure.add_subplot()
+        for line, some in enumerate(groups.values()):
+            values = quantity.scale * np.concatenate(samples(some, quantity.value))
+            axes.plot(
+                values, np.full(len(values), line), "o", ms=4, alpha=0.5, color=BLUE, mec=BLUE
+            )
+        axes.axvline(0.0, color=INK, lw=0.8)
+        axes.set_yticks(range(len(groups)), list(groups))
+        axes.set_ylim(len(groups) - 0.5, -0.5)
+        axes.set_xlabel(f"{quantity.value.replace('_', ' ')}  [{quantity.unit}]")
+        return as_svg(figure)

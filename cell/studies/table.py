@@ -1,0 +1,87 @@
+"""The table of a study: a row a group of cases, a column a quantity, with count and interval."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cell.report.statistic import Figure, figure
+from cell.studies.campaign import Kept
+from cell.studies.study import Outcome
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A group of cases: its values of `by`, joined, how many were measured, and the figures."""
+
+    group: str
+    count: int
+    figures: tuple[Figure, ...]
+
+
+def rows(kept: Kept) -> tuple[Row, ...]:
+    """A row a group in the order of its first case, and one of all where there are several."""
+    quantities, groups = kept.asked.study.quantities, grouped(kept)
+    if len(groups) > 1:
+        groups[ALL] = list(kept.outcomes)
+    return tuple(
+        Row(name, len(some), tuple(figure(q, samples(some, q.value)) for q in quantities))
+        for name, some in groups.items()
+    )
+
+
+def grouped(kept: Kept) -> dict[str, list[Outcome]]:
+    """The outcomes by the values of `by`, in the order of their cases."""
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
+        name = ", ".join(str(outcome.case.values[key]) for key in kept.asked.study.by) or ALL
+        groups.setdefault(name, []).append(outcome)
+    return groups
+
+
+def held(found: Sequence[Row]) -> bool:
+    """Whether the last row, that of all cases, keeps every bar."""
+    return bool(found) and all(f.held is not False for f in found[-1].figures)
+
+
+def head(kept: Kept) -> tuple[str, ...]:
+    """Heads of the columns."""
+    study = kept.asked.study
+    return (", ".join(study.by) or "cases", "n", *(q.title for q in study.quantities))
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """One row as text."""
+    return (row.group, str(row.count), *(f.text() for f in row.figures))
+
+
+def markdown(kept: Kept) -> str:
+    """The table, with how much of the study it rests on and what makes it again."""
+    titles = head(kept)
+    lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
+    escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
+    return "\n".join(["| " + " | ".join(line) + " |" for line in escaped] + ["", said(kept), ""])
+
+
+def said(kept: Kept) -> str:
+    """How many cases of how many, by which code, and what is missing."""
+    asked, lost = kept.asked, kept.lost
+    done = len(kept.outcomes)
+    words = f"{done} of {asked.count} so far" if done < asked.count else f"{done} cases"
+    words += f"; 95 % intervals over cases; `cell study {asked.study.name} --seed {asked.seed} "
+    words += f"--count {asked.count}`, code and inputs {kept.of}"
+    words += "" if kept.present else ", which is other code than this"
+    aside = sum(record.state == "set_aside" for record in lost)
+    words += f"; {aside} set aside" if aside else ""
+    words += f"; {len(lost) - aside} failed" if len(lost) > aside else ""
+    return words + (f"; {kept.other} records of other code left out" if kept.other else "") + "."
+
+
+def samples(outcomes: Sequence[Outcome], name: str) -> list[list[float]]:
+    """The numbers called `name` of each outcome, NaN for none."""
+    found = []
+    for outcome in outcomes:
+        value = outcome.values.get(name)
+        each = value if isinstance(value, list) else [value]
+        found.append([float("nan") if one is None else float(one) for one in each])
+    return found

@@ -1,0 +1,94 @@
+"""Last stage of the training of `adaptive`: what folds of the chain through images correct."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from cell.campaign.journal import digest
+from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.versions import code
+from cell.studies.kit.folds import folded_unknown
+from cell.studies.kit.predicted import compared
+from drivers.errors import ConfigurationError
+from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
+from policies.adaptive.fabrics import unknown
+from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fitted
+from policies.adaptive.transfer import Transfer
+
+UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
+SECONDS = 10.0  # of processor, a fold
+LIMIT = 900.0  # s of wall time, after which a fold is set aside
+SOURCES = {
+    "displacement": "true",
+    "edges": "edges",
+    "predicted": "predicted",
+    "sigma": "sigma",
+    "log_length": "believed_length",
+    "log_time": "believed_time",
+    "friction": "believed_friction",
+}
+LEAST = 0.75  # share of the folds that must have come to their end
+
+
+@dataclass(frozen=True, slots=True)
+class FoldPart:
+    """Fold `number` of those drawn by `seed`, through images, by the critic in `checkpoint`."""
+
+    number: int
+    seed: int
+    checkpoint: Path
+    of: str
+    cost: float = SECONDS
+
+    @property
+    def key(self) -> str:
+        """Name of the fold."""
+        return f"{self.seed}-{self.number:04d}"
+
+    def measure(self) -> Mapping[str, Any]:
+        """What `FoldedBatch` needs of the fold, empty where it was not folded."""
+        strip = unknown(np.random.default_rng([self.seed, self.number]))
+        with TemporaryDirectory() as place:
+            result = folded_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
+            found = compared(result)
+        if result.exit_code != 0 or "predicted" not in found or found["edges"] is None:
+            return {}
+        known = {name: found[source] for name, source in SOURCES.items()}
+        return {**known, "thickness": strip.thickness}
+
+
+def transfer(
+    checkpoint: Path, folder: Path, out: Path, seed: int, count: int, engine: Engine, watch: Watcher
+) -> tuple[Transfer, FitQuality]:
+    """Fold `count` unknown strips by the critic in `checkpoint`, write it with its transfer to
+    `out`. `folder` keeps the finished folds, and the same call goes on with them.
+
+    Raises ConfigurationError where files cannot be used or most folds fail.
+    """
+    bare = folder / UNTRANSFERRED
+    facts = {k: v for k, v in about(checkpoint).items() if k != THROUGH_IMAGES}
+    critic = load_critic(checkpoint)
+    folder.mkdir(parents=True, exist_ok=True)
+    save_critic(bare, critic, facts)
+    of = digest(code(), _weights(bare))
+    parts = [FoldPart(number, seed, bare.resolve(), of) for number in range(count)]
+    records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, watch)]
+    rows = [record.outcome for record in sorted(records, key=lambda r: r.key) if record.outcome]
+    if len(rows) < LEAST * count:
+        raise ConfigurationError(
+            f"{folder}: {len(rows)} of {count} folds came to their end, {LEAST:.0%} are needed; "
+            "see the reasons in its journal"
+        )
+    found, quality = fitted(FoldedBatch.of(rows))
+    origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": quality.facts()}
+    save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
+    return found, quality
+
+
+def _weights(checkpoint: Path) -> str:
+    return sha256(checkpoint.read_bytes()).hexdigest()[:12]

@@ -1,0 +1,116 @@
+"""A way of the joints to a goal that meets neither the arm itself nor what stands in the cell."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from drivers.arm.clearance import RISE
+from drivers.arm.failure import Cause, Failed, Failure
+from drivers.franka import limits
+from drivers.franka.body import Box, Solids, apart
+from drivers.franka.inverse import damped_inverse
+from drivers.franka.kinematics import jacobian
+from drivers.installation import Installation
+from drivers.types import Array, frozen
+
+MARGIN = 0.03  # m that the arm keeps from everything, tracking and the shapes' own errors included
+DENSE = 0.03  # rad at most between postures that are looked at
+SLACK = 1e-3  # m by which a way may come nearer where it begins or ends too near
+UP, RISES = 0.05, (0.1, 0.2, 0.3)  # m of one leg upward, and heights that are tried
+STEP, DAMPING, ROOM = 0.005, 0.02, 0.03  # m, of the inverse, rad from a joint's end
+UPRIGHT = frozen([0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398])  # rad, over everything
+
+# Of the cell, in its frame [m]: the desk ends where the gripper's workspace does; the clamp of the
+# fixed edge stands no higher than this. Both are to be checked by hand on the first day.
+BESIDE, CLAMP_LENGTH, CLAMP_HEIGHT, DEEP, FAR = 0.3, 0.08, 0.04, 1.0, 3.0
+UNDER = 0.1  # m under the desk: published shapes of the wrist reach 9 cm below a hand lying flat
+
+
+def solids_of(installation: Installation) -> Solids:
+    """Desk, clamp and floor, as the mounting places them."""
+    end = installation.workspace.x[1]
+    boxes = (
+        Box("desk", (-CLAMP_LENGTH, -BESIDE, -DEEP), (end, BESIDE, 0.0)),
+        Box("clamp", (-CLAMP_LENGTH, -BESIDE, 0.0), (0.0, BESIDE, CLAMP_HEIGHT)),
+        Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -RISE)),
+    )
+    return Solids(installation.mounting.transform().matrix, boxes)
+
+
+def floor_of(installation: Installation) -> Solids:
+    """What no part of the arm ever enters, not even the wrist of a hand that lies on the desk."""
+    floor = Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -UNDER))
+    return Solids(installation.mounting.transform().matrix, [floor])
+
+
+def clear_way(start: Array, goal: Array, solids: Solids) -> list[Array]:
+    """Joints (7,) [rad] to go to one after the other, the last of them the `goal`.
+
+    The straight way of the joints where it is clear, else over places above start or goal, or the
+    arm upright. Raises Failed, naming what is in the way, where none of these is.
+    """
+    objection = _objection([start, goal], solids)
+    if not objection:
+        return [goal]
+    for points in _around(start, goal, solids.frame[:3, 2]):
+        if not _objection([start, *points, goal], solids):
+            return [*points, goal]
+    words = f"the way is not free: {objection}; no way around is, by jogging up or upright"
+    raise Failed(Failure(Cause.WAY, words))
+
+
+def _around(start: Array, goal: Array, up: Array) -> Iterator[list[Array]]:
+    """Points between start and goal, the shortest detour first."""
+    above = [_rise(start, up, rise) for rise in RISES]
+    over = [_rise(goal, up, rise)[::-1] for rise in RISES]
+    yield from above
+    yield from over
+    yield from ([*a, *o] for a, o in zip(above, over, strict=True))
+    yield [np.array(UPRIGHT)]
+    yield from ([*a, np.array(UPRIGHT)] for a in above)
+    yield from ([*a, np.array(UPRIGHT), *o] for a, o in zip(above, over, strict=True))
+
+
+def _rise(joints: Array, up: Array, rise: float) -> list[Array]:
+    """Joints (7,) on the way straight `up` (3,) by `rise` [m], as far as the arm reaches."""
+    points, twist = [], np.concatenate([STEP * up, np.zeros(3)])
+    here = joints
+    for step in range(1, 1 + round(rise / STEP)):
+        here = here + damped_inverse(jacobian(here), DAMPING) @ twist
+        if limits.margins(here).min() < ROOM:
+            break
+        if step % round(UP / STEP) == 0:
+            points.append(here)
+    return points
+
+
+def _objection(points: Sequence[Array], solids: Solids) -> str:
+    """What the arm would meet on the way through `points`, each (7,); empty for nothing."""
+    legs = []
+    for a, b in pairwise(points):
+        count = 2 + int(np.abs(b - a).max() / DENSE)
+        legs.append(np.linspace(a, b, count))
+    way = np.concatenate(legs)
+    gaps = np.column_stack([apart(way), solids.clearance(way)])
+    for name, gap in zip(("itself", *(box.name for box in solids.boxes)), gaps.T, strict=True):
+        if not _keeps_clear(gap):
+            return f"the arm would come to {1e3 * gap.min():.0f} mm from {_noun(name)}"
+    return ""
+
+
+def _noun(name: str) -> str:
+    return name if name == "itself" else f"the {name}"
+
+
+def _keeps_clear(gap: Array) -> bool:
+    """Whether distances (n,) [m] along a way stay above MARGIN, but for an arm that begins nearer
+    and leaves, or ends nearer and only approaches.
+    """
+    clear = np.flatnonzero(gap >= MARGIN)
+    if not len(clear):
+        return False
+    first, last = clear[0], clear[-1]
+    leaves = (np.diff(gap[: first + 1]) > -SLACK).all()
+    comes = (np.diff(gap[last:]) < SLACK).all()
+    return bool(leaves and comes and (gap[first : last + 1] >= MARGIN).all())

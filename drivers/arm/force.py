@@ -1,0 +1,90 @@
+"""Forces that an arm feels from outside, less what it feels at rest, and how much it may feel."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+from typing import Any, Self
+
+import numpy as np
+
+from drivers.arm.failure import Cause, Failed, Failure
+
+Numbers = tuple[float, ...]
+SETTLING = 0.3  # s at rest before what is felt counts as drift
+SMOOTHING = 0.5  # s over which it is averaged
+
+
+@dataclass(frozen=True, slots=True)
+class Tare:
+    """What a robot feels at rest, touching nothing: wrench (6,) [N, N m] and torques (7,) [N m].
+
+    A real arm feels several newtons there (franka_ros#404), because its model of itself is not
+    exact.
+    """
+
+    wrench: Numbers = (0.0,) * 6
+    torques: Numbers = (0.0,) * 7
+
+    @classmethod
+    def of(cls, states: Sequence[Any], most: float) -> Self:
+        """The mean of `states` at rest; raises Failed above `most` [N], or for no number."""
+        wrench = np.mean([state.O_F_ext_hat_K for state in states], axis=0)
+        torques = np.mean([state.tau_ext_hat_filtered for state in states], axis=0)
+        force = float(np.linalg.norm(wrench[:3]))
+        if not force <= most:
+            words = f"the gripper feels {force:.1f} N at rest, allowed {most:.1f} N"
+            raise Failed(Failure(Cause.PRESSED, words))
+        return cls(tuple(wrench.tolist()), tuple(torques.tolist()))
+
+
+@dataclass(frozen=True, slots=True)
+class ForceGuard:
+    """The largest `force` [N] on the gripper and `torque` [N m] at a joint beyond the `tare`."""
+
+    force: float
+    torque: float = 87.0
+    tare: Tare = Tare()
+
+    def felt(self, state: Any) -> list[float]:
+        """Wrench (6,) [N, N m] beyond the tare."""
+        return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
+
+    def objection(self, state: Any) -> str:
+        """Why a motion must end that feels what `state` says; empty while it may go on."""
+        force = hypot(*self.felt(state)[:3])
+        if not force <= self.force:
+            return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
+        pairs = zip(state.tau_ext_hat_filtered, self.tare.torques, strict=True)
+        torques = [abs(torque - rest) for torque, rest in pairs]
+        most = max(torques)
+        if not most <= self.torque:
+            joint = torques.index(most) + 1
+            return f"joint {joint} met {most:.1f} N m, allowed {self.torque:.1f} N m"
+        return ""
+
+
+class Drift:
+    """Watches what an arm at rest feels beyond its tare: it should be nothing.
+
+    There a tare that no longer holds, or somebody who leans on the arm, is seen before the guard.
+    """
+
+    def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
+        """At most `most` [N], told once every `tick` [s]."""
+        self._guard, self._most, self._tick = guard, most, tick
+        self._rested = 0.0
+        self._mean = [0.0, 0.0, 0.0]
+
+    def objection(self, state: Any, *, moving: bool) -> str:
+        """Why the arm must not go on; empty while it may."""
+        self._rested = 0.0 if moving else self._rested + self._tick
+        if self._rested < SETTLING:
+            self._mean = [0.0, 0.0, 0.0]
+            return ""
+        share = self._tick / SMOOTHING
+        felt = self._guard.felt(state)
+        self._mean = [m + share * (f - m) for m, f in zip(self._mean, felt[:3], strict=True)]
+        force = hypot(*self._mean)
+        if force <= self._most:
+            return ""
+        return f"the force felt at rest drifted to {force:.1f} N, allowed {self._most:.1f} N"

@@ -1,0 +1,157 @@
+"""Settings that a client may change while the arm stands still: thresholds,
+impedances, tool, load.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from drivers.fci_server.wire import Command, Status, usable
+from drivers.franka.kinematics import FLANGE_TO_TIP
+from drivers.types import Array, frozen
+
+JOINT_STIFFNESS = (0.0, 14250.0)  # N m/rad
+TRANSLATION_STIFFNESS = (10.0, 3000.0)  # N/m
+ROTATION_STIFFNESS = (1.0, 300.0)  # N m/rad
+LARGEST_LOAD = 3.0  # kg, the payload that the maker states
+RIGID = 1e-5
+_UNIT = frozen(np.eye(3))
+_LAST_ROW = frozen([0, 0, 0, 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Thresholds:
+    """Collision thresholds: above `contact` the state reports it, above `collision` a reflex stops
+    the arm.
+
+    `accelerating` holds while the commanded velocity changes, `nominal` otherwise; rows are contact
+    and collision: (2, 7) [N m] at the joints, (2, 6) [N, N m] at the tool.
+    """
+
+    torque_accelerating: Array
+    torque_nominal: Array
+    force_accelerating: Array
+    force_nominal: Array
+
+    @property
+    def all(self) -> tuple[Array, ...]:
+        """Every pair of rows."""
+        return (
+            self.torque_accelerating,
+            self.torque_nominal,
+            self.force_accelerating,
+            self.force_nominal,
+        )
+
+
+def _start_thresholds() -> Thresholds:
+    # Assumed: what a robot has before its client sets any is not published.
+    torque, force = frozen(np.full((2, 7), 20.0)), frozen(np.full((2, 6), 20.0))
+    return Thresholds(torque, torque, force, force)
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """All settings of a client or of Desk, or the defaults; they outlive the client."""
+
+    thresholds: Thresholds = field(default_factory=_start_thresholds)
+    flange_to_nominal: Array = field(default_factory=lambda: FLANGE_TO_TIP)
+    nominal_to_tool: Array = field(default_factory=lambda: frozen(np.eye(4)))
+    tool_to_stiffness: Array = field(default_factory=lambda: frozen(np.eye(4)))
+    hand_mass: float = 0.73  # kg, Franka Hand, as set in Desk
+    hand_centre: Array = field(
+        default_factory=lambda: frozen([-0.01, 0.0, 0.03])
+    )  # m in the flange
+    load_mass: float = 0.0  # kg
+    load_centre: Array = field(default_factory=lambda: frozen(np.zeros(3)))  # m in the flange
+    load_inertia: Array = field(default_factory=lambda: frozen(np.zeros(9)))  # kg m^2
+
+    @property
+    def tool(self) -> Array:
+        """Tool in the flange's frame (4, 4)."""
+        return frozen(self.flange_to_nominal @ self.nominal_to_tool)
+
+
+def configure(
+    configuration: Configuration, command: Command, payload: bytes
+) -> tuple[Configuration, Status]:
+    """The configuration after a request to change it, and the status of its reply."""
+    if command == Command.SET_GUIDING_MODE:
+        allowed = all(flag in (0, 1) for flag in payload)
+        return configuration, Status.SUCCESS if allowed else Status.INVALID_ARGUMENT
+    numbers = np.frombuffer(payload, "<f8").astype(np.float64)
+    changed = None
+    if usable(numbers):
+        changed = _SETTERS[command](configuration, numbers)
+    if changed is None:
+        return configuration, Status.INVALID_ARGUMENT
+    return changed, Status.SUCCESS
+
+
+def rigid(matrix: Array) -> bool:
+    """Whether a matrix (4, 4) is a rotation and a translation."""
+    x, y, z = turn = matrix[:3, :3]
+    right_handed = (
+        z[0] * (x[1] * y[2] - x[2] * y[1])
+        + z[1] * (x[2] * y[0] - x[0] * y[2])
+        + z[2] * (x[0] * y[1] - x[1] * y[0])
+    )
+    return bool(
+        right_handed > 0
+        and np.abs(turn @ turn.T - _UNIT).max() < RIGID
+        and np.abs(matrix[3] - _LAST_ROW).max() < RIGID
+    )
+
+
+def _collision(old: Configuration, numbers: Array) -> Configuration | None:
+    joints, tool = numbers[:28].reshape(4, 7), numbers[28:].reshape(4, 6)
+    pairs = [frozen(rows) for rows in (joints[:2], joints[2:], tool[:2], tool[2:])]
+    if any((pair < 0).any() or (pair[0] > pair[1]).any() for pair in pairs):
+        return None
+    return replace(old, thresholds=Thresholds(*pairs))
+
+
+def _joint_impedance(old: Configuration, numbers: Array) -> Configuration | None:
+    return old if _within(numbers, JOINT_STIFFNESS) else None
+
+
+def _cartesian_impedance(old: Configuration, numbers: Array) -> Configuration | None:
+    fits = _within(numbers[:3], TRANSLATION_STIFFNESS) and _within(numbers[3:], ROTATION_STIFFNESS)
+    return old if fits else None
+
+
+def _within(numbers: Array, span: tuple[float, float]) -> bool:
+    return bool((numbers >= span[0]).all() and (numbers <= span[1]).all())
+
+
+def _stiffness_frame(old: Configuration, numbers: Array) -> Configuration | None:
+    matrix = numbers.reshape(4, 4).T
+    return replace(old, tool_to_stiffness=frozen(matrix)) if rigid(matrix) else None
+
+
+def _tool(old: Configuration, numbers: Array) -> Configuration | None:
+    matrix = numbers.reshape(4, 4).T
+    return replace(old, nominal_to_tool=frozen(matrix)) if rigid(matrix) else None
+
+
+def _load(old: Configuration, numbers: Array) -> Configuration | None:
+    mass, centre, inertia = float(numbers[0]), numbers[1:4], numbers[4:].reshape(3, 3)
+    if not 0 <= mass <= LARGEST_LOAD or np.abs(inertia - inertia.T).max() > RIGID:
+        return None
+    if np.linalg.eigvalsh(inertia)[0] < 0:
+        return None
+    return replace(
+        old, load_mass=mass, load_centre=frozen(centre), load_inertia=frozen(numbers[4:])
+    )
+
+
+_SETTERS: dict[Command, Callable[[Configuration, Array], Configuration | None]] = {
+    Command.SET_COLLISION_BEHAVIOR: _collision,
+    Command.SET_JOINT_IMPEDANCE: _joint_impedance,
+    Command.SET_CARTESIAN_IMPEDANCE: _cartesian_impedance,
+    Command.SET_EE_TO_K: _stiffness_frame,
+    Command.SET_NE_TO_EE: _tool,
+    Command.SET_LOAD: _load,
+}
+SETTERS = frozenset((*_SETTERS, Command.SET_GUIDING_MODE))

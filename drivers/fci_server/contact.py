@@ -1,0 +1,52 @@
+"""External forces at the emulated tool, and the collision check."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.fci_server.configuration import Configuration
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.reflex import Reflex
+from drivers.types import Array
+
+STEADY = 1e-3  # rad/s^2 and m/s^2, below which a motion counts as uniform
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Estimated wrench (6,) on the tool in the base [N, N m], the joint torques that it causes.
+
+    Flags are 1 where a threshold is passed: first row contact, second collision.
+    """
+
+    wrench: Array
+    torque: Array  # (7,) N m
+    joint_flags: Array  # (2, 7)
+    tool_flags: Array  # (2, 6)
+
+    @classmethod
+    def felt(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
+        """The contact from a force (3,) [N] on the tool's origin."""
+        wrench = np.zeros(6)
+        wrench[:3] = force
+        arm = posture.reached[:3, :3] @ configuration.tool_to_stiffness[:3, 3]
+        wrench[3:] = np.cross(-arm, force)
+        torque = posture.jacobian[:3].T @ force
+        thresholds = configuration.thresholds
+        steady = bool((np.abs(posture.joints.acceleration) < STEADY).all())
+        joints = thresholds.torque_nominal if steady else thresholds.torque_accelerating
+        tool = thresholds.force_nominal if steady else thresholds.force_accelerating
+        joint_flags = np.greater(np.abs(torque), joints).astype(np.float64)
+        tool_flags = np.greater(np.abs(wrench), tool).astype(np.float64)
+        return cls(wrench, torque, joint_flags, tool_flags)
+
+    @property
+    def reflex(self) -> Reflex | None:
+        """The error that the thresholds require, or None."""
+        if self.tool_flags[1].any():
+            return Reflex.CARTESIAN_REFLEX
+        return Reflex.JOINT_REFLEX if self.joint_flags[1].any() else None
+
+
+NOTHING = Contact(np.zeros(6), np.zeros(7), np.zeros((2, 7)), np.zeros((2, 6)))

@@ -1,0 +1,185 @@
+"""Motion generators of the emulated robot: the next posture from a command, or a violation."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.fci_server.configuration import rigid
+from drivers.fci_server.kernel import SIZE, Broken, advance
+from drivers.fci_server.limits import (
+    CARTESIAN,
+    CARTESIAN_JOINT,
+    JOINT,
+    TABLE,
+    TICK,
+    check_end,
+    check_joint_course,
+    check_joints,
+)
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.reflex import Reflex, Violation
+from drivers.fci_server.wire import Generator, RobotCommand, usable
+from drivers.franka.inverse import damped_inverse, twist_between
+from drivers.franka.kinematics import from_last_joint
+from drivers.franka.tracking import DAMPING, ELBOW_JOINT, rotation
+from drivers.types import Array
+
+TOLD = 23  # numbers of a Cartesian command: pose, twist, elbow
+Follow = Callable[[Posture, RobotCommand, Array], Posture]
+
+
+def follow(
+    generator: Generator,
+    old: Posture,
+    command: RobotCommand,
+    tool: Array,
+    first: bool,
+    chooses_elbow: bool = False,
+) -> Posture:
+    """The posture one tick on, with the tool (4, 4) in the flange's frame.
+
+    Where it `chooses_elbow`, a pose without one is reached by the smallest turns of all joints.
+    `first` marks the first command of a motion, whose pose must be the arm's own. Raises Violation
+    where the command breaks a limit of the robot.
+    """
+    if chooses_elbow and command.elbow is None and generator is Generator.CARTESIAN_POSE:
+        command = replace(command, elbow=(_smallest(old, command), old.elbow_sign))
+    try:
+        new = _FOLLOW[generator](old, command, tool)
+    except Violation as violation:
+        if first and generator in _START and violation.reflex not in _OWN_NAME:
+            raise Violation(_START[generator]) from None
+        raise
+    if command.finished:
+        cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
+        check_end(new.joints, CARTESIAN_JOINT if cartesian else JOINT)
+    return new
+
+
+def warm(old: Posture, tool: Array) -> None:
+    """Compile what a motion needs, of a posture with its tool (4, 4): no client waits for it."""
+    follow(Generator.CARTESIAN_VELOCITY, old, extrapolated(old, 0), tool, first=True)
+
+
+def readable(generator: Generator, command: RobotCommand) -> bool:
+    """Whether the fields that the generator reads are usable numbers."""
+    fits = usable(_READ[generator](command))
+    return fits and (command.elbow is None or usable(command.elbow))
+
+
+def extrapolated(old: Posture, message_id: int) -> RobotCommand:
+    """The last commands continued at constant acceleration, for a tick without a command.
+
+    Source: the client library's `rate_limiting.h` on lost packets.
+    """
+    rates = old.joints.velocity + TICK * old.joints.acceleration
+    twist = old.tool.velocity + TICK * old.tool.acceleration
+    return RobotCommand(
+        message_id,
+        old.q + TICK * rates,
+        rates,
+        _integrated(old.pose, twist),
+        twist,
+        None,
+        False,
+    )
+
+
+def _joint_position(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _joints(old, command.q, (command.q - old.q) / TICK, tool)
+
+
+def _joint_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _joints(old, old.q + TICK * command.dq, command.dq, tool)
+
+
+def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
+    course = old.joints.step(velocity)
+    check_joint_course(old.joints, course, JOINT)
+    check_joints(
+        q,
+        velocity,
+        Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
+        Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    )
+    return old.moved(q, tool, course)
+
+
+def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    if not rigid(command.pose):
+        raise Violation(Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME)
+    return _cartesian(old, command, tool, by_twist=False)
+
+
+def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Posture:
+    return _cartesian(old, command, tool, by_twist=True)
+
+
+def _cartesian(old: Posture, command: RobotCommand, tool: Array, *, by_twist: bool) -> Posture:
+    told, vector = np.empty(TOLD), np.empty(SIZE)
+    told[:16] = command.pose.ravel()
+    told[16:22] = command.twist
+    told[22] = _elbow(old, command)
+    last = from_last_joint(tool).ravel()
+    broken = advance(old.vector, told, by_twist, last, TABLE, vector)
+    if broken:
+        raise Violation(_BROKEN[Broken(broken)])
+    return Posture(vector)
+
+
+def _elbow(old: Posture, command: RobotCommand) -> float:
+    """The commanded angle [rad]; without one the elbow stays where it is."""
+    if command.elbow is None:
+        return old.elbow
+    angle, sign = command.elbow
+    if sign != old.elbow_sign:
+        raise Violation(Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT)
+    return angle
+
+
+def _smallest(old: Posture, command: RobotCommand) -> float:
+    """The elbow's angle [rad] that the pseudo-inverse of the Jacobian gives one tick on."""
+    twist = twist_between(old.reached, command.pose)
+    return float(old.elbow + (damped_inverse(old.jacobian, DAMPING) @ twist)[ELBOW_JOINT])
+
+
+def _integrated(pose: Array, twist: Array) -> Array:
+    moved = np.array(pose)
+    moved[:3, 3] += TICK * twist[:3]
+    moved[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]
+    return moved
+
+
+_FOLLOW: dict[Generator, Follow] = {
+    Generator.JOINT_POSITION: _joint_position,
+    Generator.JOINT_VELOCITY: _joint_velocity,
+    Generator.CARTESIAN_POSE: _cartesian_pose,
+    Generator.CARTESIAN_VELOCITY: _cartesian_velocity,
+}
+_READ: dict[Generator, Callable[[RobotCommand], Array]] = {
+    Generator.JOINT_POSITION: lambda command: command.q,
+    Generator.JOINT_VELOCITY: lambda command: command.dq,
+    Generator.CARTESIAN_POSE: lambda command: command.pose,
+    Generator.CARTESIAN_VELOCITY: lambda command: command.twist,
+}
+_BROKEN = {
+    Broken.TOOL_VELOCITY: CARTESIAN.velocity,
+    Broken.TOOL_ACCELERATION: CARTESIAN.acceleration,
+    Broken.TOOL_JERK: CARTESIAN.jerk,
+    Broken.ELBOW: Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
+    Broken.JOINT_VELOCITY: CARTESIAN_JOINT.velocity,
+    Broken.JOINT_ACCELERATION: CARTESIAN_JOINT.acceleration,
+    Broken.JOINT_JERK: CARTESIAN_JOINT.jerk,
+    Broken.JOINT_POSITION: (Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_POSITION_LIMITS_VIOLATION),
+    Broken.JOINT_BRAKING: Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
+}
+_START = {
+    Generator.JOINT_POSITION: Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
+    Generator.CARTESIAN_POSE: Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_START_POSE_INVALID,
+}
+_OWN_NAME = {
+    Reflex.CARTESIAN_POSITION_MOTION_GENERATOR_INVALID_FRAME,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_LIMIT_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ELBOW_SIGN_INCONSISTENT,
+}

@@ -1,0 +1,131 @@
+"""The emulated hand: two fingers that close on an object, one command at a time."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+
+from drivers.fci_server.hand_wire import STATUS, HandCommand, HandRequest, HandStatus, reply
+from drivers.fci_server.limits import TICK
+
+WIDEST = 0.08  # m
+FASTEST = 0.1  # m/s, of one finger towards the other
+TEMPERATURE = 30  # degrees C
+
+Between = Callable[[], float | None]
+
+
+@dataclass(slots=True)
+class Task:
+    """A command under way: widths [m] still to reach in turn, at a speed [m/s]."""
+
+    request: HandRequest
+    widths: list[float]
+    speed: float
+
+
+class Hand:
+    """Width [m] between the fingers and whether they hold something, stepped every 1 ms.
+
+    `between` gives the thickness [m] of the object between the fingers now, None for nothing.
+    Speeds above FASTEST are limited to it; the real hand's answer in that case is not known. A hand
+    that `is_homed` not reports no width and refuses to move. What is thinner than `felt` [m] it
+    holds without saying so, and `deaf` counts stops that it will not hear: so users report
+    (franka_ros#276, libfranka#111, #28).
+    """
+
+    def __init__(self, between: Between) -> None:
+        self._between = between
+        self._task: Task | None = None
+        self.width = WIDEST
+        self.is_homed = True
+        self.felt = 0.0
+        self.deaf = 0
+        self.is_grasped = False
+        self.replies: list[bytes] = []
+
+    @property
+    def moving(self) -> bool:
+        """Whether a command is under way."""
+        return self._task is not None
+
+    def begin(self, request: HandRequest) -> None:
+        """Start a command; the one under way is aborted."""
+        if request.command is HandCommand.STOP and self.deaf > 0:
+            self.deaf -= 1
+            return
+        self.interrupt()
+        if request.command is HandCommand.STOP:
+            self._answer(request, HandStatus.SUCCESS)
+        elif not _valid(request) or not (self.is_homed or request.command is HandCommand.HOMING):
+            self._answer(request, HandStatus.FAIL)
+        else:
+            self.is_grasped = False
+            self._task = _task(request)
+
+    def interrupt(self) -> None:
+        """Abort the command under way, with the fingers where they are."""
+        if self._task is not None:
+            self._answer(self._task.request, HandStatus.ABORTED)
+            self._task = None
+
+    def advance(self) -> None:
+        """Advance by one millisecond."""
+        if self.is_grasped and self._between() is None:
+            self.is_grasped, self.width = False, 0.0  # what it presses on is gone
+        task = self._task
+        if task is None:
+            return
+        target, step = task.widths[0], TICK * task.speed
+        if target >= self.width:
+            self.width = min(self.width + step, target)
+        else:
+            thickness = self._between()
+            self.width = max(self.width - step, target)
+            if thickness is not None and self.width <= thickness:
+                self.width = min(thickness, WIDEST)
+                self._touched(task)
+                return
+        if self.width == target:
+            self._reached(task)
+
+    def _touched(self, task: Task) -> None:
+        self._task = None
+        status = HandStatus.UNSUCCESSFUL
+        if task.request.command is HandCommand.GRASP:
+            width, inner, outer = task.request.values[:3]
+            inside = width - inner <= self.width <= width + outer
+            self.is_grasped = inside and self.width >= self.felt
+            status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
+        self._answer(task.request, status)
+
+    def _reached(self, task: Task) -> None:
+        task.widths.pop(0)
+        if task.widths:
+            return
+        self._task = None
+        empty = task.request.command is HandCommand.GRASP
+        self.is_homed = self.is_homed or task.request.command is HandCommand.HOMING
+        self._answer(task.request, HandStatus.UNSUCCESSFUL if empty else HandStatus.SUCCESS)
+
+    def _answer(self, request: HandRequest, status: HandStatus) -> None:
+        self.replies.append(reply(request.command, request.command_id, STATUS.pack(status)))
+
+
+def _task(request: HandRequest) -> Task:
+    if request.command is HandCommand.HOMING:
+        return Task(request, [0.0, WIDEST], FASTEST)
+    if request.command is HandCommand.GRASP:
+        return Task(request, [0.0], min(request.values[3], FASTEST))
+    return Task(request, [request.values[0]], min(request.values[1], FASTEST))
+
+
+def _valid(request: HandRequest) -> bool:
+    if not all(isfinite(value) for value in request.values):
+        return False
+    if request.command is HandCommand.GRASP:
+        width, inner, outer, speed, force = request.values
+        return 0 <= width <= WIDEST and min(inner, outer) >= 0 < speed and force > 0
+    if request.command is HandCommand.MOVE:
+        width, speed = request.values
+        return 0 <= width <= WIDEST and speed > 0
+    return request.command is HandCommand.HOMING

@@ -1,0 +1,140 @@
+"""Limits that the robot itself enforces on commands, whatever its client checked."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from drivers.fci_server.reflex import Reflex, Violation
+from drivers.franka import limits
+from drivers.franka.kinematics import ELBOW_FLIP, PARAMETERS
+from drivers.franka.tracking import DAMPING, rotation_vector
+from drivers.types import Array, frozen
+
+TICK = 1e-3  # s
+SLACK = (
+    1.01  # float32 of the state, from which clients limit their rates, costs a few tenths of 1 %
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Error names of one kind of motion: velocity limit, and two kinds of discontinuity."""
+
+    velocity: Reflex
+    acceleration: Reflex
+    jerk: Reflex
+
+
+JOINT = Rates(
+    Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    Reflex.JOINT_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+    Reflex.JOINT_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
+)
+CARTESIAN = Rates(
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_DISCONTINUITY,
+    Reflex.CARTESIAN_MOTION_GENERATOR_ACCELERATION_DISCONTINUITY,
+)
+CARTESIAN_JOINT = Rates(
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION,
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_DISCONTINUITY,
+    Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_ACCELERATION_DISCONTINUITY,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Allowed box of the tool: corners (3,) [m] in the base."""
+
+    low: Array = field(default_factory=lambda: frozen([-1.0, -1.0, -0.5]))
+    high: Array = field(default_factory=lambda: frozen([1.0, 1.0, 1.4]))
+
+    def check(self, pose: Array) -> None:
+        """Raises Violation for a tool pose (4, 4) outside the box."""
+        place = pose[:3, 3]
+        if np.minimum(place - self.low, self.high - place).min() < 0:
+            raise Violation(Reflex.CARTESIAN_POSITION_LIMITS_VIOLATION)
+
+
+@dataclass(slots=True)
+class Course:
+    """Commanded velocity and acceleration of the last tick: (7,) of joints or (6,) of the tool."""
+
+    velocity: Array
+    acceleration: Array
+
+    def step(self, velocity: Array) -> "Course":
+        """The course one tick on with a new `velocity`."""
+        return Course(velocity, (velocity - self.velocity) / TICK)
+
+
+def still(axes: int) -> Course:
+    """A course of `axes` axes at rest."""
+    return Course(np.zeros(axes), np.zeros(axes))
+
+
+# What follows runs in every tick: for so few numbers plain floats are faster than arrays.
+
+
+def check_joint_course(old: Course, new: Course, rates: Rates) -> None:
+    """Raises Violation where joints exceed their velocity, acceleration or jerk limits."""
+    if _beyond(new.velocity, _JOINT_VELOCITY):
+        raise Violation(rates.velocity)
+    if _beyond(new.acceleration, _JOINT_ACCELERATION):
+        raise Violation(rates.acceleration)
+    if _beyond(new.acceleration - old.acceleration, _JOINT_JERK):
+        raise Violation(rates.jerk)
+
+
+def check_joints(q: Array, velocity: Array, position: Reflex, rate: Reflex) -> None:
+    """Raises Violation for joints (7,) beyond their limits, or too fast to brake before them."""
+    if limits.margins(q).min() < 0:
+        raise Violation(position)
+    slowest, fastest = limits.velocity_bounds(q)
+    if np.minimum(velocity - slowest, fastest - velocity).min() < -_BRAKING:
+        raise Violation(rate)
+
+
+def check_end(joints: Course, rates: Rates) -> None:
+    """Raises Violation for a motion that is declared finished while it is still moving."""
+    if _beyond(joints.velocity, _JOINT_STANDSTILL):
+        raise Violation(rates.acceleration)
+
+
+def twist_of(old: Array, new: Array) -> Array:
+    """Velocity (6,) in the base that takes pose `old` (4, 4) to `new` in one tick."""
+    twist = np.empty(6)
+    twist[:3] = new[:3, 3] - old[:3, 3]
+    twist[3:] = rotation_vector(new[:3, :3] @ old[:3, :3].T)
+    return twist / TICK
+
+
+def _beyond(values: Array, most: tuple[float, ...]) -> bool:
+    return any(abs(value) > limit for value, limit in zip(values.tolist(), most, strict=True))
+
+
+def _slack(limit: Array, time: float = 1.0) -> tuple[float, ...]:
+    return tuple((SLACK * time * limit).tolist())
+
+
+TABLE = frozen(
+    [
+        *PARAMETERS.T[:2],
+        np.cos(PARAMETERS[:, 2]),
+        np.sin(PARAMETERS[:, 2]),
+        limits.POSITION_LOW,
+        limits.POSITION_HIGH,
+        limits.VELOCITY,
+        limits.ACCELERATION,
+        limits.JERK,
+        limits.VELOCITY_OFFSET,
+        limits.DECELERATION,
+        [*limits.TRANSLATION, *limits.ROTATION, 0.0],
+        [*limits.ELBOW, DAMPING, SLACK, ELBOW_FLIP, 0.0],
+    ]
+)  # (13, 7), the numbers of the arm for compiled code
+_JOINT_VELOCITY = _slack(limits.VELOCITY)
+_JOINT_ACCELERATION = _slack(limits.ACCELERATION)
+_JOINT_JERK = _slack(limits.JERK, TICK)  # as change of the acceleration in one tick
+_JOINT_STANDSTILL = _slack(limits.ACCELERATION, TICK)
+_BRAKING = max(_JOINT_STANDSTILL)  # rad/s, what one tick of braking takes off

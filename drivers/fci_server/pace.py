@@ -1,0 +1,50 @@
+"""The server's clock: control periods of the wall clock."""
+
+import time
+
+from drivers.fci_server.limits import TICK
+
+LATE = 0.2 * TICK  # s at most by which a period is shortened to make up for a late one
+
+
+class Pace:
+    """Periods of 1 ms, never shorter than 0.8 ms; the only user of time in the server."""
+
+    def __init__(self) -> None:
+        self._deadline = time.monotonic()
+
+    def remaining(self) -> float:
+        """Time [s] until the next period is due; zero or less when it is."""
+        return self._deadline - time.monotonic()
+
+    def passed(self) -> None:
+        """Go to the next period, which begins now.
+
+        Where this machine was late, the robot's time falls behind the wall clock's: a robot never
+        is, and gives its client a whole period to answer each state.
+        """
+        now = time.monotonic()
+        self._deadline = max(self._deadline, now - LATE) + TICK
+
+    def restart(self) -> None:
+        """Count periods from now."""
+        self._deadline = time.monotonic() + TICK
+
+
+class Stopwatch:
+    """A timer that reports when its duration has passed since the last reset."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._since = time.monotonic()
+
+    def reset(self) -> None:
+        """Count from now."""
+        self._since = time.monotonic()
+
+    def rang(self) -> bool:
+        """Whether the duration has passed; if so, the timer restarts."""
+        if time.monotonic() - self._since < self._seconds:
+            return False
+        self.reset()
+        return True

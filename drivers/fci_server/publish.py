@@ -1,0 +1,137 @@
+"""The robot's state as a UDP datagram."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from drivers.fci_server.configuration import Configuration
+from drivers.fci_server.contact import NOTHING, Contact
+from drivers.fci_server.kernel import FIELDS
+from drivers.fci_server.robot import Robot
+from drivers.fci_server.state_packet import PLACES, Indices, StatePacket
+from drivers.fci_server.wire import Controller, Generator
+from drivers.franka.gravity import holding_torques
+
+HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
+MEASURED = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
+
+BY_COLUMNS = tuple(4 * row + column for column in range(4) for row in range(4))
+TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are computed again
+ANGLE, RATE, ACCELERATION = range(3)  # of the elbow's part of a posture
+Parts = tuple[tuple[str, Sequence[int]], ...]
+JOINTS, AXES = range(7), range(6)
+SHOWN: dict[str, Parts] = {
+    "O_T_EE": (("reached", BY_COLUMNS),),
+    "O_T_EE_d": (("pose", BY_COLUMNS),),
+    "O_T_EE_c": (("pose", BY_COLUMNS),),
+    "q": (("q", JOINTS),),
+    "q_d": (("q", JOINTS),),
+    "theta": (("q", JOINTS),),
+    "dq": (("velocity", JOINTS),),
+    "dq_d": (("velocity", JOINTS),),
+    "dtheta": (("velocity", JOINTS),),
+    "ddq_d": (("acceleration", JOINTS),),
+    "O_dP_EE_d": (("twist", AXES),),
+    "O_dP_EE_c": (("twist", AXES),),
+    "O_ddP_EE_c": (("change", AXES),),
+    "elbow": (("q", (2,)), ("sign", (0,))),
+    "elbow_d": (("elbow", (ANGLE,)), ("sign", (0,))),
+    "elbow_c": (("elbow", (ANGLE,)), ("sign", (0,))),
+    "delbow_c": (("elbow", (RATE,)),),
+    "ddelbow_c": (("elbow", (ACCELERATION,)),),
+}  # fields of the state -> the parts of the posture that they are, and which of their numbers
+
+
+OWN = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")  # of the arm itself, not of its setpoint
+
+
+def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
+    """Where in the datagram's numbers the posture's go, and which of them, (n,) each."""
+    where, source = list[int](), list[int]()
+    for name in names:
+        parts = SHOWN[name]
+        numbers = [FIELDS[part].start + number for part, some in parts for number in some]
+        where += PLACES[name][: len(numbers)]
+        source += numbers
+    return np.array(where), np.array(source)
+
+
+_WHERE, _SOURCE = _sources(SHOWN)
+_OWN_WHERE, _OWN_SOURCE = _sources(OWN)
+
+
+class Publisher:
+    """Serialises the robot's state; keeps rarely changing fields between datagrams."""
+
+    def __init__(self) -> None:
+        self._packet = StatePacket()
+        fields = self._packet.fields
+        fields["I_ee"][:] = HAND_INERTIA
+        fields["O_ddP_O"][:] = (0.0, 0.0, -9.81)
+        self._configuration: Configuration | None = None
+        self._errors: object = None
+        self._contact: Contact | None = None
+        self._held: Configuration | None = None  # and joints, of which gravity is known
+        self._q, self._gravity = np.zeros(7), np.zeros(7)
+
+    def datagram(self, robot: Robot, rate: float = 0.0, is_nan: bool = False) -> bytes:
+        """State after the last tick; `rate` is the fraction of commands that arrived in time.
+
+        With `is_nan` its measured part is NaN, as from a broken sensor.
+        """
+        if robot.configuration is not self._configuration:
+            self._put_configuration(robot.configuration)
+        self._put_modes(robot)
+        self._put_posture(robot)
+        if robot.contact is not self._contact or robot.contact is not NOTHING or is_nan:
+            self._put_contact(robot)
+        if is_nan:
+            for name in MEASURED:
+                self._packet.fields[name][:] = np.nan
+            self._contact = None
+        return self._packet.sealed(robot.time, rate)
+
+    def _put_configuration(self, configuration: Configuration) -> None:
+        packet = self._packet
+        packet.put_matrix("F_T_EE", configuration.tool)
+        packet.put_matrix("F_T_NE", configuration.flange_to_nominal)
+        packet.put_matrix("NE_T_EE", configuration.nominal_to_tool)
+        packet.put_matrix("EE_T_K", configuration.tool_to_stiffness)
+        packet.fields["m_ee"][:] = configuration.hand_mass
+        packet.fields["F_x_Cee"][:] = configuration.hand_centre
+        packet.fields["m_load"][:] = configuration.load_mass
+        packet.fields["F_x_Cload"][:] = configuration.load_centre
+        packet.fields["I_load"][:] = configuration.load_inertia
+        self._configuration = configuration
+
+    def _put_modes(self, robot: Robot) -> None:
+        motion = robot.motion
+        generator = Generator.IDLE if motion is None else motion.generator
+        controller = Controller.OTHER if motion is None else motion.controller
+        self._packet.put_modes(generator, controller, robot.mode)
+        if self._errors != (robot.errors, robot.reasons):
+            self._packet.put_errors(robot.errors, robot.reasons)
+            self._errors = (robot.errors, robot.reasons)
+
+    def _put_posture(self, robot: Robot) -> None:
+        self._packet.put(_WHERE, robot.posture.vector[_SOURCE])
+        if robot.measured is not robot.posture:
+            self._packet.put(_OWN_WHERE, robot.measured.vector[_OWN_SOURCE])
+        q, held = robot.measured.q, robot.configuration
+        if self._held is not held or np.abs(q - self._q).max() > TURNED:
+            self._q, self._held = np.array(q), held
+            mass = held.hand_mass + held.load_mass
+            moment = held.hand_mass * held.hand_centre + held.load_mass * held.load_centre
+            self._gravity = holding_torques(q, mass, moment / mass)
+        self._packet.fields["tau_J"][:] = self._gravity - robot.contact.torque
+
+    def _put_contact(self, robot: Robot) -> None:
+        fields, contact = self._packet.fields, robot.contact
+        self._contact = contact
+        fields["tau_ext_hat_filtered"][:] = contact.torque
+        fields["O_F_ext_hat_K"][:] = contact.wrench
+        turn = robot.posture.reached[:3, :3] @ robot.configuration.tool_to_stiffness[:3, :3]
+        fields["K_F_ext_hat_K"][:3] = turn.T @ contact.wrench[:3]
+        fields["K_F_ext_hat_K"][3:] = turn.T @ contact.wrench[3:]
+        fields["joint_contact"][:], fields["joint_collision"][:] = contact.joint_flags
+        fields["cartesian_contact"][:], fields["cartesian_collision"][:] = contact.tool_flags

@@ -1,0 +1,267 @@
+"""The emulated robot: modes, one motion at a time, reflexes, stops, recovery; no sockets, no time.
+
+It is stepped in control periods of 1 ms. Its caller requests motions and settings and collects the
+late replies, those that only the end of a motion gives.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Protocol
+
+import numpy as np
+
+from drivers.fci_server.body_check import BodyCheck
+from drivers.fci_server.configuration import SETTERS, Configuration, configure
+from drivers.fci_server.contact import NOTHING, Contact
+from drivers.fci_server.generators import extrapolated, follow, readable, warm
+from drivers.fci_server.limits import Box
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.reflex import Reflex, Violation
+from drivers.fci_server.trailing import Trailing
+from drivers.fci_server.wire import (
+    Command,
+    Controller,
+    Generator,
+    Mode,
+    MoveRequest,
+    MoveStatus,
+    Request,
+    RobotCommand,
+    Status,
+)
+from drivers.franka.inverse import manipulability
+from drivers.franka.kinematics import HOME
+from drivers.types import Array
+
+SINGULAR = 0.01  # smallest singular value of a Jacobian from which a Cartesian motion may start
+PATIENCE = 20  # ticks in a row without a command
+
+
+class Surroundings(Protocol):
+    """The world of the robot, as forces on its tool."""
+
+    def force(self, tip: Array, time: float) -> Array:
+        """Force (3,) [N] in the base on the tool at pose `tip` (4, 4), robot time [s]."""
+
+
+@dataclass(slots=True)
+class Motion:
+    """A motion under way; its last reply carries `command_id`."""
+
+    command_id: int
+    generator: Generator
+    controller: Controller
+    started: bool = False
+    stopping: bool = False
+    missed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """A reply that the end of a motion gives."""
+
+    command: Command
+    command_id: int
+    status: int
+
+
+@dataclass(slots=True)
+class Robot:
+    """State of the robot; `ticks` counts the commands that it followed, `time` is in [ms]."""
+
+    posture: Posture
+    box: Box = field(default_factory=Box)
+    surroundings: Surroundings | None = None
+    body: BodyCheck = field(default_factory=BodyCheck)
+    trailing: Trailing | None = None
+    chooses_elbow: bool = False
+    configuration: Configuration = field(default_factory=Configuration)
+    mode: Mode = Mode.IDLE
+    errors: frozenset[Reflex] = frozenset()
+    reasons: frozenset[Reflex] = frozenset()
+    motion: Motion | None = None
+    contact: Contact = NOTHING
+    pushed: Array = field(default_factory=lambda: np.zeros(3))  # N, by the fault script
+    time: int = 0
+    ticks: int = 0
+    late: list[Late] = field(default_factory=list)
+    waiting: list[Late] = field(default_factory=list)
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion waits for commands."""
+        return self.motion is not None and not self.motion.stopping
+
+    @property
+    def measured(self) -> Posture:
+        """Where the arm itself is: at its setpoint, or behind it."""
+        return self.posture if self.trailing is None else self.trailing.posture
+
+    def trail(self) -> None:
+        """One tick of an arm that stands behind its setpoint."""
+        if self.trailing is not None:
+            self.trailing.tick(self.posture.q)
+
+    def move(self, request: MoveRequest, command_id: int) -> MoveStatus:
+        """Begin a motion, or return why not."""
+        if self.mode is not Mode.IDLE or self.motion is not None or not self.posture.at_rest:
+            return MoveStatus.NOT_POSSIBLE
+        if not _valid(request):
+            return MoveStatus.INVALID_ARGUMENT
+        controller, generator = Controller(request.controller), Generator(request.generator + 1)
+        if controller is Controller.EXTERNAL or generator is Generator.NONE or request.use_async:
+            return MoveStatus.NOT_POSSIBLE
+        cartesian = generator in (Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY)
+        if cartesian and manipulability(self.posture.jacobian) < SINGULAR:
+            return MoveStatus.SINGULAR_START
+        self.motion = Motion(command_id, generator, controller)
+        self.mode, self.reasons = Mode.MOVE, frozenset()
+        return MoveStatus.MOTION_STARTED
+
+    def stop(self, command_id: int) -> None:
+        """Brake; the reply comes when the arm stands still."""
+        self.waiting.append(Late(Command.STOP_MOVE, command_id, Status.SUCCESS))
+        if self.motion is not None:
+            self.motion.stopping = True
+
+    def set(self, request: Request) -> Status:
+        """Change a setting named in SETTERS; only while the arm is idle."""
+        if request.command not in SETTERS or self.mode is not Mode.IDLE:
+            return Status.NOT_POSSIBLE
+        old = self.configuration
+        self.configuration, status = configure(old, request.command, request.payload)
+        if request.command is Command.SET_NE_TO_EE:
+            self.posture = Posture.resting(self.posture.q, self.configuration.tool)
+        return status
+
+    def recover(self, command_id: int) -> Status | None:
+        """Recover from a reflex once the arm stands still, with a late reply.
+
+        Not possible in motion or while the user stop is pressed.
+        """
+        if self.mode not in (Mode.IDLE, Mode.REFLEX):
+            return Status.NOT_POSSIBLE
+        self.waiting.append(Late(Command.AUTOMATIC_ERROR_RECOVERY, command_id, Status.SUCCESS))
+        return None
+
+    def reflex(self, error: Reflex) -> None:
+        """Abort the motion and brake; only recovery lets the arm move again."""
+        if self.mode is Mode.USER_STOPPED:
+            return
+        self._finish(MoveStatus.REFLEX_ABORTED)
+        self.mode = Mode.REFLEX
+        self.errors = self.reasons = frozenset({error})
+
+    def press_user_stop(self) -> None:
+        """Abort the motion and brake until the stop is released."""
+        self._finish(MoveStatus.EMERGENCY_ABORTED)
+        self.mode = Mode.USER_STOPPED
+
+    def release_user_stop(self) -> None:
+        """Be idle again, or still in the reflex that was there before."""
+        if self.mode is Mode.USER_STOPPED:
+            self.mode = Mode.REFLEX if self.errors else Mode.IDLE
+
+    def abandon(self) -> None:
+        """Brake after the client has disconnected, without replies."""
+        self._finish(MoveStatus.ABORTED)
+        self.late.clear()
+        self.waiting.clear()
+
+    def step(self, command: RobotCommand) -> None:
+        """Follow one command, or stop by a reflex where a limit forbids it."""
+        motion = self.motion
+        if motion is None or motion.stopping:
+            return
+        if not readable(motion.generator, command):
+            self._finish(MoveStatus.INPUT_ERROR_ABORTED)
+            self._brake()
+            return
+        tool, first = self.configuration.tool, not motion.started
+        self.ticks += 1
+        motion.missed = 0
+        try:
+            posture = follow(
+                motion.generator, self.posture, command, tool, first, self.chooses_elbow
+            )
+            self.box.check(posture.reached)
+            self.body.check(posture.q)
+        except Violation as violation:
+            self.reflex(violation.reflex)
+            self._brake()
+            return
+        self.posture, motion.started = posture, True
+        self._feel()
+        if self.motion is not None and command.finished:
+            self.posture = Posture.resting(self.posture.q, tool)
+            self._finish(MoveStatus.SUCCESS)
+            self._answer()
+
+    def miss(self) -> None:
+        """Extrapolate the last command for a missing one, for PATIENCE ticks at most."""
+        motion = self.motion
+        if motion is None or not motion.started:
+            return
+        missed = motion.missed + 1
+        self.step(extrapolated(self.posture, self.time))
+        motion.missed = missed
+        if missed > PATIENCE and self.motion is not None:
+            self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
+
+    def rest(self) -> None:
+        """One tick without commands: brake a moving arm, reply once it stands still."""
+        if not self.moving:
+            self._brake()
+        self._feel()
+        if self.motion is not None and self.motion.stopping and self.posture.at_rest:
+            self._finish(MoveStatus.PREEMPTED)
+        if self.motion is None and self.posture.at_rest:
+            self._answer()
+
+    def _brake(self) -> None:
+        if not self.posture.at_rest:
+            self.posture = self.posture.braked(self.configuration.tool)
+
+    def _feel(self) -> None:
+        force = self.pushed
+        if self.surroundings is not None:
+            force = force + self.surroundings.force(self.measured.reached, self.time / 1000)
+        if not force.any():
+            self.contact = NOTHING
+            return
+        self.contact = Contact.felt(self.posture, self.configuration, force)
+        if self.motion is not None and self.contact.reflex is not None:
+            self.reflex(self.contact.reflex)
+
+    def _finish(self, status: MoveStatus) -> None:
+        """End the motion; its last reply comes before others that wait for the arm."""
+        if self.motion is not None:
+            self.waiting.insert(0, Late(Command.MOVE, self.motion.command_id, status))
+            self.motion, self.mode = None, Mode.IDLE
+
+    def _answer(self) -> None:
+        for late in self.waiting:
+            if late.command is Command.AUTOMATIC_ERROR_RECOVERY and self.mode is Mode.REFLEX:
+                self.mode, self.errors = Mode.IDLE, frozenset()
+        self.late += self.waiting
+        self.waiting.clear()
+
+
+def resting_robot(
+    start: Array | None = None, box: Box | None = None, surroundings: Surroundings | None = None
+) -> Robot:
+    """A robot at rest with joints `start` (7,) [rad], by default in its home posture."""
+    configuration = Configuration()
+    posture = Posture.resting(np.array(HOME if start is None else start), configuration.tool)
+    warm(posture, configuration.tool)
+    return Robot(posture, box or Box(), surroundings, configuration=configuration)
+
+
+def _valid(request: MoveRequest) -> bool:
+    known = request.controller in range(3) and request.generator in range(5)
+    return known and _all(request.deviations, lambda part: isfinite(part) and part >= 0)
+
+
+def _all(values: Iterable[float], holds: Callable[[float], bool]) -> bool:
+    return all(holds(value) for value in values)

@@ -1,0 +1,311 @@
+"""The emulated robot on the network: one event loop over its ports, in
+lock-step or by the wall clock.
+"""
+
+import select
+import socket
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from threading import Thread
+from typing import Self, TypeVar
+
+from drivers.errors import ConfigurationError
+from drivers.fci_server.arm_port import ArmPort
+from drivers.fci_server.body_check import BodyCheck
+from drivers.fci_server.disturbance import Disturbance
+from drivers.fci_server.faults import DropFault, Fault, FreezeFault, VersionFault
+from drivers.fci_server.hand import Between, Hand
+from drivers.fci_server.hand_port import HandPort
+from drivers.fci_server.limits import Box
+from drivers.fci_server.pace import Pace, Stopwatch
+from drivers.fci_server.robot import Surroundings, resting_robot
+from drivers.fci_server.settings import ServerSettings
+from drivers.fci_server.trailing import Trailing
+from drivers.fci_server.wire import RobotCommand
+from drivers.franka.body import Solids
+from drivers.types import Array
+
+HAND_PERIOD = 5  # ms, of the hand's states
+OFFER_HAND = 0.01  # s, after which a hand's state goes out while the arm's time is frozen
+MOST_LATE = 64  # commands for earlier ticks that are skipped in one go
+OFFER_ARM = 0.1  # s, after which the arm's last state is offered again
+
+
+A = TypeVar("A")
+B = TypeVar("B")
+
+
+TICKS = 100
+
+
+class Punctuality:
+    """Counts over the last TICKS ticks of a motion."""
+
+    def __init__(self) -> None:
+        self._came: deque[bool] = deque()
+        self._in_time = 0
+
+    @property
+    def rate(self) -> float:
+        """Between 0 and 1; 0 outside a motion."""
+        return self._in_time / len(self._came) if self._came else 0.0
+
+    def count(self, came: bool) -> None:
+        """Record one more tick, with or without a command in time."""
+        self._came.append(came)
+        self._in_time += came
+        if len(self._came) > TICKS:
+            self._in_time -= self._came.popleft()
+
+    def reset(self) -> None:
+        """Clear the counts at the end of a motion."""
+        self._came.clear()
+        self._in_time = 0
+
+
+def bind_free(address: str | None, open_at: Callable[[str], tuple[A, B]]) -> tuple[str, A, B]:
+    """Bind two ports at `address`, or at the first loopback address where both are free.
+
+    Raises ConfigurationError where they are in use.
+    """
+    reason = ""
+    for candidate in (address,) if address else _candidates():
+        try:
+            return (candidate, *open_at(candidate))
+        except OSError as error:
+            reason = error.strerror or str(error)
+    raise ConfigurationError(
+        f"address: ports 1337 and 1338 cannot be opened at {address or '127.77.x.y'}: {reason}; "
+        "name another address of this machine"
+    )
+
+
+def _candidates() -> Iterator[str]:
+    return (f"127.77.{number // 250}.{number % 250 + 1}" for number in range(2500))
+
+
+class RobotServer:
+    """Arm and hand at `address`, for one client each.
+
+    `start` (7,) [rad] are the initial joints, `solids` what the arm must not meet, `surroundings`
+    and `between` the forces on the arm and the object in the hand, `faults` the scheduled faults;
+    `on_command` is called with every command that is followed. Listens from its construction on;
+    serves between `start` and `close`, or inside a `with`, in a thread, or in the caller's by
+    `serve`.
+    """
+
+    def __init__(
+        self,
+        settings: ServerSettings | None = None,
+        start: Array | None = None,
+        surroundings: Surroundings | None = None,
+        between: Between = lambda: None,
+        faults: Iterable[Fault] = (),
+        box: Box | None = None,
+        solids: Solids | None = None,
+        on_command: Callable[[RobotCommand], None] | None = None,
+    ) -> None:
+        settings = settings or ServerSettings()
+        self.robot = resting_robot(start, box, surroundings)
+        robot, tool = self.robot, self.robot.configuration.tool
+        robot.trailing = Trailing.of(robot.posture, tool, settings.delay, settings.lag)
+        robot.body, robot.chooses_elbow = BodyCheck(solids), settings.chooses_elbow
+        self.hand = Hand(between)
+        self._poll = select.epoll()
+        self._lock_step = settings.lock_step
+        self._disturbance = Disturbance(faults)
+        self._on_command = on_command
+        try:
+            self.address, self._arm, self._hand_port = bind_free(settings.address, self._open)
+        except ConfigurationError:
+            self._poll.close()
+            raise
+        self._waker, self._bell = socket.socketpair()
+        self._bell.setblocking(False)
+        self._poll.register(self._waker, select.EPOLLIN)
+        self._pace, self._silence = Pace(), Stopwatch(OFFER_ARM)
+        self._heard = False  # by the wall clock, whether this tick's command has come
+        self._punctuality = Punctuality()
+        self._strict, self._begun = False, 0  # in lock-step, robot time at the first command
+        self._thread: Thread | None = None
+        self._stopping = False
+
+    def start(self) -> Self:
+        """Serve in a thread of this process."""
+        self._thread = Thread(target=self.serve, name=f"twin {self.address}", daemon=True)
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Disconnect everybody and free the address; harmless when repeated."""
+        self._stopping = True
+        with suppress(OSError):  # it has hung up by itself
+            self._bell.send(b"!")
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+        else:
+            self._hang_up()
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def inject(self, fault: Fault) -> None:
+        """Add one more fault to the script, at its tick or at the next."""
+        self._disturbance.add(fault)
+        self._bell.send(b"!")
+
+    def serve(self) -> None:
+        """Serve until `close` is called from elsewhere."""
+        try:
+            while not self._stopping:
+                self._turn()
+        finally:
+            self._hang_up()
+
+    def _open(self, address: str) -> tuple[ArmPort, HandPort]:
+        arm = ArmPort(address, self._poll, self.robot)
+        try:
+            return arm, HandPort(address, self._poll, self.hand)
+        except OSError:
+            arm.close()
+            raise
+
+    def _hang_up(self) -> None:
+        if self._bell.fileno() >= 0:
+            self._arm.close()
+            self._hand_port.close()
+            self._bell.close()
+            self._waker.close()
+            self._poll.close()
+
+    def _turn(self) -> None:
+        self._strict = self._strict and self._lock_step and self.robot.moving
+        if self._strict:
+            self._wait_for_command()
+        elif self._idle():
+            self._strike()
+            self._attend(None)
+            self._pace.restart()
+        else:
+            self._wait_for_period()
+
+    def _idle(self) -> bool:
+        """Whether no client is connected and nothing moves."""
+        alone = self._arm.client is None and self._hand_port.client is None
+        return alone and self.robot.posture.at_rest and not self.hand.moving
+
+    def _wait_for_command(self) -> None:
+        events = self._attend(OFFER_HAND)
+        if not events:
+            self._hand_port.repeat()
+            if self._silence.rang():
+                self._arm.repeat()
+        command = self._arm.command()
+        if command is not None and self._arm.datagram_fileno not in events:
+            self._attend(0)  # requests that were sent before this command, and after the wait
+        if command is not None and command.message_id == self.robot.time and self.robot.moving:
+            self._follow(command)
+            self._silence.reset()
+            self._pace.restart()
+
+    def _wait_for_period(self) -> None:
+        self._attend(max(self._pace.remaining(), 0.0))
+        command = self._next_command()
+        if command is not None and self._lock_step:
+            # The client has begun: from here on its commands are the clock.
+            self._strict, self._begun = True, self.robot.time
+            if command.message_id == self.robot.time:
+                self._follow(command)
+            return
+        if command is not None and not self._heard:
+            self._heard = True
+            self._punctuality.count(True)
+            self._heed(command)
+        if self._pace.remaining() <= 0:
+            self._pass_period()
+            self._pace.passed()
+
+    def _next_command(self) -> RobotCommand | None:
+        """The command for this tick of a motion, or in lock-step any; older ones are late."""
+        for _ in range(MOST_LATE):
+            command = self._arm.command()
+            if command is None:
+                break
+            current = command.message_id == self.robot.time or self._lock_step
+            if current and self.robot.moving:
+                return command
+        return None
+
+    def _pass_period(self) -> None:
+        robot, heard = self.robot, self._heard
+        self._heard = False
+        if not heard and (self._lock_step or not robot.moving):
+            robot.rest()
+        elif not heard:
+            self._punctuality.count(False)
+            robot.miss()
+        self._advance()
+
+    def _follow(self, command: RobotCommand) -> None:
+        self._punctuality.count(True)
+        self._heed(command)
+        self._advance()
+
+    def _heed(self, command: RobotCommand) -> None:
+        if self._on_command is not None:
+            self._on_command(command)
+        self.robot.step(command)
+
+    def _advance(self) -> None:
+        """One millisecond of robot time has passed: step the hand, apply faults, send states."""
+        robot = self.robot
+        self._strike()
+        robot.time += 1
+        robot.trail()
+        self.hand.advance()
+        ended = self._hand_port.answer()
+        if ended or (robot.time - self._begun) % HAND_PERIOD == 0:
+            self._hand_port.publish(robot.time)
+        if robot.motion is None:
+            self._punctuality.reset()
+        self._arm.publish(self._punctuality.rate, self._disturbance.is_nan(robot.time))
+
+    def _strike(self) -> None:
+        for fault in self._disturbance.strike(self.robot):
+            self._suffer(fault)
+
+    def _suffer(self, fault: Fault) -> None:
+        if isinstance(fault, DropFault):
+            self._arm.drop()
+        elif isinstance(fault, VersionFault):
+            self._arm.version = fault.version
+        elif isinstance(fault, FreezeFault):
+            frozen = select.poll()
+            frozen.register(self._waker, select.POLLIN)
+            frozen.poll(1000 * fault.duration)
+            self._pace.restart()
+
+    def _attend(self, seconds: float | None) -> set[int]:
+        """Wait for `seconds` at most, then handle TCP; returns the descriptors that were readable.
+
+        The hand is handled before the arm, so that a command for it counts from the same tick.
+        """
+        if seconds is not None and 0 < seconds < OFFER_HAND:
+            select.select([self._poll], [], [], seconds)  # epoll itself counts whole milliseconds
+            seconds = 0
+        events = {descriptor for descriptor, _ in self._poll.poll(seconds)}
+        requests = events - {self._arm.datagram_fileno}
+        for descriptor in requests:
+            self._hand_port.serve(descriptor)
+        for descriptor in requests:
+            self._arm.serve(descriptor)
+            if descriptor == self._waker.fileno() and not self._stopping:
+                self._waker.recv(64)
+        if requests:
+            self._hand_port.discard()
+        return events

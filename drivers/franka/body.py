@@ -1,0 +1,107 @@
+"""The body of the Franka Research 3 with its hand, as spheres: near itself, near what is around."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.franka.kinematics import FLANGE, FLANGE_TO_HAND, frames
+from drivers.types import Array, frozen
+
+# Frame (0 the base, 1 to 7 the joints, 8 the hand), ends of the axis [m], radius [m].
+# Source: franka_description, the capsules for collision of panda_arm.xacro and hand.xacro, without
+# their safety distance. Never measured on a robot.
+CAPSULES = (
+    (0, (-0.09, 0.0, 0.06), (-0.06, 0.0, 0.06), 0.06),
+    (1, (0.0, 0.0, -0.333), (0.0, 0.0, -0.05), 0.06),
+    (2, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
+    (3, (0.0, 0.0, -0.22), (0.0, 0.0, -0.07), 0.06),
+    (4, (0.0, 0.0, -0.06), (0.0, 0.0, 0.06), 0.06),
+    (5, (0.0, 0.0, -0.31), (0.0, 0.0, -0.21), 0.06),
+    (5, (0.0, 0.08, -0.20), (0.0, 0.08, -0.06), 0.025),
+    (6, (0.0, 0.0, -0.07), (0.0, 0.0, 0.01), 0.05),
+    (7, (0.0, 0.0, -0.06), (0.0, 0.0, 0.08), 0.04),
+    (7, (0.06, 0.0, 0.082), (0.06, 0.0, 0.082), 0.03),
+    (8, (0.0, -0.05, 0.04), (0.0, 0.05, 0.04), 0.04),
+    (8, (0.0, -0.05, 0.10), (0.0, 0.05, 0.10), 0.02),
+)
+APART = 0.02  # m at most between spheres along an axis
+LOW_LINKS, HIGH_LINKS = 3, 6  # links up to the first never touch links from the second on
+PLACED = 2  # first link that can meet what stands around the robot: those below turn on the spot
+
+
+def _spheres() -> tuple[Array, Array, Array]:
+    """Centres (m, 3) in their link's frame, radii (m,) and links (m,) of all spheres."""
+    rows = []
+    for link, first, last, radius in CAPSULES:
+        begin, end = np.array(first), np.array(last)
+        count = 1 + int(np.ceil(np.linalg.norm(end - begin) / APART))
+        rows += [(*point, radius, link) for point in np.linspace(begin, end, count)]
+    table = np.array(rows)
+    return frozen(table[:, :3]), frozen(table[:, 3]), frozen(table[:, 4])
+
+
+CENTRES, RADII, _LINKS = _spheres()
+LINKS = _LINKS.astype(int)
+_LOW, _HIGH = LINKS <= LOW_LINKS, LINKS >= HIGH_LINKS
+_FREE = LINKS >= PLACED
+
+
+def spheres(q: Array) -> Array:
+    """Centres (..., m, 3) [m] in the base of the spheres RADII (m,) for joints (..., 7) [rad]."""
+    joints = frames(q)
+    shape = joints.shape[:-3]
+    flange = np.eye(4)
+    flange[2, 3] = FLANGE
+    hand = joints[..., 6, :, :] @ flange @ FLANGE_TO_HAND
+    base = np.broadcast_to(np.eye(4), (*shape, 4, 4))
+    links = np.concatenate(
+        [base[..., None, :, :], joints, hand[..., None, :, :]], axis=-3
+    )[..., LINKS, :, :]  # fmt: skip
+    return np.asarray(
+        np.einsum("...mij,mj->...mi", links[..., :3, :3], CENTRES) + links[..., :3, 3]
+    )
+
+
+def apart(q: Array) -> Array:
+    """Distance (...,) [m] of forearm, wrist and hand from base, shoulder and upper arm; negative
+    where they touch.
+    """
+    centres = spheres(q)
+    low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
+    between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)
+    gaps = between - RADII[_LOW][:, None] - RADII[_HIGH]
+    return np.asarray(gaps.min(axis=(-1, -2)))
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """What stands in the way, by its `name`: corners (3,) [m] in a frame."""
+
+    name: str
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Solids:
+    """Boxes in a `frame` (4, 4), which is given in the robot's base."""
+
+    frame: Array
+    boxes: Sequence[Box]
+
+    def clearance(self, q: Array) -> Array:
+        """Distance (..., k) [m] of the arm in joints (..., 7) [rad] from each box; negative inside.
+
+        Base and first link count as part of the stand.
+        """
+        centres = spheres(q)[..., _FREE, :]
+        turn, place = self.frame[:3, :3], self.frame[:3, 3]
+        within = (centres - place) @ turn
+        rows = []
+        for box in self.boxes:
+            beyond = np.maximum(np.array(box.low) - within, within - np.array(box.high))
+            outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+            inside = np.minimum(beyond.max(axis=-1), 0.0)
+            rows.append((outside + inside - RADII[_FREE]).min(axis=-1))
+        return np.stack(rows, axis=-1)

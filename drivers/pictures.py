@@ -1,0 +1,56 @@
+"""Reading of pictures: PNG and JPEG of bounded size, their sides known before they are decoded."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from drivers.errors import ConfigurationError
+from drivers.files import MEGABYTE, read_bytes
+from drivers.types import Image
+
+BYTES = 64 * MEGABYTE
+SIDE = 16_384  # px, of any camera or phone; a few bytes can declare gigabytes
+FRAMES = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))  # of JPEG
+
+
+def read_picture(path: Path, side: int = SIDE) -> Image:
+    """The picture (height, width, 3) at `path`, no side longer than `side` [px].
+
+    Raises ConfigurationError for a file that is missing, not regular, no whole PNG or JPEG, or
+    larger; nothing is decoded before its sides are known.
+    """
+    content = read_bytes(path, BYTES)
+    width, height = sides(content)
+    if max(width, height) > side:
+        raise ConfigurationError(
+            f"{path}: is {width} x {height} px, at most {side} px are read; make it smaller"
+        )
+    image = _decode(content) if min(width, height) > 0 else None
+    if image is None:
+        raise ConfigurationError(f"{path}: is not a picture that can be read; give a JPEG or PNG")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def sides(content: bytes) -> tuple[int, int]:
+    """Width and height [px] that a PNG or JPEG declares; zeros for anything else."""
+    if content.startswith(b"\x89PNG\r\n\x1a\n") and content[12:16] == b"IHDR":
+        return int.from_bytes(content[16:20]), int.from_bytes(content[20:24])
+    at = 2 if content.startswith(b"\xff\xd8") else len(content)
+    while at + 9 <= len(content) and content[at] == 0xFF:
+        if content[at + 1] in FRAMES:
+            height, width = content[at + 5 : at + 7], content[at + 7 : at + 9]
+            return int.from_bytes(width), int.from_bytes(height)
+        at += 1 if content[at + 1] == 0xFF else 2 + int.from_bytes(content[at + 2 : at + 4])
+    return 0, 0
+
+
+def _decode(content: bytes) -> Image | None:
+    """The picture in colour; None where it is broken, without a word of the decoder's own."""
+    before = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        return cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error:
+        return None
+    finally:
+        cv2.utils.logging.setLogLevel(before)

@@ -1,0 +1,91 @@
+"""Motions by hand: a person leads the gripper over the strip, no two of them alike."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from drivers.types import Array
+from policies.experiments.motion import Motion
+from policies.path import Path
+
+STEP = 0.001  # s
+SPEED = (0.06, 0.15)  # m/s
+HASTE = 0.3  # by how much the speed wavers, one sigma of its logarithm
+STOPS, PAUSE = 2, (0.3, 1.5)  # rests on the way, at most, and how long one lasts [s]
+RETURNS, BACK = 0.5, (0.03, 0.10)  # how often one who stops goes back first, and how far
+WAVER = (0.1, 0.6)  # Hz, of speed
+STARTING = 0.5  # s in which a hand comes up to speed, and to rest
+WAVES = 6
+HAND = 2  # of the generators of a seed, of how a person moves
+PLACES = 2001  # of a path as a polyline
+
+
+def generator(seed: int, number: int) -> np.random.Generator:
+    """All chance of motion `number` by the hand of `seed`."""
+    return np.random.default_rng([seed, HAND, number])
+
+
+def by_hand(length: float, seed: int, number: int) -> Motion:
+    """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor; the
+    same for the same numbers.
+    """
+    line, travel = led(length, generator(seed, number))
+    whole = np.linspace(0.0, line.x[-1], PLACES)
+    times: Array = STEP * np.arange(len(travel), dtype=float)
+    return Motion(Path.through(line(whole)), times, travel, ())
+
+
+def led(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
+    """The way of a gripper that a person leads from the grasped edge of a strip of `length` [m] to
+    over its fixed edge, points [m] by distance, and the distance (n,) [m] every STEP.
+
+    Up first, then over, with pauses and returns.
+    """
+    line = _line(length, rng)
+    return line, _travel(float(line.x[-1]), rng)
+
+
+def _line(length: float, rng: np.random.Generator) -> CubicSpline:
+    """Points [m] by distance along a smooth curve through places that a person aims for."""
+    apex = (rng.uniform(0.42, 0.58), rng.uniform(0.40, 0.55))
+    corners = np.array([
+        (1.0, 0.0),
+        (1.0 - rng.uniform(0.002, 0.008), rng.uniform(0.05, 0.07)),
+        (rng.uniform(0.84, 0.90), rng.uniform(0.20, 0.26)),
+        apex,
+        (rng.uniform(0.18, 0.26), rng.uniform(0.24, 0.32)),
+        (rng.uniform(0.0, 0.03), rng.uniform(0.04, 0.06)),
+    ])  # fmt: skip
+    chords = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
+    fine = PchipInterpolator(chords, length * corners)(np.linspace(0.0, chords[-1], 400))
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(fine, axis=0).T))])
+    return CubicSpline(along, fine)
+
+
+def _travel(whole: float, rng: np.random.Generator) -> Array:
+    """Distance along the way (n,) [m] every STEP, in strokes from rest to rest, pauses between."""
+    stops = [*np.sort(rng.uniform(0.2, 0.8, rng.integers(STOPS + 1))), 1.0]
+    if rng.uniform() < RETURNS and len(stops) > 1:
+        stops.insert(1, stops[0] - rng.uniform(*BACK))
+    speed, parts, here = rng.uniform(*SPEED), [np.zeros(1)], 0.0
+    for stop in whole * np.array(stops):
+        parts.append(_stroke(here, stop, speed, rng))
+        parts.append(np.full(round(rng.uniform(*PAUSE) / STEP), stop))
+        here = stop
+    return np.concatenate(parts)
+
+
+def _stroke(begin: float, end: float, speed: float, rng: np.random.Generator) -> Array:
+    """From `begin` to `end` [m] along the way at about `speed`, from rest to rest."""
+    t = np.arange(0.0, abs(end - begin) / speed + STARTING, STEP)
+    pace = np.exp(HASTE * wavering(t, WAVER, rng))
+    near = np.clip(np.minimum(t, t[-1] - t) / STARTING, 0.0, 1.0)
+    covered = np.cumsum(pace * np.sin(0.5 * np.pi * near) ** 2)
+    return np.asarray(begin + (end - begin) * covered / covered[-1])
+
+
+def wavering(t: Array, band: tuple[float, float], rng: np.random.Generator) -> Array:
+    """A smooth random signal (n,) of unit variance with frequencies in `band` [Hz]."""
+    frequency = rng.uniform(*band, WAVES)
+    phase = rng.uniform(0.0, 2.0 * np.pi, WAVES)
+    waves = np.sin(2.0 * np.pi * np.outer(t, frequency) + phase)
+    return np.asarray(waves.sum(axis=1) * np.sqrt(2.0 / WAVES))

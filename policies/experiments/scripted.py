@@ -1,0 +1,68 @@
+"""A policy that executes a predefined motion, whatever the images show."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from drivers.strip.file import StripFile
+from drivers.types import Array
+from policies.experiments.motion import Motion
+from policies.path import Path
+from policies.policy import Decision, Observation
+
+LEAD = 0.03  # s of preview: about the time in which a gripper takes up a new velocity
+GAIN = 4.0  # 1/s, how fast an error of place is taken out
+FASTEST = 0.19  # m/s that are ever asked for
+
+
+class Scripted:
+    """Executes the motion that `draw` returns for a strip's length [m] and a speed [m/s].
+
+    The lift follows the motion's path; at the first decision the motion's clock is set to the
+    gripper's position on it.
+    """
+
+    def __init__(self, name: str, draw: Callable[[float, float], Motion]) -> None:
+        self.name = name
+        self._draw = draw
+        self._motion: Motion | None = None
+        self._begun: Array = np.zeros(0)
+
+    def reset(self, strip: StripFile, speed: float, count: int) -> None:
+        """Reset; create the motion for `strip`."""
+        self._motion = self._draw(strip.length, speed)
+        self._begun = np.full(count, np.nan)
+
+    def lift(self) -> Path:
+        """The motion's path."""
+        return self._ready().path
+
+    def decide(self, observation: Observation) -> Decision:
+        """Direction to the motion's present point, at its velocity; done at its end."""
+        motion = self._ready()
+        here = np.stack([observation.x, observation.z], axis=-1)
+        if np.isnan(self._begun).any():
+            passed = [motion.passing(place) for place in _along(motion.path, here)]
+            self._begun = observation.time - np.array(passed)
+        now = observation.time - self._begun
+        ahead = np.clip(now + LEAD, 0.0, motion.duration)
+        before = np.clip(now - LEAD, 0.0, motion.duration)
+        rate = (motion.at(ahead) - motion.at(before)) / (2 * LEAD)
+        place = motion.at(np.clip(now, 0.0, motion.duration))
+        velocity = rate + GAIN * (place - here)
+        done = now >= motion.duration
+        speed = np.where(done, 0.0, np.minimum(np.hypot(*velocity.T), FASTEST))
+        direction = np.arctan2(velocity[:, 1], velocity[:, 0]) % (2 * np.pi)
+        return Decision(direction, speed, np.zeros(len(here)), done)
+
+    def _ready(self) -> Motion:
+        if self._motion is None:
+            raise RuntimeError(f"{self.name}: reset before the first decision")
+        return self._motion
+
+
+def _along(path: Path, points: Array) -> Array:
+    """Distances along `path` (n,) [m] of its points nearest to `points` (n, 2)."""
+    travel = np.linspace(0.0, path.length, 2001)
+    away = np.linalg.norm(path.at(travel)[:, None] - points[None], axis=-1)
+    return np.asarray(travel[np.argmin(away, axis=0)])

@@ -1,0 +1,81 @@
+"""Standard motions for comparing simulation and measurement."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from policies.experiments.motion import Go, Motion, Part, Rest, Shake, motion
+from policies.path import Path, circular
+
+END = 0.05  # of the length, height at which the paths end over the fixed edge
+TURN = 0.15  # of the length, radius of the arc on which a path begins
+TAUT = 0.40  # the same, where the strip is drawn taut at first
+THIRD = 1 / 3
+
+
+@dataclass(frozen=True, slots=True)
+class Standard:
+    """A motion for strips of any length: what it reveals, `speed` [m/s], `shape` and `parts`."""
+
+    reveals: str
+    speed: float
+    shape: Callable[[float], Path]
+    parts: Sequence[Part]
+
+    def of(self, length: float, speed: float | None = None) -> Motion:
+        """The motion for a strip of `length` [m], at its own or another speed [m/s]."""
+        return motion(self.shape(length), self.parts, speed or self.speed)
+
+
+def tent(height: float, turn: float = TURN) -> Callable[[float], Path]:
+    """A tent-shaped path: straight up, an arc of radius `turn` to 45 degrees, an apex of `height`
+    over the middle, down to the fixed edge.
+
+    All in units of the strip's length. The path starts straight up because a strip drawn in before
+    it is lifted buckles to a random side, which changes the whole motion.
+    """
+    angle = np.linspace(0.0, np.pi / 4, 46)
+    arc = np.stack([1.0 - turn * (1.0 - np.cos(angle)), turn * np.sin(angle)], axis=-1)
+    corners = np.concatenate([arc, [(0.5, height), (0.0, END)]])
+    return lambda length: Path.through(length * corners)
+
+
+HIGH, LOW, MIDDLE = tent(0.56, TAUT), tent(0.40), tent(0.50)
+WHOLE = (Go(1.0),)
+
+STANDARD: Mapping[str, Standard] = MappingProxyType(
+    {
+        "normal": Standard("everything a little", 0.10, MIDDLE, WHOLE),
+        "slow-low": Standard("stiffness and friction between yarns", 0.05, LOW, WHOLE),
+        "fast": Standard("damping, air drag, latency", 0.15, MIDDLE, WHOLE),
+        "high": Standard("stiffness by curvature, and what gives way to a pull", 0.10, HIGH, WHOLE),
+        "hold": Standard("creep", 0.10, MIDDLE, (Go(0.45), Rest(2.0), Go(1.0))),
+        "there-and-back": Standard(
+            "friction between yarns", 0.10, MIDDLE, (Go(0.6), Go(0.3), Go(1.0))
+        ),
+        "shake": Standard(
+            "damping and its law", 0.10, MIDDLE, (Go(0.42), Shake(0.010, 2.0, 4), Go(1.0))
+        ),
+        "early-shake": Standard(
+            "damping and stiffness near the grip", 0.10, MIDDLE,
+            (Go(0.22), Shake(0.006, 3.0, 6), Go(1.0)),
+        ),
+        "taut-lift": Standard(
+            "length, stretch, grip, scale", 0.10, circular, (Go(THIRD), Rest(0.5), Go(0.16))
+        ),
+    }
+)  # fmt: skip
+FIRST = "normal"
+"""Folded first and, once more, last: what changed with use shows between the two."""
+TWICE = "taut-lift"
+"""Folded twice in between: slips and stretch show in no other motion, and what one run alone tells
+no other can bear out.
+"""
+
+
+def standard_order(rng: np.random.Generator) -> list[str]:
+    """The standard runs in the order of execution: `FIRST` first and last, the others shuffled."""
+    others = [*(name for name in STANDARD if name != FIRST), TWICE]
+    return [FIRST, *(others[i] for i in rng.permutation(len(others))), FIRST]

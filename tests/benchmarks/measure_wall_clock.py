@@ -1,0 +1,431 @@
+"""How punctual the control loop is on the wall clock, whatever an image costs.
+
+python -m tests.benchmarks.measure_wall_clock [--folds 20] [--image 0.04] [--stops 5] [--idle 60]
+
+An emulated robot runs by the wall clock in a process of its own and knows no strip. A fold of the
+twin is recorded once; another process plays its images at 60 Hz, each where the gripper was when it
+was taken. The cell folds with them as with a real camera: images are measured beside the loop and
+made to cost `--image` seconds of processor time each. Printed are the lateness of the ticks, how
+many folds got through, and the time from a cause to the stop command: the operator's, and the end
+of the process that measures. The same loop without images, the robot held still for `--idle`
+seconds, is the reference for this machine.
+"""
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.arm.arm_settings import suited
+from cell.calibrating.calibrate import calibration_of
+from cell.config.cell import CellFile
+from cell.config.places import find_configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.fci import robot_devices, start_joints
+from cell.devices.open import open_cell
+from cell.folding.fold import Request, fold
+from cell.folding.steady import punctual, without_long_collections
+from cell.orchestrator.context import ManualContext
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.run import Run
+from cell.orchestrator.steps import pause
+from cell.perception.beside import Seen, StripSight, Subject
+from drivers.arm.errands import go_to
+from drivers.arm.latest import Latest, allocate
+from drivers.arm.process import Task
+from drivers.clock import WallClock
+from drivers.errors import Fault
+from drivers.fci_server.server import RobotServer
+from drivers.fci_server.settings import ServerSettings
+from drivers.types import ArmState, Frame, Pose, frozen
+
+RATE = 60.0  # Hz, of the played images
+AHEAD = 40  # images among which the one of a pose is looked for
+BAR, LATE, STOP = 99.9, 2e-3, 20e-3  # %, s, s
+THIS = "tests.benchmarks.measure_wall_clock"
+LENGTH = 0.36  # m, of the strip: a short fold
+
+
+class Place(NamedTuple):
+    """Where the gripper was, for the player: stamp [s], x, z [m], pitch [rad]."""
+
+    stamp: float
+    x: float
+    z: float
+    pitch: float
+
+
+class Shown(NamedTuple):
+    """The image that is shown: its number since the start, its stamp, its place in the film."""
+
+    number: int
+    stamp: float
+    index: int
+
+
+PLACE, SHOWN = "dddd", "qdq"
+
+
+class CostlySight(StripSight):
+    """A sight whose looks cost `COST` seconds of this process's processor time."""
+
+    def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
+        end = time.thread_time() + float(os.environ["IMAGE_COST"])
+        seen = super().look(frame, gripper, touches=touches)
+        while time.thread_time() < end:
+            pass
+        return seen
+
+
+def costly(subject: Subject) -> CostlySight:
+    return CostlySight(subject)
+
+
+@dataclass
+class Film:
+    """Images (n, h, w, 3) in a file, and the poses (n, 3) at which they were taken."""
+
+    path: Path
+    shape: tuple[int, int, int]
+    poses: list[list[float]] = field(default_factory=list)
+
+    def images(self) -> np.ndarray:
+        return np.memmap(self.path, np.uint8, "r", shape=(len(self.poses), *self.shape))
+
+
+class FilmingCamera:
+    """Keeps every frame that is read, with the arm's pose then."""
+
+    def __init__(self, camera, arm, film: Film) -> None:
+        self._camera, self._arm, self._film = camera, arm, film
+        self.rate, self.connect, self.close = camera.rate, camera.connect, camera.close
+        self._file = film.path.open("wb")
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        frame = self._camera.read(after, timeout)
+        if frame is not None:
+            pose = self._arm.state().pose
+            self._film.poses.append(pose.as_array().tolist())
+            self._file.write(np.ascontiguousarray(frame.image).data)
+            self._file.flush()
+        return frame
+
+
+class PlayedCamera:
+    """Delivers the image that the player shows."""
+
+    rate = RATE
+
+    def __init__(self, film: Film, shown: Latest, clock: WallClock) -> None:
+        self._images, self._shown, self._clock = film.images(), shown, clock
+
+    def connect(self) -> None:
+        """The player plays already."""
+
+    def close(self) -> None:
+        """The player ends with the folds."""
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        shown = self._shown.read()
+        if shown.number == 0 or shown.stamp <= after:
+            return None
+        image = self._images[shown.index]
+        return Frame(shown.stamp, self._clock.now(), "film", shown.number, image)
+
+
+def play(poses: list[list[float]], places: Any, shows: Any) -> None:
+    """Show 60 images a second, each the one nearest to where the gripper is, never going back."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    place, shown = Latest(places, Place, PLACE), Latest(shows, Shown, SHOWN)
+    film, index, number, last = np.array(poses), 0, 0, -1.0
+    while True:
+        time.sleep(1.0 / RATE)
+        now = place.read()
+        if now.stamp < last:
+            index = 0  # another fold has begun
+        if now.stamp == last or place.count == 0:
+            continue
+        last, number = now.stamp, number + 1
+        part = film[index : index + AHEAD] - (now.x, now.z, now.pitch)
+        away = np.hypot(part[:, 0], part[:, 1]) + 0.05 * np.abs(part[:, 2])
+        index += int(np.argmin(away + 1e-5 * np.arange(len(part))))
+        shown.write(Shown(number, now.stamp, index))
+
+
+class TellingArm:
+    """An arm whose states the player hears of, and that notes when it was stopped."""
+
+    def __init__(self, arm, place: Latest) -> None:
+        self._arm, self._place = arm, place
+        self.connect, self.close = arm.connect, arm.close
+        self.move_to, self.set_velocity = arm.move_to, arm.set_velocity
+        self.stopped: list[float] = []
+
+    def state(self) -> ArmState:
+        state = self._arm.state()
+        pose = state.pose
+        self._place.write(Place(state.stamp, pose.x, pose.z, pose.pitch))
+        return state
+
+    def stop(self) -> None:
+        self._arm.stop()
+        self.stopped.append(time.monotonic())
+
+
+class TimingClock(WallClock):
+    """A wall clock that notes by how much each tick comes late [s]."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.late: list[float] = []
+
+    def wait_until(self, time_s: float) -> None:
+        super().wait_until(time_s)
+        self.late.append(self.now() - time_s)
+
+
+@dataclass
+class Bench:
+    """Everything that the folds share."""
+
+    folder: Path
+    settings: CellFile
+    configs: Path
+    calibration: Calibration
+    address: str
+    joints: list[float]
+    film: Film
+    place: Latest
+    shown: Latest
+
+    def devices(self, settings: CellFile, strip, clock: TimingClock) -> tuple[Devices, TellingArm]:
+        camera = PlayedCamera(self.film, self.shown, clock)
+        made = robot_devices(settings, strip, clock, camera)
+        arm = TellingArm(made.arm, self.place)
+        return replace(made, arm=arm, camera_identity=self.calibration.camera), arm
+
+    def go_home(self) -> None:
+        """Bring the robot to where a fold begins; what is lost on a busy machine is tried again."""
+        fci = suited(self.settings, DeviceSelection(arm="fci"))
+        for _ in range(10):
+            with suppress(Fault):
+                go_to(
+                    Task(self.address, fci.fci, fci.installation, 0.0),
+                    self.joints,
+                    1.0,
+                    recover=True,
+                )
+                return
+        raise SystemExit("the robot did not come home in ten tries")
+
+
+def request(configs: Path, runs: Path, arm: str = "fci") -> Request:
+    choice = DeviceSelection(arm=arm, seed=0)
+    return Request(
+        "denim", "triangular", None, choice, runs, configs, "none", truth=False, viz="off"
+    )
+
+
+def one_fold(bench: Bench, cause=None) -> tuple[str, list[float], float]:
+    """Outcome, lateness of the ticks [s] and, with a `cause`, the time to the stop command [s].
+
+    A cause strikes from a thread at a random moment of the fold, and returns when it did.
+    """
+    clock, arms = TimingClock(), []
+    asked, struck = threading.Event(), []
+
+    def opened(settings, strip, _choice, **_options) -> Devices:
+        devices, arm = bench.devices(settings, strip, clock)
+        arms.append(arm)
+        return devices
+
+    class Watch:
+        begun = False
+
+        def see(self, _snapshot) -> None: ...
+
+        def happened(self, _time, kind, facts) -> None:
+            if kind == "state" and facts["state"] == "FOLD" and cause is not None:
+                wait = np.random.default_rng().uniform(0.3, 1.3)
+                threading.Timer(wait, lambda: struck.append(cause(asked))).start()
+
+    result = fold(
+        request(bench.configs, bench.folder / "runs"), lambda _f, _s: (Watch(),), asked.is_set,
+        bench.calibration, opened=opened, sight=costly, page=False,
+    )  # fmt: skip
+    after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
+    return f"{result.outcome}: {result.reason}", clock.late, min(after, default=float("nan"))
+
+
+def interrupt(asked: threading.Event) -> float:
+    begun = time.monotonic()
+    asked.set()
+    return begun
+
+
+def kill_reader(_: threading.Event) -> float:
+    """Kill the process that measures: the child named so by multiprocessing."""
+    import multiprocessing
+
+    reader = next(c for c in multiprocessing.active_children() if c.name == "images")
+    begun = time.monotonic()
+    os.kill(reader.pid, signal.SIGKILL)
+    return begun
+
+
+def idle(bench: Bench, seconds: float) -> list[float]:
+    """Lateness of the same loop with the robot held still and no image read [s]."""
+    clock = TimingClock()
+    settings = suited(bench.settings, DeviceSelection(arm="fci"))
+    limits = settings.monitors.model_copy(update={"duration": 900.0, "state_duration": 300.0})
+    settings = settings.model_copy(update={"monitors": limits})
+    devices, _ = bench.devices(settings, find_configs(bench.configs).strip("denim"), clock)
+    context = ManualContext(settings.controller, lambda _: pause(seconds))
+    try:
+        devices.connect()
+        with without_long_collections(), punctual(True):
+            outcome = Run(devices, context, NullRecorder()).execute()
+    finally:
+        devices.close()
+    sys.stderr.write(f"idle: {outcome.name}: {outcome.reason}\n")
+    return clock.late
+
+
+def recorded(configs: Path, folder: Path, calibration: Calibration) -> Film:
+    """Film of a fold of the twin in lock-step, along the same path."""
+    lens = calibration.lens
+    film = Film(folder / "film", (lens.height, lens.width, 3))
+
+    def opened(settings, *rest, **options) -> Devices:
+        devices = open_cell(settings, *rest, **options)
+        return replace(devices, camera=FilmingCamera(devices.camera, devices.arm, film))
+
+    made = fold(
+        request(configs, folder / "recorded", "twin"), calibration=calibration, opened=opened,
+        page=False,
+    )  # fmt: skip
+    sys.stderr.write(f"recorded: {made.outcome}, {len(film.poses)} images\n")
+    return film
+
+
+def serve(joints: list[float]) -> None:
+    """Be the robot, by the wall clock, until killed."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+    server = RobotServer(
+        ServerSettings(lock_step=False), start=frozen(joints), between=lambda: 0.001
+    )
+    print(server.address, flush=True)
+    server.serve()
+
+
+@contextmanager
+def robot(joints: list[float]) -> Iterator[str]:
+    command = [sys.executable, "-m", THIS, "--serve", json.dumps(joints)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            yield server.stdout.readline().strip()
+        finally:
+            server.kill()
+
+
+def configured(folder: Path, address: str) -> Path:
+    from cell.record.documents import write_document
+
+    usual, made = find_configs(None), folder / "configs"
+    (made / "strips").mkdir(parents=True)
+    content = usual.cell().model_dump(mode="json", by_alias=True, exclude_unset=True)
+    content["fci"] = {"address": address, "lock_step": False, "realtime": "priority"}
+    write_document(made / "cell.yaml", content)
+    strip = usual.strip("denim").model_dump(mode="json", by_alias=True, exclude_unset=True)
+    write_document(made / "strips" / "denim.yaml", strip | {"length": LENGTH, "spread": {}})
+    return made
+
+
+@contextmanager
+def bench() -> Iterator[Bench]:
+    usual = find_configs(None).cell()
+    installation = usual.fci.installed(usual.installation)
+    joints = list(start_joints(installation, usual.fold, LENGTH, usual.twin.arm.home_height))
+    with tempfile.TemporaryDirectory() as place, robot(joints) as address:
+        folder = Path(place)
+        configs = configured(folder, address)
+        calibration = calibration_of(find_configs(configs).cell())
+        film = recorded(configs, folder, calibration)
+        context = get_context("spawn")
+        places, shows = allocate(PLACE, context), allocate(SHOWN, context)
+        player = context.Process(target=play, args=(film.poses, places, shows), daemon=True)
+        player.start()
+        try:
+            yield Bench(
+                folder, find_configs(configs).cell(), configs, calibration, address, joints, film,
+                Latest(places, Place, PLACE), Latest(shows, Shown, SHOWN),
+            )  # fmt: skip
+        finally:
+            player.kill()
+
+
+def told(name: str, late: list[float]) -> bool:
+    """Print the lateness of ticks; whether it keeps its bar."""
+    if not late:
+        print(f"{name}: no tick was made", flush=True)
+        return False
+    some = 1e3 * np.array(late)
+    share = 100.0 * float((some <= 1e3 * LATE).mean())
+    words = f"{len(some)} ticks, {share:.2f} % at most {1e3 * LATE:g} ms late (bar {BAR})"
+    edges = ", ".join(f"{p} %: {np.percentile(some, p):.2f} ms" for p in (50, 99, 99.9, 100))
+    print(f"{name}: {words}; {edges}", flush=True)
+    return share >= BAR
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--folds", type=int, default=20)
+    parser.add_argument("--image", type=float, default=0.04)
+    parser.add_argument("--stops", type=int, default=5)
+    parser.add_argument("--idle", type=float, default=60.0)
+    parser.add_argument("--serve", type=json.loads, help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.serve:
+        serve(asked.serve)
+    os.environ["IMAGE_COST"] = str(asked.image)
+    late, through, kept = [], 0, True
+    with bench() as table:
+        table.go_home()
+        told("without images", idle(table, asked.idle))
+        for _ in range(asked.folds):
+            table.go_home()
+            outcome, more, _ = one_fold(table)
+            late, through = late + more, through + outcome.startswith("layer_touch")
+            sys.stderr.write(f"{outcome}\n")
+        if asked.folds:
+            kept = told(f"images of {1e3 * asked.image:g} ms", late)
+            print(f"{through} of {asked.folds} folds got through", flush=True)
+        for name, cause in (("operator", interrupt), ("reader killed", kill_reader)):
+            times = []
+            for _ in range(asked.stops):
+                table.go_home()
+                outcome, _, after = one_fold(table, cause)
+                times.append(1e3 * after)
+                sys.stderr.write(f"{outcome}: {1e3 * after:.1f} ms\n")
+            print(f"stop after {name}: {', '.join(f'{t:.1f}' for t in times)} ms (bar 20)")
+            kept = kept and max(times, default=0.0) <= 1e3 * STOP
+    return 0 if kept and through == asked.folds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

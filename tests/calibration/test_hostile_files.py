@@ -1,0 +1,63 @@
+"""A lens, a session or a picture as nobody should write it is refused in one line, and at once."""
+
+import os
+import struct
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.lens import Lens, read_lens, write_camera_info
+from calibration.wizard.session import read_latency, read_rows
+from drivers.errors import ConfigurationError
+from drivers.pictures import read_picture
+from drivers.types import frozen
+from tests.support.board_sessions import LENS
+
+SPOILT = {
+    "nul": b"\x00" * 40,
+    "not utf-8": b"\xff\xfe\x00",
+    "deep": b"[" * 100_000,
+    "empty": b"",
+    "opencv": b"%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n",
+}
+
+
+@pytest.fixture(params=[*SPOILT, "pipe", "endless"])
+def spoilt(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A file that nobody can use, under every name that a reader asks for."""
+    for name in ("told.jsonl", "latency.json", "lens.yaml"):
+        if request.param == "pipe":
+            os.mkfifo(tmp_path / name)
+        elif request.param == "endless":
+            (tmp_path / name).symlink_to("/dev/zero")
+        else:
+            (tmp_path / name).write_bytes(SPOILT[request.param])
+    return tmp_path
+
+
+def test_spoilt_files_are_refused_in_one_line_or_hold_nothing(spoilt: Path) -> None:
+    with pytest.raises(ConfigurationError) as lens:
+        read_lens(spoilt / "lens.yaml")
+    with pytest.raises(ConfigurationError) as latency:
+        read_latency(spoilt)
+    assert "\n" not in f"{lens.value}{latency.value}"
+    with suppress(ConfigurationError):  # a truncated last line is no row, the rest is refused
+        assert list(read_rows(spoilt)) == []
+
+
+@pytest.mark.parametrize("focal", [1e300, 1e-300, 0.0, -3400.0])
+def test_focal_length_that_no_camera_has_is_refused(tmp_path: Path, focal: float) -> None:
+    matrix = np.array(LENS.matrix) * (focal / 3413.0, focal / 3413.0, 1.0)
+    matrix[:2, 2], matrix[2, 2] = LENS.matrix[:2, 2], 1.0
+    write_camera_info(Lens(1280, 720, frozen(matrix), LENS.distortion), "c", tmp_path / "l.yaml")
+    with pytest.raises(ConfigurationError, match="focal lengths are"):
+        read_lens(tmp_path / "l.yaml")
+
+
+def test_picture_of_sixty_thousand_pixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
+    head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 60_000, 60_000)
+    (tmp_path / "p.png").write_bytes(head + b"\x08\x02\x00\x00\x00" + b"\x00" * 40)
+    with pytest.raises(ConfigurationError, match="60000 x 60000 px"):
+        read_picture(tmp_path / "p.png")

@@ -1,0 +1,47 @@
+"""What goes wrong in a calibration is named for what it is, and clean sessions are not refused."""
+
+import numpy as np
+import pytest
+
+from calibration.wizard.latency import SeenStep, latency_verdict
+from tests.benchmarks.measure_wizard_causes import board, touches
+from tests.calibration.wizard.test_latency import LENS, MAP, SETTINGS, _arm
+
+
+@pytest.mark.parametrize("height", [0.0007, 0.001, 0.003])
+def test_bent_board_is_refused_as_bent(height: float) -> None:
+    (reason,) = board(3, height)
+    assert f"the board is bent by {1e3 * height:.1f} mm" in reason
+
+
+def test_flat_board_is_accepted() -> None:
+    assert [board(seed) for seed in range(3)] == [(), (), ()]
+
+
+@pytest.mark.parametrize("mrad", [0.3, 0.7, 2.0])
+def test_camera_that_moved_among_the_touches_is_named(mrad: float) -> None:
+    (reason,) = touches(5, mrad)
+    assert "the camera moved" in reason
+    assert "number 6" in reason  # seven touches were made before
+
+
+def test_steady_camera_with_loose_touches_is_accepted() -> None:
+    assert [touches(seed) for seed in range(3)] == [(), (), ()]
+
+
+def test_mirrored_touches_are_named() -> None:
+    (reason,) = touches(2, mirrored=True)
+    assert "mirrored" in reason
+
+
+def test_stamps_that_drift_are_named() -> None:
+    rng = np.random.default_rng(1)
+    arm, stamps = _arm(rng), np.arange(0.5, 9.5, 0.1)
+    shown = stamps - 0.03 - 0.002 * (stamps - 5.0)
+    x = np.interp(shown, arm[:, 0], arm[:, 1])
+    pixels = LENS.distort(MAP.to_image(np.column_stack([x, np.full(len(x), 0.15)])))
+    pixels += 0.1 * rng.standard_normal(pixels.shape)
+    seen = [SeenStep(float(t), p) for t, p in zip(stamps, pixels, strict=True)]
+    (reason,) = latency_verdict(arm, seen, LENS, MAP, SETTINGS).reasons
+    assert "stamps drift" in reason
+    assert "+18 ms over 9 s" in reason

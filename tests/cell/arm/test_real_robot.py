@@ -1,0 +1,42 @@
+"""What a robot that can hurt demands."""
+
+import pytest
+
+from cell.arm.real_robot import confirm, is_real, slowed
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from drivers.errors import PreflightRefused
+
+CELL = find_configs(None).cell()
+FCI = DeviceSelection(arm="fci")
+
+
+def at(address: str | None):
+    return CELL.model_copy(update={"fci": CELL.fci.model_copy(update={"address": address})})
+
+
+@pytest.mark.parametrize(
+    ("address", "real"),
+    [(None, False), ("127.77.0.1", False), ("localhost", False), ("172.16.0.2", True)],
+)
+def test_only_a_robot_on_another_machine_is_real(address, real) -> None:
+    assert is_real(at(address), FCI) is real
+    assert not is_real(at(address), DeviceSelection(arm="twin"))
+
+
+@pytest.mark.parametrize("typed", ["", "yes", "Twin-Cell"])
+def test_nothing_moves_until_the_cell_s_name_is_typed(typed) -> None:
+    with pytest.raises(PreflightRefused, match=CELL.name):
+        confirm(CELL, lambda _: typed)
+    confirm(CELL, lambda _: f"{CELL.name}\n")
+
+
+def test_first_runs_go_at_a_tenth_of_the_speed_and_have_the_time_for_it() -> None:
+    slow = slowed(CELL)
+    assert slow.fold.speed == pytest.approx(0.1 * CELL.fold.speed)
+    for axis, full in zip(
+        slow.installation.limits.axes, CELL.installation.limits.axes, strict=True
+    ):
+        assert axis.velocity == pytest.approx(0.1 * full.velocity)
+        assert axis.acceleration == full.acceleration
+    assert slow.monitors.duration > CELL.monitors.duration

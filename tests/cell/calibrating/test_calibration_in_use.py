@@ -1,0 +1,92 @@
+"""A calibration in use: foreign and expired ones are refused, its facts go into the run."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calibration.calibration import Calibration, calibrated, changed
+from calibration.homography import Homography
+from calibration.landmarks import Landmark, Landmarks
+from calibration.lens import Lens
+from cell.calibrating.calibration_in_use import age_days, check_usable, recorded
+from cell.devices.devices import Devices
+from drivers.errors import ConfigurationError, PreflightRefused
+
+NOW = datetime(2026, 11, 20, 12, 0, tzinfo=UTC)
+MARKS = Landmarks(
+    x=0.4,
+    z=0.2,
+    pitch=1.5,
+    marks=(Landmark.of("tip", np.full((9, 9), 7, np.uint8), 0, 0, 9),),
+)
+
+
+def made(**facts: object) -> Calibration:
+    matrix = np.array([[3400.0, 0, 640], [0, 3400.0, 360], [0, 0, 1]])
+    plane = np.linalg.inv(np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]]))
+    given = {"residual_mm": 0.2, "date": "2026-11-18T12:00:00+00:00", "camera": "one", **facts}
+    return calibrated(Lens(1280, 720, matrix, np.zeros(5)), Homography.of(plane), **given)
+
+
+def _hardware(camera: str = "one") -> Devices:
+    nothing = SimpleNamespace()
+    return Devices(nothing, nothing, nothing, nothing, camera, None, None)
+
+
+def test_fresh_calibration_of_this_camera_may_be_used() -> None:
+    check_usable(made(), _hardware(), 30, NOW)
+    assert age_days(made(), NOW) == pytest.approx(2.0)
+
+
+def test_calibration_of_another_camera_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="belongs to camera one, this one is two"):
+        check_usable(made(), _hardware("two"), 30, NOW)
+
+
+def test_expired_calibration_is_refused_on_hardware_before_anything_moves() -> None:
+    late = NOW + timedelta(days=29)
+    with pytest.raises(PreflightRefused, match="is 31 days old, allowed are 30") as caught:
+        check_usable(made(), _hardware(), 30, late)
+    assert caught.value.exit_code == 3
+
+
+def test_twin_does_not_age() -> None:
+    twin = replace(_hardware(), plant=SimpleNamespace())
+    check_usable(made(), twin, 30, NOW + timedelta(days=400))
+
+
+def test_date_that_is_none_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="'yesterday' is no ISO 8601 date"):
+        check_usable(made(date="yesterday"), _hardware(), 30, NOW)
+
+
+def test_run_records_id_residual_latency_and_age() -> None:
+    calibration = made(latency=0.031)
+    assert recorded(calibration, NOW) == {
+        "id": calibration.id,
+        "error": 0.0002,
+        "latency": 0.031,
+        "date": "2026-11-18T12:00:00+00:00",
+        "age_days": 2.0,
+    }
+
+
+def test_run_records_why_a_refused_calibration_was_taken_anyway() -> None:
+    reasons = ("a held-out point is 3.00 mm off", "the latency was not measured")
+    assert recorded(made(accepted_anyway=reasons), NOW)["accepted_anyway"] == [*reasons]
+
+
+def test_locks_landmarks_and_override_are_part_of_the_identity(tmp_path) -> None:
+    plain = made()
+    ids = {
+        plain.id,
+        made(locks={"focus_absolute": 30}).id,
+        made(landmarks=MARKS).id,
+        made(accepted_anyway=("why",)).id,
+    }
+    assert len(ids) == 4
+    assert changed(plain).id == plain.id
+    assert changed(made(landmarks=MARKS), landmarks=None).id == plain.id

@@ -1,0 +1,159 @@
+"""The twin's calibration is made once, kept, and belongs to its camera."""
+
+import fcntl
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cell.calibrating.calibrate
+from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.homography import Homography
+from calibration.lens import Lens
+from cell.calibrating.calibrate import calibration_of, kept_calibration
+from cell.config.cell import CellFile
+from cell.config.places import BESIDE, Configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import Request, fold
+from cell.orchestrator.interrupt import Interrupted
+from drivers.errors import ConfigurationError, Fault
+
+SETTINGS = Configs(BESIDE).cell()
+
+
+def made(date: str = "2026-11-20T03:15:00+00:00") -> Calibration:
+    matrix = np.array([[3400.0, 0, 640], [0, 3400.0, 360], [0, 0, 1]])
+    lens = Lens(1280, 720, matrix, np.zeros(5))
+    plane = np.linalg.inv(np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]]))
+    identity = SETTINGS.twin.camera.identity
+    return calibrated(lens, Homography.of(plane), residual_mm=0.1, date=date, camera=identity)
+
+
+@pytest.fixture
+def cache(monkeypatch, tmp_path) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def count(monkeypatch) -> list[CellFile]:
+    """Every calibration that was made, which here takes no time."""
+    calls: list[CellFile] = []
+
+    def make(settings: CellFile, interrupted: object) -> Calibration:
+        calls.append(settings)
+        return made()
+
+    monkeypatch.setattr(cell.calibrating.calibrate, "calibrate_now", make)
+    return calls
+
+
+def test_it_is_made_once_and_then_kept(cache, count) -> None:
+    first, second = calibration_of(SETTINGS), calibration_of(SETTINGS)
+    assert len(count) == 1
+    assert first.id == second.id
+
+
+@pytest.mark.parametrize("content", [b"", b"garbage: [", b"\xff\xfe", b"schema: 1\nid: x\n"])
+def test_a_kept_one_that_is_broken_is_made_again(cache, count, content) -> None:
+    path = kept_calibration(SETTINGS)
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content)
+    assert calibration_of(SETTINGS).id == load_calibration(path).id
+    assert len(count) == 1
+
+
+def test_another_camera_has_another_place(cache) -> None:
+    camera = SETTINGS.twin.camera.model_copy(update={"yaw": 0.01})
+    other = SETTINGS.model_copy(
+        update={"twin": SETTINGS.twin.model_copy(update={"camera": camera})}
+    )
+    assert kept_calibration(other) != kept_calibration(SETTINGS)
+
+
+def test_where_it_cannot_be_kept_it_serves_once_and_that_is_said(cache, count) -> None:
+    cache.write_text("a file where a folder should be")
+    remarks: list[str] = []
+    assert calibration_of(SETTINGS, remarks.append).id == made().id
+    assert "its camera is calibrated first" in remarks[0]
+    assert str(cache) in remarks[1]
+
+
+def test_while_one_process_makes_it_others_wait(cache, monkeypatch) -> None:
+    def make(settings: CellFile, interrupted: object) -> Calibration:
+        lock = kept_calibration(settings).with_suffix(".lock")
+        with lock.open("wb") as another, pytest.raises(BlockingIOError):
+            fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return made()
+
+    monkeypatch.setattr(cell.calibrating.calibrate, "calibrate_now", make)
+    assert calibration_of(SETTINGS).id == made().id
+    with kept_calibration(SETTINGS).with_suffix(".lock").open("wb") as another:
+        fcntl.flock(another, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_two_that_are_saved_at_once_do_not_mix(tmp_path, monkeypatch) -> None:
+    """The scratch file is each process's own."""
+    path = tmp_path / "kept.yaml"
+    parts: list[str] = []
+    replace_path = Path.replace
+    monkeypatch.setattr(Path, "replace", lambda a, b: (parts.append(a.name), replace_path(a, b))[1])
+    for process in (11, 12):
+        monkeypatch.setattr("os.getpid", lambda process=process: process)
+        save_calibration(made(), path)
+    assert len(set(parts)) == 2
+    assert [entry.name for entry in tmp_path.iterdir()] == ["kept.yaml"]
+
+
+def test_making_it_again_gives_the_same_id(cache) -> None:
+    assert made("2026-11-20").id == made("2031-01-01").id
+
+
+def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
+    other = made()
+    alien = calibrated(
+        other.lens, other.homography, residual_mm=0.1, date=other.date, camera="another"
+    )
+    facts = {"frames": None, "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}
+    request = Request(
+        strip="denim",
+        policy="triangular",
+        choice=DeviceSelection(),
+        runs=tmp_path / "runs",
+        **facts,
+    )
+    with pytest.raises(ConfigurationError, match=r"another.*cell calibrate"):
+        fold(request, calibration=alien)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_ctrl_c_stops_a_calibration_under_control(cache, monkeypatch) -> None:
+    monkeypatch.setattr(
+        cell.calibrating.calibrate, "lens_from_boards", lambda settings, aids: made().lens
+    )
+    with pytest.raises(Interrupted, match="interrupted") as stopped:
+        calibration_of(SETTINGS, interrupted=lambda: True)
+    assert stopped.value.exit_code == 130
+    assert not kept_calibration(SETTINGS).exists()
+
+
+def test_a_monitor_that_stops_a_calibration_is_a_fault(cache, monkeypatch) -> None:
+    limits = SETTINGS.monitors.model_copy(update={"tracking_error": 1e-9})
+    monkeypatch.setattr(
+        cell.calibrating.calibrate, "lens_from_boards", lambda settings, aids: made().lens
+    )
+    with pytest.raises(Fault, match="tracking_error") as stopped:
+        calibration_of(SETTINGS.model_copy(update={"monitors": limits}))
+    assert stopped.value.exit_code == 4
+    assert not kept_calibration(SETTINGS).exists()
+
+
+def test_one_that_the_cell_file_names_lies_beside_it(tmp_path, monkeypatch, cache, count) -> None:
+    for name in ("configs", "elsewhere"):
+        (tmp_path / name).mkdir()
+    stated = (BESIDE / "cell.yaml").read_text(encoding="utf-8")
+    (tmp_path / "configs" / "cell.yaml").write_text(f"{stated}\ncalibration: mine.yaml\n")
+    save_calibration(made(), tmp_path / "configs" / "mine.yaml")
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert calibration_of(Configs(tmp_path / "configs").cell()).id == made().id
+    assert not count

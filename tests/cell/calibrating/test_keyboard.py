@@ -1,0 +1,125 @@
+"""The operator's keys, at the twin and at a cell whose arm goes on being watched."""
+
+import io
+import os
+import pty
+import select
+import subprocess
+import sys
+import termios
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from cell.calibrating.keyboard import Keyboard, Keys, TwinOperator
+from cell.orchestrator.operator import Answer, Ask, Question, Unattended
+
+TOUCH = Question(Ask.TOUCH, "point 4: 3 of 24 points are touched")
+
+
+def test_keys_mean_go_leave_out_and_again() -> None:
+    said: list[str] = []
+    keyboard = Keyboard(Keys(io.StringIO("\ns\nR\n")), said.append, waits=True)
+    answers = [keyboard.answer(TOUCH) for _ in range(3)]
+    assert answers == [Answer.GO, Answer.SKIP, Answer.AGAIN]
+    assert said[0].startswith("point 4: 3 of 24 points are touched  [Enter go on")
+
+
+def test_unknown_key_is_asked_for_again() -> None:
+    said: list[str] = []
+    keyboard = Keyboard(Keys(io.StringIO("w\n\n")), said.append, waits=True)
+    assert keyboard.answer(TOUCH) is Answer.GO
+    assert any("['w' is no key here; Enter go on" in line for line in said)
+
+
+def test_from_a_on_and_at_the_end_of_input_it_goes_on_alone() -> None:
+    for content in ("a\ns\n", ""):
+        keyboard = Keyboard(Keys(io.StringIO(content)), lambda _: None, waits=True)
+        assert [keyboard.answer(TOUCH) for _ in range(3)] == 3 * [Answer.GO]
+
+
+def test_on_hardware_no_key_is_no_answer_and_nothing_waits() -> None:
+    reader, writer = os.pipe()
+    said: list[str] = []
+    with os.fdopen(reader) as lines, os.fdopen(writer, "w") as typed:
+        keyboard = Keyboard(Keys(lines), said.append, waits=False)
+        assert keyboard.answer(TOUCH) is None
+        assert keyboard.answer(TOUCH) is None
+        assert len(said) == 1
+        typed.write("s\n")
+        typed.flush()
+        assert keyboard.answer(TOUCH) is Answer.SKIP
+
+
+@pytest.mark.parametrize(("ask", "held"), [(Ask.POINTER_IN, True), (Ask.POINTER_OUT, False)])
+def test_twin_has_hands_for_the_pointer(ask: Ask, held: bool) -> None:
+    done: list[bool] = []
+    operator = TwinOperator(SimpleNamespace(hold_pointer=done.append), Unattended())
+    assert operator.answer(TOUCH) is Answer.GO
+    assert done == []
+    operator.answer(Question(ask, "the pointer"))
+    assert done == [held]
+
+
+SITTING = """
+import fcntl, sys, termios
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+from cell.calibrating.keyboard import Keyboard
+from cell.calibrating.keyboard import Keys, single_keys
+from cell.orchestrator.interrupt import Interrupt
+from cell.orchestrator.operator import Ask, Question
+
+with Interrupt() as interrupted, single_keys(sys.stdin):
+    keyboard = Keyboard(Keys(sys.stdin), print, waits=True, interrupted=interrupted)
+    for number in range(2):
+        print("answer", keyboard.answer(Question(Ask.TOUCH, f"point {number}")), flush=True)
+"""
+
+
+class Typist:
+    """A process at a terminal of its own, and what stands on its screen."""
+
+    def __init__(self) -> None:
+        self.terminal, theirs = pty.openpty()
+        self.modes = termios.tcgetattr(theirs)[3]
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SITTING], stdin=theirs, stdout=theirs, stderr=theirs,
+            start_new_session=True,
+        )  # fmt: skip
+        self._theirs, self.screen = theirs, ""
+
+    def type(self, keys: str) -> None:
+        os.write(self.terminal, keys.encode())
+
+    def wait_for(self, words: str) -> None:
+        until = time.monotonic() + 20.0
+        while words not in self.screen:
+            ready = select.select([self.terminal], [], [], max(until - time.monotonic(), 0.0))[0]
+            assert ready, self.screen
+            self.screen += os.read(self.terminal, 4096).decode()
+
+    def end(self) -> int:
+        assert self.process.wait(20.0) == 0, self.screen
+        modes = termios.tcgetattr(self._theirs)[3]
+        os.close(self._theirs)
+        os.close(self.terminal)
+        return modes
+
+
+def test_terminal_answers_by_single_keys_and_is_as_before_afterwards() -> None:
+    typist = Typist()
+    typist.wait_for("point 0")
+    typist.type("s")
+    typist.wait_for("answer skip")
+    typist.type("\n")
+    typist.wait_for("answer go")
+    assert typist.end() == typist.modes
+
+
+def test_ctrl_c_at_a_prompt_ends_the_waiting_without_enter() -> None:
+    typist = Typist()
+    typist.wait_for("point 0")
+    typist.type("\x03")
+    typist.wait_for("answer None")
+    assert typist.end() == typist.modes

@@ -1,0 +1,144 @@
+"""What the operator reads in the terminal: wanted and why, covered or not, and the verdict."""
+
+import io
+import re
+from dataclasses import replace
+
+import numpy as np
+from rich.console import Console
+
+from calibration.wizard.coverage import Gate, WantedView
+from calibration.wizard.latency import LatencyVerdict
+from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
+from calibration.wizard.touch_verdict import Grade, touch_lines, touch_verdict
+from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
+from calibration.wizard.verdict import Level
+from cell.calibrating.keyboard import KEYS
+from cell.calibrating.wizard_panel import WizardPanel, verdict_text
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.settings import CameraSettings
+from tests.support.board_sessions import LENS
+
+SETTINGS = TouchSettings()
+PLAN = touch_plan(SETTINGS)
+LATE = LatencyVerdict(0.031, 0.0004, 0.1, 40)
+GATES = (
+    Gate("x", 0.2, 0.5, "", "show it far left and far right"),
+    Gate("its top away", 2.0, 2.0, "views", "lean its top away"),
+)
+
+
+def _terminal(news: ViewNews | TouchNews) -> str:
+    console = Console(file=io.StringIO(), width=100, record=True, force_terminal=True)
+    console.print(WizardPanel(console).draw(news))
+    return console.export_text()
+
+
+def _touches(count: int) -> tuple[Touched, ...]:
+    optics = Optics.of(CameraSettings(principal=(5.5, -4.5)))
+    places = [np.array([pose.x, pose.z]) for pose in PLAN[:count]]
+    return tuple(
+        Touched(k, at, optics.plane(at), held_out(k, SETTINGS)) for k, at in enumerate(places)
+    )
+
+
+def test_board_panel_says_what_is_wanted_why_and_what_is_missing() -> None:
+    wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
+    shown = _terminal(ViewNews(wanted, "still missing: x", GATES))
+    assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown
+    assert "why   still missing: x" in shown
+    assert "0.20 of 0.50" in shown
+    assert "show it far left and far right" in shown
+    assert "lean its top away" not in shown
+
+
+def test_touch_panel_maps_the_plane() -> None:
+    touches = (*_touches(8), replace(_touches(1)[0], again=True))
+    shown = _terminal(TouchNews(Stage.TOUCH, PLAN, touches, PLAN[8], "point 8: 8 of 24"))
+    rows = [line for line in shown.splitlines() if "z " in line and " mm " in line]
+    assert rows[-2].split("mm")[-1].replace("│", "").split() == [".", ".", ".", ">", "o", "h"]
+    assert rows[-1].split("mm")[-1].replace("│", "").split() == ["x", "o", "h", "o", "o", "o"]
+    assert "the arm goes to x 368, z 110 mm" in shown
+
+
+def test_without_a_terminal_each_answer_is_a_line() -> None:
+    out = io.StringIO()
+    panel = WizardPanel(Console(file=out, width=60))
+    told = Result(7, None, None, "0 corners of the board are seen, 16 are needed; light it")
+    with panel:
+        panel(ViewNews(None, "", GATES, None, told))
+        panel(ViewNews(None, "", GATES, None, Result(8, None, None, None, waits=True)))
+        number = Result(3, None, _touches(4)[3], None)
+        panel(TouchNews(Stage.AGAIN, PLAN, (), None, "", None, PLAN[3], number))
+    assert out.getvalue().splitlines() == [
+        "image 7: 0 corners of the board are seen, 16 are needed; light it",
+        "point 3: touched again at x 368, z 15 mm",
+    ]
+
+
+def test_verdict_is_coloured_and_says_what_to_do() -> None:
+    good = touch_verdict(_touches(24), LENS, SETTINGS)
+    lines = touch_lines(good, LATE, 0.1)
+    assert [line.level for line in lines] == 5 * [Level.GOOD]
+    assert "this moves the displacement by 0.00 mm (rms)" in lines[2].text
+    assert "images show the world +31.0 ms before their stamps" in lines[3].text
+    assert "at 0.10 m/s this would be 3.1 mm" in lines[3].text
+    assert lines[-1].text == "good: this calibration may be used"
+    bad = touch_verdict(_touches(6), LENS, SETTINGS)
+    assert bad.grade is Grade.REFUSED
+    refused = touch_lines(bad, None, 0.1)
+    assert refused[-1].text.startswith("refused: mend what is said above")
+    assert {str(span.style) for span in verdict_text(refused).spans} == {"bold red"}
+
+
+SMALL = 80, 24  # columns, lines of the smallest terminal that anybody uses
+FULL = tuple(
+    Gate(name, 0.0, 2.0, "views", "lean its right edge nearer to the camera than that")
+    for name in ("x", "y", "size", "skew", "its top away", "its top nearer",
+                 "its right edge away", "its right edge nearer", "image", "views")
+)  # fmt: skip
+
+
+def small_terminal(panel_news: list[ViewNews | TouchNews], question: str) -> list[str]:
+    """What a panel leaves on a small screen, by playing its control sequences."""
+    out = io.StringIO()
+    columns, lines = SMALL
+    console = Console(file=out, width=columns, height=lines, force_terminal=True)
+    with WizardPanel(console) as panel:
+        for news in panel_news:
+            panel(news)
+            panel.ask(question)
+        shown = out.getvalue()
+    return screen_of(shown)
+
+
+def screen_of(content: str) -> list[str]:
+    """Lines of a terminal of `SMALL` after `content`, scrolled-away ones first."""
+    rows, row = [""], 0
+    for part in re.findall(r"\x1b\[[0-9;?]*[A-Za-z]|\r|\n|[^\x1b\r\n]+", content):
+        if part == "\n":
+            row += 1
+            rows += [""] * (row + 1 - len(rows))
+        elif part == "\x1b[2K":
+            rows[row] = ""
+        elif part.endswith("A") and part.startswith("\x1b["):
+            row = max(row - int(part[2:-1] or 1), len(rows) - SMALL[1], 0)
+        elif not part.startswith("\x1b") and part != "\r":
+            rows[row] += part
+    return rows
+
+
+def test_small_terminal_keeps_the_question_and_leaves_no_old_panel() -> None:
+    why = "0 corners of the board are seen, 16 are needed; light it evenly and hold it still"
+    wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
+    views = [
+        ViewNews(wanted, "still missing: x", FULL, None, Result(k, None, None, why))
+        for k in range(8)
+    ]
+    question = f"show the board: {wanted}  [{KEYS}]"
+    rows = small_terminal(views, question)
+    screen = "\n".join(rows[-SMALL[1] :])
+    assert len(rows) <= SMALL[1]
+    assert screen.count("the lens, from a board") == 1
+    assert "Enter go on | s leave out" in screen
+    assert "its right edge nearer" in screen

@@ -1,0 +1,308 @@
+"""The wizards at the twin: unattended, kept, solved again from their folder to the last bit."""
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from calibration.calibration import load_calibration
+from calibration.homography import Homography
+from calibration.lens import Lens, read_lens
+from calibration.wizard.news import Stage, TouchNews, ViewNews
+from calibration.wizard.session import read_rows, read_session
+from calibration.wizard.touch_verdict import check_lines
+from cell.calibrating.calibrate import NO_STRIP
+from cell.calibrating.homography_wizard import (
+    TouchSession,
+    calibrate_homography,
+    check_calibration,
+    homography_again,
+    read_poses,
+)
+from cell.calibrating.keyboard import TwinOperator
+from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again, newest_lens
+from cell.config.cell import CellFile
+from cell.config.places import BESIDE, Configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import open_cell
+from cell.folding.fold import Request, fold
+from cell.orchestrator.operator import Answer, Ask, Question, Unattended
+from drivers.errors import ConfigurationError
+from drivers.twin.renderer.optics import Optics
+from drivers.types import frozen
+
+SETTINGS = Configs(BESIDE).cell()
+CAMERA = SETTINGS.twin.camera
+News = list[ViewNews | TouchNews]
+
+
+def _devices(settings: CellFile = SETTINGS) -> Devices:
+    return open_cell(settings, NO_STRIP, DeviceSelection(), calibrating=True)
+
+
+@lru_cache
+def _true_lens() -> Lens:
+    optics = Optics.of(CAMERA)
+    matrix = [[optics.focal, 0, optics.principal[0]], [0, optics.focal, optics.principal[1]]]
+    return Lens(1280, 720, frozen([*matrix, [0, 0, 1]]), frozen([*optics.distortion, 0, 0, 0]))
+
+
+class Person:
+    """Leaves point 3 out, repeats the one before point 6 once, agrees to the rest."""
+
+    def __init__(self) -> None:
+        self.asked: list[Question] = []
+        self._repeated = False
+
+    def answer(self, question: Question) -> Answer:
+        self.asked.append(question)
+        if question.words.startswith("point 3 "):
+            return Answer.SKIP
+        if question.words.startswith("point 6 ") and not self._repeated:
+            self._repeated = True
+            return Answer.AGAIN
+        return Answer.GO
+
+
+@pytest.fixture(scope="module")
+def touched(tmp_path_factory: pytest.TempPathFactory) -> tuple[TouchSession, News, Person]:
+    devices, news, person = _devices(), [], Person()
+    assert devices.aids is not None
+    folder = tmp_path_factory.mktemp("sessions") / "homography"
+    operator = TwinOperator(devices.aids, person)
+    lens = _true_lens()
+    made = calibrate_homography(SETTINGS, devices, lens, folder, operator, news.append)
+    return made, news, person
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, News]:
+    news: News = []
+    folder = tmp_path_factory.mktemp("sessions") / "camera"
+    session = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
+    return session, news
+
+
+def test_homography_wizard_makes_a_calibration_of_this_camera(touched) -> None:
+    session, _, _ = touched
+    made = session.calibration
+    assert made is not None
+    assert made.camera == CAMERA.identity
+    assert made.residual_mm < 0.1
+    assert made.latency == pytest.approx(0.0, abs=0.001)
+    assert made.landmarks is not None
+    assert made.accepted_anyway == ()
+    assert load_calibration(session.folder / "calibration.yaml").id == made.id
+
+
+def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
+    session, _, person = touched
+    asks = [question.ask for question in person.asked]
+    assert asks[0] is Ask.POINTER_IN
+    assert asks[-2:] == [Ask.STEPS, Ask.POINTER_OUT]
+    assert session.touches is not None
+    assert 3 not in session.touches.errors_mm
+    assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
+
+
+def test_watchers_are_told_of_every_stage(touched) -> None:
+    _, news, _ = touched
+    assert [*dict.fromkeys(item.stage for item in news)] == [
+        Stage.TOUCH,
+        Stage.LATENCY,
+        Stage.REMEMBER,
+    ]
+    taken = [item for item in news if item.result is not None and item.result.taken is not None]
+    assert len(taken) == 24  # 23 points, one of them twice
+
+
+def test_touches_solved_again_from_their_folder_are_the_same_to_the_last_bit(touched) -> None:
+    session, _, _ = touched
+    solved = homography_again(session.folder, (), None, 0.1)
+    made = solved.calibration
+    assert made is not None
+    assert session.calibration is not None
+    assert made.id == session.calibration.id
+    assert solved.latency == session.latency
+
+
+def test_point_is_left_out_by_its_number_and_what_comes_of_it_is_kept(touched, tmp_path) -> None:
+    session, _, _ = touched
+    solved = homography_again(session.folder, (7,), tmp_path / "again", 0.1)
+    made = solved.calibration
+    assert made is not None
+    assert session.touches is not None
+    assert 7 not in solved.touches.errors_mm
+    assert len(solved.touches.errors_mm) == len(session.touches.errors_mm) - 1
+    assert load_calibration(tmp_path / "again" / "calibration.yaml").id == made.id
+
+
+def test_rows_that_come_in_another_order_change_nothing(touched, tmp_path) -> None:
+    session, _, _ = touched
+    again = tmp_path / "shuffled"
+    again.mkdir()
+    for path in session.folder.iterdir():
+        if path.name != "told.jsonl":
+            (again / path.name).symlink_to(path)
+    lines = (session.folder / "told.jsonl").read_text().splitlines(keepends=True)
+    taken = [line for line in lines if "image" in json.loads(line)]
+    (again / "told.jsonl").write_text("".join(taken[-1:0:-1]))  # point 0 is left out
+    one = homography_again(session.folder, (0, 5), None, 0.1)  # 5 is there twice
+    other = homography_again(again, (5,), None, 0.1)
+    assert one.touches.homography is not None
+    assert other.touches.homography is not None
+    assert np.array_equal(one.touches.homography.matrix, other.touches.homography.matrix)
+
+
+def test_too_few_points_are_refused_even_with_the_override(touched) -> None:
+    session, _, _ = touched
+    many = tuple(range(6, 24))
+    assert homography_again(session.folder, many, None, 0.1).calibration is None
+    with_all = homography_again(session.folder, many, None, 0.1, accept_anyway=True)
+    assert with_all.calibration is None
+    assert "at least 12 are needed" in with_all.touches.reasons[0]
+
+
+def test_override_names_the_reasons_in_the_calibration(touched, tmp_path) -> None:
+    session, _, _ = touched
+    again = tmp_path / "late"
+    again.mkdir()
+    for path in session.folder.iterdir():
+        if path.name != "latency.json":
+            (again / path.name).symlink_to(path)
+    assert homography_again(again, (), None, 0.1).calibration is None
+    made = homography_again(again, (), None, 0.1, accept_anyway=True).calibration
+    assert made is not None
+    assert made.accepted_anyway == ("the latency was not measured",)
+
+
+def test_poses_of_a_session_can_be_edited_and_replayed(touched) -> None:
+    session, _, _ = touched
+    poses = read_poses(session.folder / "poses.yaml")
+    assert len(poses) == 24
+    assert poses[0].x == pytest.approx(0.02)
+
+
+def test_image_of_a_swapped_size_is_refused(touched, tmp_path) -> None:
+    session, _, _ = touched
+    again = tmp_path / "swapped"
+    again.mkdir()
+    for path in session.folder.iterdir():
+        if path.name != "session.yaml":
+            (again / path.name).symlink_to(path)
+    content = yaml.safe_load((session.folder / "session.yaml").read_text())
+    content["image"] = [720, 1280]
+    (again / "session.yaml").write_text(yaml.safe_dump(content))
+    with pytest.raises(ConfigurationError, match=r"is 1280 x 720 px, .* says image: \[720, 1280\]"):
+        homography_again(again, (), None, 0.1)
+
+
+def test_camera_wizard_keeps_a_lens_for_ros_and_for_opencv(shown) -> None:
+    session, _ = shown
+    assert session.verdict.passed, session.verdict.reasons
+    assert session.verdict.fit is not None
+    for name in ("camera_info.yaml", "opencv.yaml"):
+        lens = read_lens(session.folder / name)
+        assert np.array_equal(lens.matrix, session.verdict.fit.lens.matrix)
+    assert newest_lens(session.folder.parent, CAMERA.identity).parent == session.folder
+    with pytest.raises(ConfigurationError, match="holds no lens of camera other"):
+        newest_lens(session.folder.parent, "other")
+
+
+def test_views_solved_again_from_their_folder_are_the_same_to_the_last_bit(shown) -> None:
+    session, _ = shown
+    verdict = lens_again(session.folder, (), None)
+    assert session.verdict.fit is not None
+    assert verdict.fit is not None
+    assert np.array_equal(verdict.fit.lens.matrix, session.verdict.fit.lens.matrix)
+    assert verdict.per_view == session.verdict.per_view
+
+
+def test_session_says_with_what_it_was_made(shown) -> None:
+    session, news = shown
+    kept = read_session(session.folder, "camera")
+    assert kept.image == (1280, 720)
+    assert kept.length == pytest.approx(SETTINGS.boards.width)
+    assert kept.boards == SETTINGS.boards
+    rows = [*read_rows(session.folder)]
+    assert sum(row.taken for row in rows) == session.verdict.views
+    assert all(len(row.corners) >= SETTINGS.boards.corners for row in rows if row.taken)
+    assert isinstance(news[-1], ViewNews)
+    with pytest.raises(ConfigurationError, match="is a session of `cell calibrate camera`, not of"):
+        read_session(session.folder, "homography")
+
+
+def test_fold_with_a_camera_that_moved_since_is_refused_before_the_strip_is_touched(
+    touched, tmp_path
+) -> None:
+    session, _, _ = touched
+    strip = (BESIDE / "strips" / "denim.yaml").read_text()
+    plant = tmp_path / "moved.yaml"
+    plant.write_text(strip + "effects: {homography_shift: {x: 0.005, z: 0.0}}\n")
+    request = Request(
+        strip="denim",
+        policy="triangular",
+        checkpoint=None,
+        choice=DeviceSelection(plant=plant),
+        runs=tmp_path / "runs",
+        configs=BESIDE,
+        frames="none",
+        truth=False,
+        viz="off",
+    )
+    result = fold(request, calibration=session.calibration, page=False)
+    assert (result.outcome, result.exit_code) == ("preflight_refused", 3)
+    assert "the gripper appears moved by x +5.0" in result.reason
+    header = yaml.safe_load((Path(result.run) / "run.yaml").read_text())
+    assert header["calibration"]["id"] == session.calibration.id
+    assert header["preflight"][0]["name"] == "camera stands where it was calibrated"
+
+
+@pytest.mark.parametrize(("shift", "holds"), [(0.0, True), (0.0015, False)])
+def test_calibration_is_checked_by_touching_five_points(touched, shift: float, holds: bool) -> None:
+    made = touched[0].calibration
+    moved = np.array([[1, 0, shift], [0, 1, 0], [0, 0, 1]]) @ made.homography.matrix
+    old = replace(made, homography=Homography.of(moved))
+    news: News = []
+    devices = _devices()
+    assert devices.aids is not None
+    operator = TwinOperator(devices.aids, Unattended())
+    verdict = check_calibration(SETTINGS, devices, old, operator, news.append)
+    assert verdict.passed is holds
+    assert sorted(verdict.errors_mm) == [0, 1, 2, 3, 4]
+    assert verdict.median_mm == pytest.approx(1e3 * shift, abs=0.15)
+    assert check_lines(verdict)[-1].text.startswith("good" if holds else "refused")
+    assert isinstance(news[0], TouchNews)
+    assert news[0].wanted is not None
+
+
+def test_calibration_of_another_camera_is_not_checked(touched) -> None:
+    foreign = replace(touched[0].calibration, camera="another")
+    with pytest.raises(ConfigurationError, match="belongs to camera another"):
+        check_calibration(SETTINGS, _devices(), foreign, Unattended(), lambda _: None)
+
+
+def test_picture_of_the_session_is_drawn(shown, touched) -> None:
+    for folder in (shown[0].folder, touched[0].folder):
+        picture = cv2.imread(str(folder / "picture.png"))
+        assert picture.shape == (720, 1280, 3)
+
+
+def test_misprinted_board_is_refused_by_the_ruler(shown, tmp_path) -> None:
+    session, _ = shown
+    again = tmp_path / "misprinted"
+    again.mkdir()
+    for path in session.folder.iterdir():
+        if path.name != "session.yaml":
+            (again / path.name).symlink_to(path)
+    content = yaml.safe_load((session.folder / "session.yaml").read_text())
+    content["length"] = 0.98 * SETTINGS.boards.width
+    (again / "session.yaml").write_text(yaml.safe_dump(content))
+    verdict = lens_again(again, (), None)
+    assert not verdict.passed
+    assert "9 squares measure 247.0 mm, configured are 252.0 mm, +2.0 %" in verdict.reasons[0]

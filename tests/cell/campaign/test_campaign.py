@@ -1,0 +1,149 @@
+"""A campaign measures every part once, keeps it, and goes on wherever it stopped."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cell.campaign.journal import Journal, Record, share
+from cell.campaign.local import Local
+from cell.campaign.run import carry_out
+from drivers.errors import ConfigurationError
+from tests.support.campaign_parts import Broken, Deadly, Endless, Fine, Impossible, Noted
+
+ROOT = Path(__file__).parents[3]
+
+
+def run(parts, folder: Path, jobs: int = 1, limit: float | None = None, **asked):
+    watcher = Noted()
+    found = carry_out(parts, folder, Local(jobs, limit), watcher, **asked)
+    return {part.key: record for part, record in found}, watcher
+
+
+def record(key: str, of: str = "first", **facts) -> Record:
+    return Record(schema=1, key=key, of=of, state="measured", **{"outcome": {"d": 0.1}, **facts})
+
+
+def test_parts_that_fail_die_or_never_end_leave_the_others_measured(tmp_path: Path) -> None:
+    parts = [Fine("a"), Impossible("b"), Deadly("c"), Broken("d"), Endless("e"), Fine("f")]
+    found, _ = run(parts, tmp_path, jobs=2, limit=6.0)
+    assert {key: record.state for key, record in found.items()} == {
+        "a": "measured", "b": "failed", "c": "set_aside", "d": "failed", "e": "set_aside",
+        "f": "measured",
+    }  # fmt: skip
+    assert found["b"].reason == "this strip cannot be folded"
+    assert found["c"].reason == "its process died 2 times, code 3"
+    assert "ZeroDivisionError" in found["d"].reason
+    assert found["e"].reason == "no outcome after 6 s; its process was ended"
+
+
+def test_what_is_done_is_not_measured_again_and_what_failed_is(tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    parts = [Fine("a", marks), Impossible("b", marks), Deadly("c", marks)]
+    run(parts, tmp_path / "j")
+    assert sorted(marks.read_text().split()) == ["a", "b", "c", "c"]
+    found, watcher = run([*parts, Fine("d", marks)], tmp_path / "j")
+    assert sorted(watcher.known) == ["a", "c"]
+    assert sorted(marks.read_text().split()) == ["a", "b", "b", "c", "c", "d"]
+    assert found["c"].state == "set_aside"
+
+
+def test_again_measures_anew(tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    for _ in range(2):
+        run([Fine("a", marks)], tmp_path / "j", again=True)
+    assert marks.read_text().split() == ["a", "a"]
+
+
+def test_other_code_is_another_record_beside(tmp_path: Path) -> None:
+    run([Fine("a")], tmp_path)
+    _, watcher = run([Fine("a", of="second")], tmp_path)
+    assert watcher.known == []
+    assert {record.of for record in Journal(tmp_path).records()} == {"first", "second"}
+
+
+def test_journals_merge_by_copying_and_shards_are_the_whole(tmp_path: Path) -> None:
+    keys = [f"part {number}" for number in range(10)]
+    whole = Journal(tmp_path / "whole")
+    for key in keys:
+        whole.put(record(key))
+    for number in (1, 2, 3):
+        journal = Journal(tmp_path / str(number))
+        for key in share(keys, (number, 3)):
+            journal.put(record(key))
+        shutil.copytree(journal.folder, tmp_path / "merged", dirs_exist_ok=True)
+    assert Journal(tmp_path / "merged").records() == whole.records()
+
+
+def test_a_file_that_is_broken_or_of_a_newer_schema_is_no_record(tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    journal.put(record("a"))
+    path = journal.path("a", "first")
+    whole = json.loads(path.read_text())
+    for content in ("", path.read_text()[:-9], json.dumps(whole | {"schema": 2})):
+        path.write_text(content)
+        assert journal.get("a", "first") is None
+        assert journal.records() == ()
+    path.write_text(json.dumps(whole | {"colour": "blue"}))
+    assert journal.get("a", "first") == record("a")
+
+
+def test_a_folder_that_cannot_be_written_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ConfigurationError, match=r"--out: .*cannot be written"):
+        run([Fine("a")], tmp_path / "file" / "journal")
+
+
+def test_three_thousand_records_are_read_within_two_seconds(tmp_path: Path) -> None:
+    journal = Journal(tmp_path)
+    text = record("x", outcome={"values": {"true": 0.1, "rows": [0.1] * 20}}).model_dump_json(
+        by_alias=True
+    )
+    for number in range(3000):
+        key = f"{number:05d}"
+        journal.path(key, "first").write_text(text.replace('"x"', f'"{key}"'))
+    begun = time.process_time()
+    assert len(journal.records()) == 3000
+    assert time.process_time() - begun < 2.0
+
+
+KILLED = """
+import sys
+from pathlib import Path
+from cell.campaign.local import Local
+from cell.campaign.run import carry_out
+from tests.support.campaign_parts import Fine, Noted
+marks = Path(sys.argv[1])
+parts = [Fine(f"part {n}", marks, seconds=0.02) for n in range(40)]
+for _ in carry_out(parts, Path(sys.argv[2]), Local(2), Noted()):
+    pass
+"""
+
+
+def test_killed_at_any_moment_it_goes_on_and_ends_with_the_same_records(tmp_path: Path) -> None:
+    marks, folder = tmp_path / "marks", tmp_path / "j"
+    command = [sys.executable, "-c", KILLED, str(marks), str(folder)]
+    kills = 0
+    for after in (0.1, 1.0, 1.0, 1.2, 1.4):
+        with subprocess.Popen(command, cwd=ROOT, start_new_session=True) as process:
+            before = len(Journal(folder).records())
+            while process.poll() is None and len(Journal(folder).records()) < before + 3:
+                time.sleep(0.01)
+            time.sleep(0.01 * after)
+            kills += process.poll() is None
+            os.killpg(process.pid, signal.SIGKILL)
+    subprocess.run(command, cwd=ROOT, check=True)
+    assert kills == 5
+    assert len(Journal(folder).records()) == 40
+    measured = marks.read_text().split("\n")[:-1]
+    assert len(set(measured)) == 40
+    assert len(measured) <= 40 + 2 * kills  # what was under way when it was killed
+    alone, _ = run([Fine(f"part {n}") for n in range(40)], tmp_path / "alone", jobs=2)
+    for found in Journal(folder).records():
+        assert found.outcome == alone[found.key].outcome

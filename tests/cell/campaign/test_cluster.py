@@ -1,0 +1,150 @@
+"""A campaign on a Dask cluster: the same records, whoever dies; other versions are refused."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from cell.campaign import cluster
+from cell.campaign.cluster import Cluster
+from cell.campaign.journal import Journal
+from cell.campaign.local import Local
+from cell.campaign.run import carry_out
+from drivers.errors import ConfigurationError
+from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted
+
+pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[3]
+
+
+class Grid:
+    """A scheduler and two workers of one thread on loopback, as a user starts them."""
+
+    def __init__(self) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self.begin()
+
+    def begin(self) -> None:
+        """Start all."""
+        self.scheduler = self._started(
+            "scheduler", "--host", "127.0.0.1", "--port", str(self.port), "--no-dashboard"
+        )
+        self.workers = [self.worker() for _ in range(2)]
+
+    def worker(self) -> subprocess.Popen[bytes]:
+        """One more worker, without a nanny, so that a kill is a death."""
+        return self._started("worker", self.address, "--nthreads", "1", "--no-nanny",
+                             "--no-dashboard")  # fmt: skip
+
+    def replace(self) -> int:
+        """Kill a worker by SIGKILL and start another; the number of the dead one."""
+        dead = self.workers.pop(0)
+        dead.kill()
+        dead.wait()
+        self.workers.append(self.worker())
+        return dead.pid
+
+    def end(self) -> None:
+        """Kill all."""
+        for process in (self.scheduler, *self.workers):
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+
+    def _started(self, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]]
+        return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def grid(monkeypatch: pytest.MonkeyPatch) -> Iterator[Grid]:
+    monkeypatch.setattr(cluster, "PATIENCE", 400.0)
+    made = Grid()
+    yield made
+    made.end()
+
+
+def outcomes(parts, folder: Path, engine) -> dict[str, tuple[str, object]]:
+    found = carry_out(parts, folder, engine, Noted())
+    return {part.key: (record.state, record.outcome) for part, record in found}
+
+
+def test_the_same_records_as_in_local_processes(grid: Grid, tmp_path: Path) -> None:
+    parts = [Fine("a"), Impossible("b"), Deadly("c"), *(Fine(f"part {n}") for n in range(6))]
+    there = outcomes(parts, tmp_path / "there", Cluster(grid.address))
+    assert there == outcomes(parts, tmp_path / "here", Local(2))
+    assert there["c"][0] == "set_aside"
+
+
+def repeatedly(work, seconds: float, ended: Event) -> Thread:
+    def run() -> None:
+        while not ended.wait(seconds):
+            work()
+
+    thread = Thread(target=run, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_workers_that_are_killed_lose_nothing_and_repeat_only_what_they_had(
+    grid: Grid, tmp_path: Path
+) -> None:
+    marks, seconds = tmp_path / "marks", float(os.environ.get("CELL_KILLED_FOR", "60"))
+    parts = [Fine(f"part {n}", marks, seconds=2.0) for n in range(int(seconds * 0.75))]
+    ended, dead = Event(), []
+    journal = Journal(tmp_path / "j")
+
+    def kill() -> None:
+        """Kill the older worker once something was measured since the last kill."""
+        before = len(journal.records())
+        while not ended.wait(0.2) and len(journal.records()) == before:
+            pass
+        dead.append(grid.replace())
+
+    killer = repeatedly(kill, 20.0, ended)
+    found = outcomes(parts, tmp_path / "j", Cluster(grid.address))
+    ended.set()
+    killer.join()
+    assert len(dead) >= 2
+    assert {state for state, _ in found.values()} == {"measured"}
+    measured = marks.read_text().split("\n")[:-1]
+    assert len(set(measured)) == len(parts)
+    assert len(measured) <= len(parts) + len(dead)
+
+
+def test_a_scheduler_started_again_goes_on(grid: Grid, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    parts = [Fine(f"part {n}", marks, seconds=0.5) for n in range(30)]
+
+    def restart() -> None:
+        while len(Journal(tmp_path / "j").records()) < 5:
+            time.sleep(0.1)
+        grid.end()
+        grid.begin()
+
+    Thread(target=restart, daemon=True).start()
+    found = outcomes(parts, tmp_path / "j", Cluster(grid.address))
+    assert {state for state, _ in found.values()} == {"measured"}
+    measured = marks.read_text().split("\n")[:-1]
+    assert len(measured) <= 30 + 2  # what two workers had
+
+
+def test_a_worker_of_other_versions_is_refused(
+    grid: Grid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cell.campaign.versions.version", lambda _: "0.0")
+    with pytest.raises(ConfigurationError, match=r"numpy \S+, here 0\.0"):
+        outcomes([Fine("a")], tmp_path, Cluster(grid.address))
+    assert Journal(tmp_path).records() == ()

@@ -1,0 +1,51 @@
+"""Commands in the environment of README's first command, which holds no optional library."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BARE = """
+import sys
+sys.modules["pylibfranka"] = None
+sys.modules["distributed"] = None
+from cell.__main__ import main
+main()
+"""
+
+
+def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", BARE, *words], cwd=at, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    "words", [("home",), ("park",), ("jog", "--x", "1"), ("open",)], ids=lambda words: words[0]
+)
+def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path) -> None:
+    done = run_bare(*words, at=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("moved: ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("register",),
+        ("fold", "--strip", "denim", "--arm", "fci"),
+        ("home", "--arm", "fci"),
+        ("jog", "--arm", "fci"),
+        ("calibrate", "check", "--arm", "fci"),
+        ("train", "--cluster", "tcp://127.0.0.1:1"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_missing_library_is_named_with_a_command_that_installs_it(words, tmp_path: Path) -> None:
+    done = run_bare(*words, at=tmp_path)
+    assert done.returncode == 2, done.stderr
+    module = "distributed" if "--cluster" in words else "pylibfranka"
+    line = done.stderr.splitlines()[-1]
+    assert f"needs the library {module}, which is not installed here" in line
+    assert f"`{sys.executable} -m pip install '{module}" in line

@@ -1,0 +1,94 @@
+"""Names that somebody misspells: answered at once, with the name that was meant."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.settings import parse
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from policies.registry import make_policy
+from tests.cell.cli.test_command_errors import refused
+
+ROOT = Path(__file__).resolve().parents[3]
+DENIM = ROOT / "configs" / "strips" / "denim.yaml"
+CONTENT = {
+    "schema": 1, "name": "a", "length": 0.6, "width": 0.05, "areal_density": 0.4,
+    "bending_length": 0.017, "retardation_time": 0.03,
+}  # fmt: skip
+QUICK = """
+import sys
+from cell.__main__ import main
+try:
+    main()
+except SystemExit:
+    print("heavy:", sorted({"numpy", "numba", "torch", "scipy", "cv2"} & set(sys.modules)))
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (("fold", "--strip", "demin"), "denim"),
+        (("fold", "--strip", "denim", "--policy", "feedbak"), "feedback"),
+        (("gap", "plan", "--strip", "demin"), "denim"),
+        (("gap", "fit", "runs", "--strip", "demin", "--out", "out"), "denim"),
+        (("home", "--strip", "demin"), "denim"),
+    ],
+    ids=lambda part: " ".join(part) if isinstance(part, tuple) else part,
+)
+def test_misspelt_name_is_answered_before_any_heavy_import(words, meant) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", QUICK, *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert f"did you mean '{meant}'?" in done.stderr
+    assert done.stdout.strip() == "heavy: []"
+
+
+def test_misspelt_keys_and_policies_name_what_was_meant(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"lenght: unknown key \(did you mean 'length'\?"):
+        parse(CONTENT | {"lenght": 0.6}, StripFile, "a.yaml")
+    path = tmp_path / "a.yaml"
+    path.write_text(f"{DENIM.read_text()}effects: {{seem: {{}}}}\n")
+    with pytest.raises(ConfigurationError, match=r"did you mean 'seam'\?"):
+        load_strip(path)
+    path.write_text(f"{DENIM.read_text()}effects: {{seam: {{factr: 1.0}}}}\n")
+    with pytest.raises(ConfigurationError, match=r"did you mean 'factor'\?"):
+        load_strip(path)
+    with pytest.raises(ConfigurationError, match=r"did you mean 'circular'\?"):
+        make_policy("circlar")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("length", 600.0, "is 600 m, must be at least 0.1 m and at most 2 m; "
+                          "if 600 is in mm, write 0.6"),
+        ("areal_density", 400.0, "if 400 is in g/m^2, write 0.4"),
+        ("retardation_time", 30.0, "if 30 is in ms, write 0.03"),
+        ("retardation_time", -1.0, "is -1 s, must be at least 0 s and at most 10 s"),
+        ("colour", [0, 0, 300], "colour.2: is 300, must be at most 255"),
+    ],
+)  # fmt: skip
+def test_number_out_of_range_is_given_with_its_unit(key, value, said) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse(CONTENT | {key: value}, StripFile, "a.yaml")
+    assert said in str(error.value)
+
+
+def test_impossible_value_gets_no_other_unit() -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse(CONTENT | {"length": 6e6}, StripFile, "a.yaml")
+    assert "mm" not in str(error.value)
+
+
+def test_fit_takes_a_strip_by_name_as_plan_does(monkeypatch, capsys, tmp_path: Path) -> None:
+    configs = ("--configs", ROOT / "configs")
+    words = ("gap", "fit", tmp_path / "none", "--strip", "denim", "--out", tmp_path / "out")
+    assert str(tmp_path / "none") in refused(monkeypatch, capsys, *words, *configs)
+    for command in ("accept", "undo"):
+        line = refused(monkeypatch, capsys, "gap", command, tmp_path, "--strip", "denim", *configs)
+        assert line.startswith(str(tmp_path))

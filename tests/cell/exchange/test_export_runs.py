@@ -1,0 +1,135 @@
+"""Runs exported to the formats of other programs come back as they were, to the last bit."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from cell.cli.app import app
+from cell.record.exchange.export_runs import Format, export_runs
+from cell.record.exchange.import_runs import import_runs
+from cell.record.run import Run, read_run
+from drivers.errors import ConfigurationError
+from tests.cell.exchange.test_import_runs import foreign, mapping
+
+ARRAYS = ("t", "x", "z", "pitch", "x_cmd", "z_cmd", "contact_x", "contact_t", "f_x", "f_z")
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
+    place = tmp_path_factory.mktemp("runs")
+    folders = [foreign(place / name) for name in ("a", "b")]
+    return import_runs(folders, mapping(place), place / "runs")
+
+
+def back(runs: tuple[Path, ...], kind: Format, place: Path) -> list[Run]:
+    """The runs, exported and imported again."""
+    made = export_runs(runs, kind, place / "out")
+    return [read_run(folder) for folder in import_runs(made, None, place / "back")]
+
+
+@pytest.mark.parametrize("kind", ["csv", "lerobot", "mcap"])
+def test_exported_runs_come_back_bit_for_bit(runs, kind: Format, tmp_path: Path) -> None:
+    for was, now in zip(map(read_run, runs), back(runs, kind, tmp_path), strict=True):
+        assert now.name == was.name
+        assert now.header == was.header
+        assert now.result == was.result
+        for name in ARRAYS:
+            assert np.array_equal(getattr(now.ticks, name), getattr(was.ticks, name), True), name
+        for name in ("t", "i", "x", "z"):
+            assert np.array_equal(getattr(now.profile, name), getattr(was.profile, name)), name
+
+
+def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> None:
+    [root] = export_runs(runs, "lerobot", tmp_path / "out")
+    info = json.loads((root / "meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0"
+    assert (info["total_episodes"], info["total_frames"], info["fps"]) == (2, 600, 100)
+    episodes = pq.read_table(root / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    for row in episodes:
+        path = info["data_path"].format(
+            chunk_index=row["data/chunk_index"], file_index=row["data/file_index"]
+        )
+        frames = pq.read_table(root / path)
+        assert set(frames.column_names) == set(info["features"])
+        assert frames["index"].to_pylist() == list(
+            range(row["dataset_from_index"], row["dataset_to_index"])
+        )
+        assert np.allclose(frames["timestamp"], np.arange(300) / 100)
+        assert frames["stamp"].to_pylist() == read_run(runs[0]).ticks.t.tolist()
+    tasks = pq.read_table(root / "meta/tasks.parquet")
+    assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+    stats = json.loads((root / "meta/stats.json").read_text())
+    assert set(stats) == set(info["features"])
+
+
+def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+
+    made = export_runs(runs, "mcap", tmp_path / "out")
+    with made[0].open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        messages = [json.loads(m.data) for _, c, m in reader.iter_messages(["/ticks"])]
+        attached = {each.name: each.data for each in reader.iter_attachments()}
+    run = read_run(runs[0])
+    assert [m["t"] for m in messages] == run.ticks.t.tolist()
+    assert yaml.safe_load(attached["run.yaml"])["strip"] == "denim"
+
+
+def test_a_file_whose_writer_was_killed_gives_its_whole_chunks(runs, tmp_path: Path) -> None:
+    [made, _] = export_runs(runs, "mcap", tmp_path / "out")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(made.read_bytes()[:-4000])
+    [folder] = import_runs([cut], None, tmp_path / "back")
+    assert np.array_equal(read_run(folder).ticks.x, read_run(runs[0]).ticks.x)
+
+
+def test_a_data_set_of_others_is_read_by_a_mapping(runs, tmp_path: Path) -> None:
+    [root] = export_runs(runs, "lerobot", tmp_path / "out")
+    (root / "meta/mapping.yaml").unlink()
+    with pytest.raises(ConfigurationError, match="nothing says which column holds what"):
+        import_runs([root], None, tmp_path / "back")
+    columns = {
+        "t": {"column": "timestamp", "unit": "s"},
+        "x": {"column": "observation.state.x", "unit": "m"},
+        "z": {"column": "observation.state.z", "unit": "m"},
+    }
+    ticks = {"file": "episode", "columns": columns}
+    how = mapping(tmp_path, ticks=ticks, profile=None, contact=None, result=None)
+    made = import_runs([root], how, tmp_path / "back")
+    assert np.array_equal(read_run(made[1]).ticks.x, read_run(runs[1]).ticks.x)
+
+
+@pytest.mark.parametrize("kind", ["lerobot", "mcap"])
+def test_a_spoilt_export_is_refused_in_one_line(runs, kind: Format, tmp_path: Path) -> None:
+    made = export_runs(runs, kind, tmp_path / "out")
+    path = made[0] if kind == "mcap" else made[0] / "data/chunk-000/file-000.parquet"
+    content = bytearray(path.read_bytes())
+    content[200:900] = bytes(700)
+    path.write_bytes(bytes(content))
+    with pytest.raises(ConfigurationError) as error:
+        import_runs(made, None, tmp_path / "back")
+    assert "\n" not in str(error.value)
+    assert not list((tmp_path / "back").glob("*"))
+
+
+def test_runs_of_two_strips_are_not_exported_together(runs, tmp_path: Path) -> None:
+    folder = foreign(tmp_path / "c")
+    [other] = import_runs([folder], mapping(tmp_path, strip="felt"), tmp_path / "runs")
+    with pytest.raises(ConfigurationError, match="differs from"):
+        export_runs([runs[0], other], "csv", tmp_path / "out")
+
+
+def test_command_exports_and_imports(runs, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = ["export", *map(str, runs), "--format", "csv", "--out", str(out)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    places = [str(out / run.name) for run in runs]
+    done = CliRunner().invoke(app, ["import", *places, "--out", str(tmp_path / "back")])
+    assert "next: cell gap fit" in done.stdout
+    assert "--strip denim" in done.stdout

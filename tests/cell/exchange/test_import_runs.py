@@ -1,0 +1,160 @@
+"""Runs of another laboratory: imported, they hold what was measured, in our units and frame."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from cell.cli.app import app
+from cell.config.places import BESIDE, Configs
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.runs import read_runs
+from cell.record.exchange.import_runs import import_runs
+from cell.record.run import read_run
+from drivers.errors import ConfigurationError
+
+LENGTH = 0.6
+T = np.arange(0.0, 3.0, 0.01)
+X = LENGTH - 0.1 * np.clip(T - 0.5, 0.0, None)
+Z = 0.06 * np.clip(T, 0.0, 0.5) / 0.5 + 0.08 * np.clip(T - 0.5, 0.0, None)
+STAMPS = np.arange(0.503, 2.9, 1 / 30)
+CONTACT = 0.4 - 0.05 * STAMPS
+POINTS = np.linspace(0.0, 1.0, 12)
+MAPPING = {
+    "schema": 1, "strip": "denim", "condition": "slow",
+    "sigma": {"gripper": 1e-4, "contact_x": 2e-3, "profile": 1e-3, "displacement": 3e-3},
+    "ticks": {
+        "file": "tip.csv", "delimiter": ";", "decimal": ",",
+        "columns": {
+            "t": {"column": "time", "unit": "ms"},
+            "x": {"column": "along", "unit": "mm", "offset": 1.2, "reversed": True},
+            "z": {"column": "height", "unit": "cm", "offset": 0.05},
+            "f_x": {"column": "Fx", "unit": "mN"},
+        },
+    },
+    "profile": {
+        "file": "points.parquet", "late": 0.02,
+        "columns": {name: {"column": name, "unit": "s" if name == "t" else "m"} for name in "txz"},
+    },
+    "contact": {
+        "file": "contact.csv", "late": 0.02,
+        "columns": {
+            "t": {"column": "t", "unit": "s"}, "contact_x": {"column": "c", "unit": "mm"},
+        },
+    },
+    "result": {
+        "file": "touch.csv",
+        "columns": {
+            "t_layer_touch": {"column": "t", "unit": "s"},
+            "l1": {"column": "upper", "unit": "mm"}, "l2": {"column": "lower", "unit": "mm"},
+        },
+    },
+}  # fmt: skip
+
+
+def table(path: Path, head: list[str], columns: list[np.ndarray], **style: str) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file, delimiter=style.get("delimiter", ","))
+        writer.writerow(head)
+        for row in zip(*columns, strict=True):
+            words = [repr(float(value)).replace(".", style.get("decimal", ".")) for value in row]
+            writer.writerow(words)
+
+
+def foreign(place: Path, clock: float = 1700.0) -> Path:
+    """A run as another program wrote it: x the other way, its own clock, images 20 ms late."""
+    place.mkdir(parents=True)
+    mine = {"delimiter": ";", "decimal": ","}
+    columns = [1e3 * (T + clock), 1e3 * (1.2 - X), 1e2 * (Z + 0.05), 1e3 * 0.2 * np.sin(T)]
+    table(place / "tip.csv", ["time", "along", "height", "Fx"], columns, **mine)
+    t = np.repeat(STAMPS + clock + 0.02, len(POINTS))
+    x = np.tile(0.2 + 0.3 * POINTS, len(STAMPS))
+    z = np.tile(0.1 * POINTS**2, len(STAMPS))
+    pq.write_table(pa.table({"t": t, "x": x, "z": z}), place / "points.parquet")
+    table(place / "contact.csv", ["t", "c"], [STAMPS + clock + 0.02, 1e3 * CONTACT])
+    touch = [np.array([value]) for value in (clock + 2.8, 299.0, 301.5)]
+    table(place / "touch.csv", ["t", "upper", "lower"], touch)
+    return place
+
+
+def mapping(place: Path, **changes: object) -> Path:
+    path = place / "mapping.yaml"
+    content = {key: value for key, value in (MAPPING | changes).items() if value is not None}
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def test_imported_run_holds_what_was_measured(tmp_path: Path) -> None:
+    [made] = import_runs([foreign(tmp_path / "a")], mapping(tmp_path), tmp_path / "runs")
+    run = read_run(made)
+    assert run.header.strip == "denim"
+    assert run.header.condition == "slow"
+    assert np.allclose(run.ticks.t, T, atol=1e-9)
+    assert np.allclose(run.ticks.x, X, atol=1e-9)
+    assert np.allclose(run.ticks.z, Z, atol=1e-9)
+    assert np.allclose(run.ticks.f_x, 0.2 * np.sin(T), atol=1e-9)
+    seen = np.isfinite(run.ticks.contact_x)
+    assert np.allclose(run.ticks.contact_x[seen], CONTACT, atol=1e-9)
+    assert np.allclose(run.ticks.contact_t[seen], STAMPS, atol=1e-6)
+    assert np.abs(run.ticks.t[seen] - STAMPS).max() <= 0.005 + 1e-6
+    curves = run.profile.curves()
+    assert [len(points) for _, points in curves] == [12] * len(STAMPS)
+    assert np.allclose(curves[0][1][:, 0], 0.2 + 0.3 * POINTS)
+    assert run.result is not None
+    assert run.result.displacement == pytest.approx(-0.0025)
+    assert run.result.t_layer_touch == pytest.approx(2.8, abs=1e-6)
+
+
+def test_what_was_not_measured_is_left_out_and_the_workflow_reads_on(tmp_path: Path) -> None:
+    folders = [foreign(tmp_path / name) for name in ("a", "b")]
+    bare = mapping(
+        tmp_path, profile=None, contact=None, result=None, sigma={"gripper": 1e-4}, condition=None
+    )
+    made = import_runs(folders, bare, tmp_path / "runs")
+    assert set(pq.read_table(made[0] / "ticks.parquet").column_names) == {"t", "x", "z", "f_x"}
+    assert yaml.safe_load((made[1] / "run.yaml").read_text())["sigma"] == {"gripper": 1e-4}
+    runs = read_runs(find_runs(made), Configs(BESIDE).strip("denim"))
+    assert all(run.usable for run in runs)
+    pitch = runs[0].measured.poses[:, 2]
+    assert pitch[0] == pytest.approx(0.0, abs=0.02)
+    assert pitch[-1] == pytest.approx(np.pi / 2, abs=0.02)
+    assert len(runs[0].measured.contact_t) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"column": "tme", "unit": "ms"}, "column 'tme' for t is not there (did you mean 'time'?)"),
+        ({"column": "time", "unit": "mm"}, "t: unit 'mm' is not known"),
+        ({"column": "time", "unit": "s"}, "must stay within 1e+05 s"),
+    ],
+)
+def test_column_that_cannot_be_used_is_refused_and_nothing_is_left(tmp_path, change, said) -> None:
+    ticks = MAPPING["ticks"] | {"columns": MAPPING["ticks"]["columns"] | {"t": change}}
+    with pytest.raises(ConfigurationError) as error:
+        import_runs([foreign(tmp_path / "a")], mapping(tmp_path, ticks=ticks), tmp_path / "runs")
+    assert said in str(error.value)
+    assert str(tmp_path / "runs") not in str(error.value)
+    assert not list((tmp_path / "runs").glob("*"))
+
+
+def test_length_in_another_unit_than_stated_is_refused(tmp_path: Path) -> None:
+    columns = MAPPING["ticks"]["columns"] | {"z": {"column": "height", "unit": "m"}}
+    wrong = mapping(tmp_path, ticks=MAPPING["ticks"] | {"columns": columns})
+    with pytest.raises(ConfigurationError, match=r"z: reaches .*, must stay within 5 m"):
+        import_runs([foreign(tmp_path / "a")], wrong, tmp_path / "runs")
+
+
+def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
+    folder, how = foreign(tmp_path / "a"), mapping(tmp_path)
+    words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "next: cell gap fit" in done.stdout
+    again = CliRunner().invoke(app, words)
+    assert "is there already" in str(again.exception)

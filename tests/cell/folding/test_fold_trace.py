@@ -1,0 +1,124 @@
+"""A fold is compared with the model once it is over, and the operator is told what to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from cell.folding.fold import result_content
+from cell.folding.fold_trace import UNLIKE, FoldTrace
+from cell.folding.result import FoldResult
+from cell.orchestrator.outcome import Outcome
+from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
+from cell.perception.measured_fold import MeasuredFold
+from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.record.header import Result
+from drivers.types import STILL, ArmState, Array, HandState, Pose
+from tests.cell.perception.test_agreement import BELIEF, STRIP, measured
+from tests.support.made_results import DONE
+
+TOUCH = SeenTouch(time=5.0, x=0.3, to_grasped=0.3, to_fixed=0.301, confidence=1.0, distance=0.001)
+OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BELIEF)
+ANOTHER_LAW = {"quadratic_damping": (("coefficient", 0.02),)}
+
+
+class Notes(NullRecorder):
+    """A record that keeps its events."""
+
+    def __init__(self) -> None:
+        self.events: list[tuple[str, dict[str, object]]] = []
+
+    def event(self, clock: float, kind: str, **facts: object) -> None:
+        self.events.append((kind, facts))
+
+
+def smooth(points: Array) -> Array:
+    """A curve of many points through those of a profile, as images show it."""
+    at = np.arange(len(points))
+    return np.asarray(CubicSpline(at, points)(np.linspace(0, at[-1], 80)))
+
+
+def traced(fold: MeasuredFold) -> FoldTrace:
+    """A trace that saw `fold` tick by tick."""
+    trace, hand = FoldTrace(STRIP), HandState(0.0, 0.0, "made", 0.0, True, False)
+    new = 0
+    for time, (x, z, pitch) in zip(fold.t, fold.poses, strict=True):
+        seen = None
+        if new < len(fold.stamp) and fold.stamp[new] <= time:
+            points, stamp = smooth(fold.profile[new]), float(fold.stamp[new])
+            grip, nothing = (float(points[-1, 0]), float(points[-1, 1])), float("nan")
+            contact = float(points[0, 0])
+            seen = StripMeasurement(
+                stamp, new, contact, 1.0, points[1:-1], 1.0, (0.5, 0.1), nothing, nothing, grip
+            )
+            new += 1
+        pose = Pose(float(x), float(z), float(pitch))
+        arm = ArmState(float(time), float(time), "made", pose, STILL, pose, True, False)
+        state, new_image = State.FOLD if time > 1.4 else State.LIFT, seen is not None
+        trace.see(
+            Snapshot(time, state, 0.0, arm, hand, View(None, new_image, 0, seen, read=new_image))
+        )
+    return trace
+
+
+def ended(fold: MeasuredFold) -> Outcome:
+    """The outcome of `fold`, with its own touch."""
+    return replace(OUTCOME, touch=replace(TOUCH, time=float(fold.t[-1])))
+
+
+def finished(outcome: Outcome) -> FoldResult:
+    warning = None if outcome.agreement is None else outcome.agreement.sentence()
+    return FoldResult(
+        *("run", "unknown", "adaptive", 0, "layer_touch", "the layers touch"),
+        *(-0.001, None, 5.0, None, None, 14.0, 20.0, "made", 0),
+        foretold=BELIEF.sentence(),
+        warning=warning,
+    )
+
+
+def test_fold_of_the_models_law_is_said_to_agree_and_raises_no_event() -> None:
+    notes = Notes()
+    outcome = traced(measured()).reviewed(ended(measured()), notes)
+    assert outcome.agreement is not None
+    assert outcome.agreement.like_model
+    assert not notes.events
+    assert Result.model_validate(result_content(outcome)).agreement.like_model
+
+
+def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None:
+    notes = Notes()
+    fold = measured(**ANOTHER_LAW)
+    outcome = traced(fold).reviewed(ended(fold), notes)
+    ((kind, facts),) = notes.events
+    assert kind == UNLIKE
+    assert (outcome.name, outcome.exit_code) == (UNLIKE, 1)
+    assert "cell gap" in str(facts["reason"])
+    note = Result.model_validate(result_content(outcome)).agreement
+    assert not note.like_model
+    assert note.residual == pytest.approx(outcome.agreement.residual)
+    assert "does not behave like the model" in finished(outcome).sentence().splitlines()[-1]
+
+
+def test_fold_without_a_prediction_or_a_touch_claims_nothing() -> None:
+    trace, notes = traced(measured()), Notes()
+    for outcome in (replace(OUTCOME, foretold=None), replace(OUTCOME, touch=None)):
+        assert trace.reviewed(outcome, notes).agreement is None
+    assert FoldTrace(STRIP).reviewed(OUTCOME, notes).agreement is None
+    assert not notes.events
+
+
+def test_arm_that_reported_nonsense_claims_nothing() -> None:
+    fold = measured()
+    poses = fold.poses.copy()
+    poses[300:] = np.nan
+    assert traced(fold._replace(poses=poses)).reviewed(OUTCOME, Notes()).agreement is None
+
+
+def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:
+    line = replace(DONE, like_model=False, edge_offset_true=-0.0312345678).line()
+    assert (line["edge_offset"], line["edge_offset_true"]) == (-0.03, -0.031235)
+    assert line["like_model"] is False

@@ -1,0 +1,91 @@
+"""The fold in the air: raised, on its path, with fingers that hold nothing, nothing on the desk."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+
+from cell.arm.by_hand import by_hand, home_joints
+from cell.cli.app import app
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.devices.fold_path import triangle, whole_path
+from cell.folding.rehearsal import HEIGHT, Rehearsal, rehearsal
+from cell.orchestrator.steps import pause
+from drivers.errors import ConfigurationError
+from drivers.types import Pose
+
+CONFIGS = find_configs(None)
+SETTINGS = CONFIGS.cell()
+FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.installed(SETTINGS.installation)})
+STRIP = CONFIGS.strip("denim")
+LIMITS = FCI.installation.limits
+ELBOW = home_joints(SETTINGS, STRIP)[2]
+PATH, SPEEDS = whole_path(0.6, 0.15, FCI.fold, LIMITS, triangle(0.6))
+
+
+def test_path_of_a_rehearsal_is_the_fold_s_raised() -> None:
+    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, ELBOW)
+    fold = PATH[2:-1]  # without what only avoids a strip that lies there
+    assert planned.path - fold == pytest.approx(np.tile([0, HEIGHT, 0], (len(fold), 1)))
+    assert np.array_equal(planned.speeds, SPEEDS[2:-1])
+
+
+def test_fold_that_does_not_fit_in_the_air_is_refused() -> None:
+    higher = np.add(PATH, (0.0, 0.05, 0.0))
+    with pytest.raises(ConfigurationError, match=r"reaches z 0\.55 m, the workspace ends at 0\.50"):
+        rehearsal(FCI, STRIP, higher, SPEEDS)
+
+
+def test_arm_that_cannot_follow_in_the_air_is_refused() -> None:
+    away = np.add(PATH, (0.25, 0.0, 0.0))
+    rehearsal(FCI, STRIP, away, SPEEDS)  # by an arm that has no joints
+    with pytest.raises(ConfigurationError, match="cannot follow the fold in the air"):
+        rehearsal(FCI, STRIP, away, SPEEDS, ELBOW)
+
+
+@pytest.mark.parametrize("arm", ["twin", pytest.param("fci", marks=pytest.mark.slow)])
+def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(arm: str) -> None:
+    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, ELBOW)
+    seen: list[tuple[Pose, float]] = []
+
+    def watched(snapshot):
+        motion = planned.motion(snapshot)
+        command = next(motion)
+        while True:
+            snapshot = yield command
+            seen.append((snapshot.arm.pose, snapshot.hand.width))
+            try:
+                command = motion.send(snapshot)
+            except StopIteration as end:
+                return end.value
+
+    outcome = by_hand(FCI, DeviceSelection(arm=arm), watched, strip=STRIP)
+    assert outcome.exit_code == 0, outcome.reason
+    places = np.array([(pose.x, pose.z) for pose, _ in seen])
+    line = np.concatenate(
+        [np.linspace(a, b, 200) for a, b in zip(planned.path[:-1], planned.path[1:], strict=True)]
+    )[:, :2]
+    begun = next(n for n, (pose, _) in enumerate(seen) if pose.z > planned.path[0, 1] - 0.002)
+    off = [np.hypot(*(line - place).T).min() for place in places[begun:]]
+    assert max(off) < 0.005
+    assert places[begun:, 1].min() > HEIGHT - 0.005
+    assert seen[-1][0].x == pytest.approx(planned.path[-1, 0], abs=0.003)
+    widths = np.array([width for _, width in seen])
+    assert widths.min() < 0.001  # closed on nothing, and that is no fault
+    assert widths[-1] > 0.03
+
+
+def test_command_reports_the_rehearsal(monkeypatch, tmp_path, capsys) -> None:
+    monkeypatch.setattr(Rehearsal, "motion", lambda _, snapshot: _still(snapshot))
+    words = ["fold", "--strip", "denim", "--policy", "triangular", "--rehearse", "--json"]
+    done = CliRunner().invoke(app, [*words, "--runs", str(tmp_path)])
+    assert json.loads(done.stdout)["exit_code"] == done.exit_code == 0
+    assert not list(tmp_path.iterdir())  # a rehearsal leaves no run
+
+
+def _still(snapshot):
+    return (yield from pause(0.05))

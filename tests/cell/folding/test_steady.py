@@ -1,0 +1,39 @@
+"""Collections of garbage in a run look at what the run itself has left, and at nothing else."""
+
+import gc
+import os
+import sys
+
+import pytest
+
+from cell.folding.steady import punctual, without_long_collections
+
+
+def test_a_whole_collection_looks_at_no_object_from_before() -> None:
+    before = [[] for _ in range(50_000)]
+    with without_long_collections():
+        assert gc.get_freeze_count() > len(before)
+        assert len(gc.get_objects()) < 5_000
+    assert gc.get_freeze_count() == 0
+
+
+def test_what_a_run_leaves_is_still_collected() -> None:
+    with without_long_collections():
+        circle: list[object] = []
+        circle.append(circle)
+        del circle
+        assert gc.collect() >= 1
+
+
+def test_a_run_that_fails_leaves_the_collector_as_it_was() -> None:
+    with pytest.raises(RuntimeError, match="broken"), without_long_collections():
+        raise RuntimeError("broken")
+    assert gc.get_freeze_count() == 0
+
+
+@pytest.mark.parametrize("real_time", [False, True])
+def test_the_loop_goes_first_on_the_wall_clock_alone_and_not_afterwards(real_time) -> None:
+    before = sys.getswitchinterval(), os.sched_getscheduler(0)
+    with punctual(real_time):
+        assert (sys.getswitchinterval() < before[0]) is real_time
+    assert (sys.getswitchinterval(), os.sched_getscheduler(0)) == before

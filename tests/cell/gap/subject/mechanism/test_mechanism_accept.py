@@ -1,0 +1,105 @@
+"""An accepted mechanism: an MJCF that anybody can load, and a file that holds the rest."""
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import yaml
+
+from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.subject import Request
+from cell.gap.verdict.accept import MODEL_PATCH, PATCH, RECORD, accept, sha256, undo
+from drivers.yaml_edit import dump_text
+from tests.support.mechanisms import FORWARD, make_arm
+
+NAMED = {
+    "dry_friction": {"torque_shoulder": 0.08, "torque_elbow": 0.04},
+    "quadratic_damping": {"coefficient_shoulder": 0.02, "coefficient_elbow": 0.01},
+    "cable_spring": {"stiffness_shoulder": 0.2, "stiffness_elbow": 0.1},
+    "armature": {"inertia_shoulder": 0.004, "inertia_elbow": 0.002},
+    "payload": {"mass": 0.05},
+    "com_error": {"x": 0.004, "y": 0.0, "z": -0.003},
+    "base_tilt": {"x": 0.02, "y": -0.03},
+    "torque_constant": {"error_shoulder": 0.05, "error_elbow": -0.08},
+    "saturation": {"torque_shoulder": 3.0, "torque_elbow": 2.0},
+    "air_drag": {"coefficient": 1.1},
+}
+RIG = {"encoder_bias": {"bias_shoulder": 0.01, "bias_elbow": -0.02}}
+BASE = {"damping_shoulder": 0.35, "damping_elbow": 0.08, "mass_lower": 0.51}
+
+
+def opened(folder: Path) -> tuple[MechanismSubject, Path, Path]:
+    file, runs = make_arm(folder, 2, span=1.0)
+    return open_mechanism(file, find_runs([runs])), file, runs
+
+
+def written(arm: MechanismSubject, out: Path, file: Path) -> None:
+    """The files that a fit leaves where these effects were named."""
+    out.mkdir()
+    effects = {**NAMED, **RIG}
+    patch, _ = arm.patch(BASE, effects, "test")
+    (out / PATCH).write_text(dump_text(patch))
+    (out / MODEL_PATCH).write_text(arm.model_text(BASE, effects))
+    record = {"schema": 1, "file_sha256": sha256(file), "effects": sorted(effects)}
+    (out / RECORD).write_text(json.dumps(record))
+
+
+def test_accepted_mjcf_in_plain_mujoco_moves_as_the_accepted_model(tmp_path: Path) -> None:
+    arm, file, _ = opened(tmp_path / "arm")
+    written(arm, tmp_path / "out", file)
+    accept(tmp_path / "out", file)
+    run, m = arm.runs[1], arm.opened.mechanism
+    values = {n: np.array(list(v.values())) for n, v in NAMED.items()}
+    values["saturation"] = 1.0 / values["saturation"]
+    own = np.array([p.start for p in run.local])
+    base = np.array([BASE[p.name] for p in arm.scope.base])
+    case = arm._case(Request(run, base, values, own))
+    (predicted,) = arm._engine.predict([case])
+
+    plain = mujoco.MjModel.from_xml_path(str(file.parent / "arm-accepted.xml"))
+    data = mujoco.MjData(plain)
+    data.qpos[:], data.qvel[:] = case.start
+    t, at = case.content.cut.t, 0.0
+    control = case.content.commands.at_steps(m.step, 600, 0.0)
+    rows = [np.array(data.qpos)]
+    for u in control:
+        data.ctrl[:] = u
+        mujoco.mj_step(plain, data)
+        rows.append(np.array(data.qpos))
+    on_grid = np.isclose(t / m.step, np.round(t / m.step), atol=1e-6) & (t > at)
+    k = np.round(t[on_grid] / m.step).astype(int)
+    assert on_grid.sum() > 20
+    assert np.abs(np.array(rows)[k].T - predicted[:2, on_grid]).max() < 1e-6
+    assert np.abs(np.array(rows)[k]).max() > 0.1
+
+
+def test_what_mjcf_cannot_say_stays_in_the_mechanism_file(tmp_path: Path) -> None:
+    arm, file, runs = opened(tmp_path / "arm")
+    model = (file.parent / "arm.xml").read_bytes()
+    written(arm, tmp_path / "out", file)
+    accept(tmp_path / "out", file)
+    content = yaml.safe_load(file.read_text())
+    assert content["effects"] == RIG
+    assert content["model"] == "arm-accepted.xml"
+    assert (file.parent / "arm.xml").read_bytes() == model
+    again = open_mechanism(file, find_runs([runs]))
+    assert "encoder_bias.bias_elbow" in [p.name for p in again.scope.base]
+    starts = {p.name: p.start for p in again.scope.base}
+    assert starts["damping_shoulder"] == BASE["damping_shoulder"]
+    assert starts["mass_lower"] == BASE["mass_lower"] + NAMED["payload"]["mass"]
+
+
+def test_undo_brings_the_file_back_and_takes_the_model_away(tmp_path: Path) -> None:
+    arm, file, _ = opened(tmp_path / "arm")
+    before = file.read_text()
+    written(arm, tmp_path / "out", file)
+    accept(tmp_path / "out", file)
+    undo(tmp_path / "out", file)
+    assert file.read_text() == before
+    assert not (file.parent / "arm-accepted.xml").exists()
+
+
+def test_the_contract_of_the_file_is_what_the_reader_takes() -> None:
+    assert {"signals", "inputs", "start", "uncertain", "hold", "step", "mode"} <= set(FORWARD)

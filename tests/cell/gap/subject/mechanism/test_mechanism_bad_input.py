@@ -1,0 +1,149 @@
+"""Broken mechanisms and runs: one line with what, where, and what to do."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.gap.subject.mechanism.importer import import_table
+from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.run_folders import find_runs, read_table
+from drivers.errors import ConfigurationError
+from tests.support.mechanisms import ARM, PRESCRIBED, make_arm
+
+
+def line(folder: Path, *, file: dict[str, Any] | None = None, xml: str | None = None,
+         columns: Callable[[dict[str, Any]], None] | None = None,
+         content: dict[str, Any] | None = None) -> str:  # fmt: skip
+    """The one line that refuses an arm, with something broken in it."""
+    path, runs = make_arm(folder, 2, span=0.5, content=content or PRESCRIBED)
+    if file is not None:
+        path.write_text(yaml.safe_dump({**(content or PRESCRIBED), **file}, sort_keys=False))
+    if xml is not None:
+        (folder / "arm.xml").write_text(xml)
+    if columns is not None:
+        table = read_table(runs / "00" / "signals.parquet")
+        columns(table)
+        pq.write_table(pa.table(table), runs / "00" / "signals.parquet")
+    with pytest.raises(ConfigurationError) as refused:
+        open_mechanism(path, find_runs([runs]))
+    text = str(refused.value)
+    assert "\n" not in text
+    return text
+
+
+PLUGIN = ARM.replace("<worldbody>", '<extension><plugin plugin="x"/></extension><worldbody>')
+OUTSIDE = ARM.replace("<worldbody>", '<asset><mesh file="../../etc/x.stl"/></asset><worldbody>')
+MODELS = {
+    "not XML": (ARM[:80], "is not valid XML"),
+    "does not load": (ARM.replace('mass="1.0"', 'mass="-1.0"'), "does not load"),
+    "plugin": (PLUGIN, "plugins run foreign code"),
+    "outside": (OUTSIDE, "lies outside"),
+    "entity": ("<!DOCTYPE x [<!ENTITY a 'b'>]>" + ARM, "entities"),
+
+    "free joint": (ARM.replace('axis="0 1 0" damping="0.1" armature="0.01"', 'type="ball"'),
+                   "is free or a ball"),
+    "other root": ("<html/>", "give MJCF or URDF"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_that_cannot_be_used_is_refused(tmp_path: Path, name: str) -> None:
+    xml, words = MODELS[name]
+    text = line(tmp_path, xml=xml)
+    assert words in text or (name == "nameless joint" and "has no name" in text)
+    assert "arm" in text
+
+
+def test_a_joint_without_a_name_is_named_by_its_body(tmp_path: Path) -> None:
+    extra = '<body><joint/><geom size="0.1"/></body></body>'
+    xml = ARM.replace("</body>\n  </worldbody>", extra + "</worldbody>")
+    assert "has no name; give it one" in line(tmp_path, xml=xml)
+
+
+FILES: dict[str, tuple[dict[str, Any], str]] = {
+    "unknown key": ({"colour": 1}, "colour: unknown key"),
+    "path": ({"model": "../arm.xml"}, "lies outside"),
+    "joint": ({"inputs": {**PRESCRIBED["inputs"], "wrist": "position"}},
+              "no joint 'wrist'; allowed: shoulder, elbow"),
+    "effect": ({"effects": {"magic": {"x": 1.0}}}, "effects.magic: unknown effect; allowed:"),
+    "range": ({"effects": {"payload": {"mass": -1.0}}}, "out of range; allowed:"),
+    "field": ({"uncertain": [{"joint": "*", "field": "mass", "spread": "2%"}]},
+              "belongs to a body"),
+    "schema": ({"schema": 2}, "this version reads 1"),
+    "repeats": ({"signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": "repeats"}}},
+                "no two runs share a condition"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_broken_mechanism_file_is_refused(tmp_path: Path, name: str) -> None:
+    change, words = FILES[name]
+    assert words in line(tmp_path, file=change)
+
+
+def _degrees(table: dict[str, Any]) -> None:
+    table["shoulder"] = np.degrees(table["shoulder"]) * 20.0
+
+
+def _jump(table: dict[str, Any]) -> None:
+    table["t"] = np.where(np.arange(len(table["t"])) > 50, table["t"] + 3600.0, table["t"])
+
+
+def _back(table: dict[str, Any]) -> None:
+    table["t"] = table["t"][::-1].copy()
+
+
+def _absent(table: dict[str, Any]) -> None:
+    del table["elbow"]
+
+
+RUNS = {"degrees": (_degrees, "angles are in rad"), "jump": (_jump, "jumps by"),
+        "back": (_back, "does not increase"),
+        "absent": (_absent, "elbow: this column is missing")}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_broken_table_is_refused(tmp_path: Path, name: str) -> None:
+    change, words = RUNS[name]
+    assert words in line(tmp_path, columns=change)
+
+
+def test_a_model_that_explodes_is_refused(tmp_path: Path) -> None:
+    from tests.support.mechanisms import FORWARD
+
+    text = line(tmp_path, xml=ARM.replace('kp="30"', 'kp="3e9"'), content=FORWARD)
+    assert "explodes; make step smaller" in text
+
+
+def test_a_million_rows_are_thinned(tmp_path: Path) -> None:
+    path, runs = make_arm(tmp_path, 2, span=0.5, content=PRESCRIBED)
+    t = np.linspace(0.0, 20.0, 1_000_000)
+    columns = {"shoulder": 0.5 * np.sin(t), "elbow": 0.3 * np.sin(2 * t), "t1": 0 * t, "t2": 0 * t}
+    pq.write_table(pa.table({"t": t, **columns}), runs / "00" / "signals.parquet")
+    subject = open_mechanism(path, find_runs([runs]))
+    assert max(len(run.samples) for run in subject.runs) < 4000
+
+
+def test_a_table_of_others_is_imported_by_its_mapping(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("ms,deg\n" + "\n".join(f"{k},{k}" for k in range(40)))
+    mapping = {"schema": 1, "t": {"column": "ms", "factor": 0.001},
+               "columns": {"elbow": {"column": "deg", "factor": np.pi / 180.0}}}  # fmt: skip
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+    import_table(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "run", {"mechanism": "a"})
+    table = read_table(tmp_path / "run" / "signals.parquet")
+    assert table["t"][10] == pytest.approx(0.01)
+    assert table["elbow"][30] == pytest.approx(np.radians(30))
+
+
+def test_a_mapping_to_a_column_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("ms,deg\n1,2\n")
+    mapping = {"schema": 1, "t": {"column": "s"}, "columns": {"elbow": {"column": "deg"}}}
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(mapping))
+    with pytest.raises(ConfigurationError, match="no such column"):
+        import_table(tmp_path / "log.csv", tmp_path / "map.yaml", tmp_path / "run", {})

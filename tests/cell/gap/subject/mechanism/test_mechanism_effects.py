@@ -1,0 +1,107 @@
+"""The library of effects: each is nothing at its null, something beyond it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.subject.mechanism.effects import registry
+from cell.gap.subject.mechanism.library import described, effect_of
+from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.subject import Request, Residuals
+from drivers.types import Array
+from tests.support.mechanisms import FORWARD, PRESCRIBED, make_arm
+
+CONTRACT = {
+    "dry_friction", "quadratic_damping", "presliding", "cable_spring", "joint_elasticity",
+    "backlash", "armature", "payload", "com_error", "torque_constant", "torque_bias",
+    "torque_ripple", "saturation", "control_delay", "sensor_delay", "encoder_bias",
+    "encoder_scale", "base_tilt", "air_drag", "contact_friction",
+}  # fmt: skip
+NEEDS_MORE = {"contact_friction"}  # a pair of geoms that touch
+
+
+@pytest.fixture(scope="module", params=[FORWARD, PRESCRIBED], ids=["forward", "prescribed"])
+def arm(request, tmp_path_factory) -> MechanismSubject:
+    folder = tmp_path_factory.mktemp(request.param["mode"])
+    file, runs = make_arm(folder, 2, content=request.param, span=1.5)
+    return open_mechanism(file, find_runs([runs]))
+
+
+def simulated(arm: MechanismSubject, effects: dict[str, Array]) -> Residuals:
+    run = arm.runs[1]
+    base = np.array([p.start for p in arm.scope.base])
+    own = np.array([p.start for p in run.local])
+    return arm.simulate([Request(run, base, effects, own)])[0]
+
+
+def test_the_library_has_what_the_contract_names() -> None:
+    assert set(registry()) == CONTRACT
+
+
+def test_every_effect_says_by_what_it_is_expressed_and_from_where_it_comes() -> None:
+    for effect in registry().values():
+        hooks = {"field": effect.edit, "signal": effect.read, "variant": effect.read,
+                 "force": effect.law or effect.path}  # fmt: skip
+        assert hooks[effect.expressed] is not None
+        assert effect.source
+        assert effect.sentence
+
+
+def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
+    plain = simulated(arm, {})
+    for candidate in (*arm.scope.candidates, *described(arm.opened.mechanism)):
+        for null in (candidate.null, candidate.bent().null):
+            same = simulated(arm, {candidate.name: null})
+            assert np.array_equal(same.mean, plain.mean), candidate.name
+        moved = simulated(arm, {candidate.name: np.array(candidate.probes[-1][0])})
+        assert np.nanmax(np.abs(moved.mean - plain.mean)) > 1e-9, candidate.name
+
+
+def test_both_modes_together_offer_the_whole_library(tmp_path) -> None:
+    seen = set()
+    for content in (FORWARD, PRESCRIBED):
+        file, runs = make_arm(tmp_path / content["mode"], 2, content=content, span=0.6)
+        seen |= {c.name for c in open_mechanism(file, find_runs([runs])).scope.candidates}
+    assert seen == CONTRACT - NEEDS_MORE
+
+
+def test_a_law_compiled_into_the_engine_acts_as_the_law_itself(arm) -> None:
+    """A steady torque by the compiled hook is what a motor's constant force would be."""
+    if arm.opened.mechanism.mode != "forward":
+        pytest.skip("the hook serves simulations")
+    bias = np.array([0.05, -0.02])
+    assert effect_of("torque_bias").law is not None
+    case = arm._case(Request(arm.runs[0], np.array([p.start for p in arm.scope.base]),
+                             {"torque_bias": bias},
+                             np.array([p.start for p in arm.runs[0].local])))  # fmt: skip
+    (by_law,) = arm._engine.predict([case])
+    edit = case.edit
+
+    def by_motor(fields) -> None:
+        edit(fields)
+        fields["jnt_user"][:, 4:] = 0.0
+        fields["actuator_biasprm"][:, 0] += bias
+
+    (by_force,) = arm._engine.predict([type(case)(case.content, by_motor, case.readings, (),
+                                                  case.start)])  # fmt: skip
+    assert np.abs(by_law[:2] - by_force[:2]).max() < 1e-12
+
+
+def test_stiffer_gears_come_nearer_to_rigid_ones(arm) -> None:
+    plain = simulated(arm, {})
+    size = np.array(arm.scope.candidates[0].null)
+    assert size is not None
+    soft, stiff = (
+        np.nanmax(np.abs(simulated(arm, {"joint_elasticity": np.full(2, c)}).mean - plain.mean))
+        for c in (4e-3, 4e-4)
+    )
+    assert 0.0 < stiff < 0.3 * soft
+
+
+def test_folder_of_runs_is_left_as_it_was(tmp_path: Path) -> None:
+    file, runs = make_arm(tmp_path, 2, span=0.6)
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    open_mechanism(file, find_runs([runs]))
+    assert before == {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}

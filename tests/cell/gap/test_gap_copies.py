@@ -1,0 +1,95 @@
+"""Copies of one run are recognised by what was measured, counted once, and said."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from cell.gap.fit import fit
+from cell.gap.subject.copies import counted_once
+from cell.gap.subject.run_folders import find_runs
+from drivers.errors import ConfigurationError
+
+SINGLE = Path(__file__).resolve().parents[4] / "shared" / "data" / "pendulum" / "single"
+
+
+def a_run(folder: Path, seed: int, **changes: object) -> Path:
+    """A run folder of any kind with numbers of its own."""
+    folder.mkdir(parents=True)
+    (folder / "run.yaml").write_text(yaml.safe_dump({"schema": 1, "strip": "denim", **changes}))
+    x = np.random.default_rng(seed).normal(size=50)
+    x[::7] = np.nan
+    pq.write_table(pa.table({"t": np.arange(50.0), "x": x}), folder / "ticks.parquet")
+    return folder
+
+
+def names(root: Path) -> tuple[list[str], dict[str, str]]:
+    kept, copies = counted_once(find_runs([root]))
+    return [run.name for run in kept], dict(copies)
+
+
+def test_a_copy_under_another_name_and_header_is_counted_once(tmp_path) -> None:
+    a_run(tmp_path / "a", 1)
+    a_run(tmp_path / "b", 2)
+    copy = a_run(tmp_path / "c", 1, index=7, condition="other")
+    (copy / "result.yaml").write_text("schema: 1\n")
+    assert names(tmp_path) == (["a", "b"], {"c": "a"})
+
+
+def test_a_copy_that_was_written_otherwise_is_recognised(tmp_path) -> None:
+    a_run(tmp_path / "a", 1)
+    a_run(tmp_path / "b", 2)
+    table = pq.read_table(a_run(tmp_path / "c", 1) / "ticks.parquet")
+    pq.write_table(table.select(["x", "t"]), tmp_path / "c" / "ticks.parquet", compression="NONE")
+    assert names(tmp_path)[1] == {"c": "a"}
+
+
+def test_runs_that_differ_in_one_number_are_no_copies(tmp_path) -> None:
+    a_run(tmp_path / "a", 1)
+    path = a_run(tmp_path / "b", 1) / "ticks.parquet"
+    table = pq.read_table(path)
+    x = np.array(table["x"]).copy()
+    x[3] = np.nextafter(x[3], 1.0)
+    pq.write_table(pa.table({"t": table["t"], "x": x}), path)
+    assert names(tmp_path) == (["a", "b"], {})
+
+
+def test_runs_of_nothing_are_no_copies(tmp_path) -> None:
+    for name in "abc":
+        path = a_run(tmp_path / name, 1) / "ticks.parquet"
+        pq.write_table(pq.read_table(path).slice(0, 0), path)
+    assert not names(tmp_path)[1]
+
+
+def test_a_run_that_cannot_be_read_is_no_copy(tmp_path) -> None:
+    for name in "ab":
+        (a_run(tmp_path / name, 1) / "ticks.parquet").write_bytes(b"nothing")
+    assert not names(tmp_path)[1]
+
+
+def test_copies_of_a_single_run_are_refused(tmp_path) -> None:
+    for k in range(10):
+        a_run(tmp_path / f"{k}", 1)
+    with pytest.raises(ConfigurationError, match="10 runs hold the same measurement"):
+        counted_once(find_runs([tmp_path]))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SINGLE.is_dir(), reason="the measured pendulums are absent")
+def test_a_fit_counts_copies_once_and_says_so(tmp_path) -> None:
+    for k in range(3):
+        shutil.copytree(SINGLE / "runs" / f"{k:02d}", tmp_path / "runs" / f"{k:02d}")
+    plain = fit([tmp_path / "runs"], SINGLE / "pendulum.yaml", tmp_path / "plain", ["01"])
+    for k in range(2):
+        shutil.copytree(tmp_path / "runs" / "01", tmp_path / "runs" / f"copy-{k}")
+    runs = [tmp_path / "runs"]
+    verdict = fit(runs, SINGLE / "pendulum.yaml", tmp_path / "copied", ["copy-1"])
+    assert verdict.held_out == ["01"]
+    assert verdict.base == plain.base
+    assert len(verdict.notes) == 2
+    assert "copy-0: holds the measurements of 01" in verdict.notes[0]
+    assert "copy-0: holds" in (tmp_path / "copied" / "report.html").read_text()

@@ -1,0 +1,144 @@
+"""Refitted values that leave what the file states are a finding: said first, offered, accepted."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from cell.cli.gap import _next, _summary
+from cell.gap.fit import fit
+from cell.gap.report.sentence import headline
+from cell.gap.subject.strip.layout import Floors
+from cell.gap.subject.strip.scope import scope
+from cell.gap.subject.subject import Parameter
+from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
+from cell.gap.verdict.schema import Interval, Verdict
+from cell.gap.verdict.stated import deviations
+from drivers.errors import ConfigurationError
+from drivers.strip.describe import load_strip
+from tests.cell.gap.test_gap_accept_checked import Fitted
+from tests.support.gap_strip_cases import STRIP, denim, folds, written
+
+LENGTH = Parameter("bending_length", "m", 0.017, 0.005, 0.05, 1e-5, 0.0085, tolerated=(0.015, 0.02))
+TIME = Parameter("retardation_time", "s", 0.03, 0.001, 1.0, 1e-4, 0.06)
+
+
+def verdict_of(**changes: object) -> Verdict:
+    """A verdict without a gap, and `changes`."""
+    sizes = {"before": {"excess": 0.0}, "after": {}, "floor": {}}
+    gap = sizes | {"shrink": 0.0, "shrink_low": 0.0, "shrink_high": 0.0}
+    lists = {key: [] for key in ("effects", "ambiguous", "where", "candidates", "advice")}
+    facts = lists | {"verdict": "no_gap", "unexplained": None, "base": {}, "gap": gap}
+    facts |= {"detectable": {}, "held_out": [], "runtime": 1.0, "simulations": 1}
+    return Verdict.model_validate(facts | changes)
+
+
+def found(low: float | None, value: float, high: float | None) -> dict[str, Interval]:
+    return {"bending_length": Interval(value=value, low=low, high=high)}
+
+
+def test_a_value_whose_interval_leaves_what_is_tolerated_deviates() -> None:
+    (far,) = deviations([LENGTH, TIME], found(0.0287, 0.0289, 0.0291))
+    assert (far.parameter, far.stated, far.value, far.unit) == (
+        "bending_length", 0.017, 0.0289, "m",
+    )  # fmt: skip
+    assert far.tolerated == (0.015, 0.02)
+
+
+@pytest.mark.parametrize(
+    "interval",
+    [(0.0190, 0.0191, 0.0192), (0.019, 0.024, 0.029), (None, 0.0289, None), (0.0199, 0.03, None)],
+)
+def test_a_value_that_may_lie_within_the_tolerance_does_not_deviate(interval) -> None:
+    assert not deviations([LENGTH, TIME], found(*interval))
+
+
+def test_a_value_below_what_is_tolerated_deviates_too() -> None:
+    assert deviations([LENGTH], found(0.0120, 0.0121, 0.0122))
+    assert not deviations([LENGTH], found(0.0120, 0.0121, None))
+
+
+def test_without_a_stated_range_two_standard_deviations_are_tolerated() -> None:
+    wide, far = (Interval(value=v, low=v - 0.001, high=v + 0.001) for v in (0.149, 0.16))
+    assert not deviations([TIME], {"retardation_time": wide})
+    assert deviations([TIME], {"retardation_time": far})
+
+
+def test_an_inverse_parameter_is_tolerated_as_files_state_it() -> None:
+    slip = Parameter("end_slip.friction", "1", 2.0, 0.0, 10.0, 0.1, 0.5, inverse=True)
+    inside, outside = (Interval(value=v, low=v, high=v) for v in (0.9, 1.2))
+    assert not deviations([slip], {slip.name: inside})
+    assert deviations([slip], {slip.name: outside})[0].stated == 0.5
+
+
+def test_a_strip_file_s_own_spread_is_its_tolerance() -> None:
+    plain = {p.name: p for p in scope(denim(), Floors()).base}
+    assert plain["bending_length"].tolerated == pytest.approx((0.01445, 0.01955))
+    assert plain["retardation_time"].tolerated is None
+    spread = {"bending_length": (0.010, 0.030), "retardation_time": (0.01, 0.04)}
+    stated = scope(denim().model_copy(update={"spread": spread}), Floors()).base
+    assert [p.tolerated for p in stated] == [(0.010, 0.030), (0.01, 0.04)]
+
+
+FAR = deviations([LENGTH], found(0.0287, 0.0289, 0.0291))
+
+
+def test_what_deviates_is_said_before_the_verdict() -> None:
+    lines = list(_summary(verdict_of(deviates=FAR)))
+    assert lines[0].startswith("not as the file states: bending length 28.9")
+    assert "the file states 17" in lines[0]
+    assert lines[1] == "no gap"
+    assert headline(verdict_of(deviates=FAR)).startswith("Not as the file states: bending length")
+    assert json.loads(verdict_of(deviates=FAR).to_json())["deviates"][0]["value"] == 0.0289
+
+
+def test_the_next_command_accepts_what_deviates(tmp_path) -> None:
+    verdict = verdict_of(deviates=FAR)
+    assert _next(verdict_of(), tmp_path, "--strip denim", law=False).startswith("cell fold")
+    (tmp_path / BASE_PATCH).write_text("")
+    assert _next(verdict, tmp_path, "--strip denim", law=False).startswith("cell gap accept")
+
+
+@pytest.fixture
+def refitted(tmp_path) -> Fitted:
+    """A fit that named nothing and offers a bending length."""
+    made = Fitted(tmp_path)
+    patch = yaml.safe_load(made.file.read_text()) | {"bending_length": 0.0289}
+    (made.out / PATCH).unlink()
+    (made.out / BASE_PATCH).write_text(yaml.safe_dump(patch))
+    record = json.loads((made.out / "fit.json").read_text())
+    (made.out / "fit.json").write_text(json.dumps(record | {"effects": [], "values": ["b"]}))
+    return made
+
+
+def test_values_are_accepted_and_come_back(refitted) -> None:
+    before = refitted.file.read_bytes()
+    assert accept(refitted.out, refitted.file, refitted.cell).effects == ("b",)
+    assert load_strip(refitted.file).bending_length == 0.0289
+    assert undo(refitted.out, refitted.file, refitted.cell).effects == ("b",)
+    assert refitted.file.read_bytes() == before
+
+
+def test_values_are_not_accepted_into_a_file_that_has_changed(refitted) -> None:
+    refitted.file.write_text(refitted.file.read_text() + "\n")
+    with pytest.raises(ConfigurationError, match="has changed"):
+        accept(refitted.out, refitted.file, refitted.cell)
+
+
+@pytest.mark.slow
+def test_runs_of_another_strip_are_a_finding_and_its_patch_is_accepted(tmp_path: Path) -> None:
+    """Issue 36, item 7: bending length 28.9 mm under a header that says 17.0."""
+    names = ("normal", "fast", "slow-low", "normal")
+    written(tmp_path / "runs", folds(names, bending_length=0.0289))
+    file = tmp_path / "denim.yaml"
+    file.write_bytes(STRIP.read_bytes())
+    verdict = fit([tmp_path / "runs"], file, tmp_path / "out", jobs=2)
+    assert [d.parameter for d in verdict.deviates] == ["bending_length"]
+    assert verdict.verdict == "no_gap"
+    assert not (tmp_path / "out" / PATCH).exists()
+    assert "Not as the file states" in (tmp_path / "out" / "report.html").read_text()
+    accept(tmp_path / "out", file)
+    assert load_strip(file).bending_length == pytest.approx(0.0289, rel=0.02)
+    again = fit([tmp_path / "runs"], file, tmp_path / "again", jobs=2)
+    assert not again.deviates

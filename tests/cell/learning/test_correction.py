@@ -1,0 +1,176 @@
+"""Experiences are kept on disk, and correct the folds that come after."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.config.learning import LearningSettings
+from cell.config.length import metres
+from cell.learning.correction import (
+    Correction,
+    Subject,
+    correction_of,
+    experience_of,
+    learned_correction,
+    subject_of,
+)
+from cell.learning.experience import Experience, Memory
+from cell.orchestrator.outcome import Outcome
+from cell.perception.measurement import SeenTouch
+from drivers.errors import ConfigurationError
+from drivers.strip.file import StripFile
+from policies.foretelling import Estimate, Foretold
+from policies.planned import Planned
+from policies.registry import make_policy
+
+SUBJECT = Subject("adaptive@1", "denim", "a")
+SETTINGS = LearningSettings()
+NUMBER = Estimate(0.02, 0.019, 0.021)
+FORETOLD = Foretold(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
+STRIP = StripFile(
+    name="felt",
+    length=0.6,
+    width=0.05,
+    areal_density=0.3,
+    bending_length=0.02,
+    retardation_time=0.05,
+)
+
+
+def outcome(displacement: float, foretold: Foretold | None = FORETOLD) -> Outcome:
+    l1, l2 = 0.3 + displacement / 2, 0.3 - displacement / 2
+    touch = SeenTouch(5.0, 0.3, l1, l2, confidence=1.0, distance=0.001)
+    return Outcome("layer_touch", "the layers touch", 0, touch, -0.002, 14.0, foretold)
+
+
+def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    first = Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001)
+    second = replace(first, run="r1", kind="ruler", displacement=0.0, rig=0.002)
+    memory.add(first)
+    memory.add(second)
+    with memory.path.open("ab") as file:
+        file.write(b'{"run": "r2", "policy"')
+    assert memory.experiences() == (first, second)
+
+
+def test_forgetting_sets_aside_and_loses_nothing(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    assert memory.forget() is None
+    memory.add(Experience("r0", "adaptive", "denim", "a", "camera", displacement=0.001))
+    kept = memory.path.read_bytes()
+    aside = memory.forget()
+    assert aside is not None
+    assert aside.read_bytes() == kept
+    assert memory.experiences() == ()
+
+
+def test_switched_off_stays_off_until_switched_on(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.switch(on=False)
+    assert Memory("cell", tmp_path).is_off
+    memory.switch(on=True)
+    assert not Memory("cell", tmp_path).is_off
+
+
+@pytest.mark.parametrize("line", ['{"run": 1}', '{"run": "r", "displacement": 1e9}', "[]", "x"])
+def test_a_line_that_holds_no_experience_is_skipped(tmp_path: Path, line: str) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.path.write_text(line + "\n")
+    assert memory.experiences() == ()
+
+
+def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    nothing = Correction(0.0, 0.0)
+    first = experience_of("r0", SUBJECT, outcome(0.002), nothing)
+    assert first is not None
+    assert first.displacement == pytest.approx(0.003)  # measured +2 mm, predicted -1 mm
+    memory.add(first)
+    found = learned_correction(memory, SUBJECT, SETTINGS)
+    assert found.total == pytest.approx(0.003, rel=0.1)
+    sentence = found.sentence()
+    assert sentence is not None
+    assert sentence.startswith("aimed -2.9 mm")
+
+
+def test_what_is_learned_does_not_depend_on_the_correction_in_use(tmp_path: Path) -> None:
+    corrected = Correction(0.003, 0.001)
+    shifted = replace(FORETOLD, displacement=FORETOLD.displacement + corrected.seen)
+    plain = experience_of("r0", SUBJECT, outcome(0.002), Correction(0.0, 0.0))
+    again = experience_of("r0", SUBJECT, outcome(0.002, shifted), corrected)
+    assert plain is not None
+    assert again is not None
+    assert again.displacement == pytest.approx(plain.displacement)
+
+
+def test_a_correction_is_never_larger_than_the_limit(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    for number in range(5):
+        memory.add(Experience(f"r{number}", SUBJECT.policy, "denim", "a", "camera", 0.03))
+    assert learned_correction(memory, SUBJECT, SETTINGS).total == pytest.approx(0.008)
+
+
+def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
+    memory = Memory("cell", tmp_path)
+    memory.add(Experience("r0", "adaptive@2", "denim", "a", "camera", displacement=0.003))
+    assert learned_correction(memory, SUBJECT, SETTINGS).total == 0.0
+
+
+def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
+    nothing = Correction(0.0, 0.0)
+    blind = replace(FORETOLD, blind=True)
+    assert experience_of("r", SUBJECT, outcome(0.001, blind), nothing) is None
+    assert experience_of("r", SUBJECT, replace(outcome(0.0), name="force"), nothing) is None
+    assert experience_of("r", SUBJECT, replace(outcome(0.0), touch=None), nothing) is None
+
+
+def test_a_record_states_the_correction_that_was_used() -> None:
+    used = Correction(0.001, -0.0005)
+    again = correction_of(used.facts())
+    assert (again.seen, again.unseen) == (used.seen, used.unseen)
+    assert correction_of(None).total == 0.0
+
+
+def test_a_planned_fold_of_the_rod_comes_out_where_the_bias_is_corrected() -> None:
+    plain, corrected = Planned(), Planned()
+    assert Correction(0.004, 0.0).apply(corrected) is not None
+    for policy in (plain, corrected):
+        policy.reset(STRIP, 0.1, 1)
+    # A rise of one millimetre moves d by 0.95 mm (reference: the slope dd/dr of raised triangles).
+    moved = plain.rises - corrected.rises
+    assert np.allclose(moved, 0.004 / 0.95, atol=1e-3)
+
+
+def test_only_policies_that_steer_by_a_model_are_corrected() -> None:
+    assert Correction(0.001, 0.0).apply(make_policy("triangular")) is None
+    assert Correction(0.001, 0.0).apply(make_policy("adaptive")) is not None
+
+
+def test_weights_belong_to_the_subject(tmp_path: Path) -> None:
+    weights = tmp_path / "other.npz"
+    weights.write_bytes(b"other")
+    shipped = subject_of("adaptive", None, "denim", None)
+    assert shipped.policy != subject_of("adaptive", weights, "denim", None).policy
+    assert shipped.specimen == "denim"
+
+
+def test_two_pieces_of_unknown_fabric_are_two_specimens() -> None:
+    subject = subject_of("adaptive", None, "unknown", None)
+    made = [experience_of(run, subject, outcome(0.0), Correction(0.0, 0.0)) for run in "ab"]
+    assert [one and one.specimen for one in made] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("3.5mm", 0.0035), ("-1 mm", -0.001), ("0.002", 0.002)]
+)
+def test_lengths_are_read_with_their_unit(text: str, value: float) -> None:
+    assert metres("--edges", text, 0.1) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "mm", "3.5 inch", "1e9", "nan", "200mm", "1.2.3mm"])
+def test_what_is_no_length_is_refused_in_one_line(text: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"--edges: .* write one as 3\.5mm"):
+        metres("--edges", text, 0.1)

@@ -1,0 +1,138 @@
+"""With images read beside the loop it keeps its rate, and a reader that fails stops the arm."""
+
+import pytest
+
+import cell.orchestrator.run as orchestrator
+from cell.orchestrator.snapshot import Drive, Hold, Snapshot
+from cell.orchestrator.states import Event, State
+from cell.orchestrator.watchdog import at_most
+from cell.perception.beside import Seen
+from drivers.errors import Fault
+from drivers.types import Frame, Pose, Velocity
+from tests.support.plain_cell import Bench, plain_bench, sight_of
+
+AWAY = Velocity(-0.1, 0.05, 0.0)
+
+
+class LateReader:
+    """Answers `ticks` looks after it was given an image."""
+
+    latency = 0.0
+
+    def __init__(self, ticks: int) -> None:
+        self.ticks, self.left, self.begun = ticks, 0, []
+        self.since: float | None = None
+        self.dead = ""
+
+    def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
+        assert self.since is None
+        self.since, self.left = now, self.ticks
+        self.begun.append(frame)
+
+    def take(self) -> Seen | None:
+        if self.since is None:
+            return None
+        self.left -= 1
+        if self.left >= 0:
+            return None
+        self.since = None
+        return Seen(sight_of(self.begun[-1], Pose(0.0, 0.0, 0.0)), None)
+
+
+def ending(event: Event):
+    def phase(record, begin):
+        yield Hold()
+        return event
+
+    return phase
+
+
+def driving(ticks: int):
+    def phase(record, begin):
+        for _ in range(ticks):
+            yield Drive(AWAY)
+        return Event.PATH_DONE
+
+    return phase
+
+
+def folding(bench: Bench, monkeypatch, reader: LateReader, fold=None) -> list[Snapshot]:
+    plain = {
+        State.PREFLIGHT: ending(Event.CHECKED),
+        State.GRASP: ending(Event.GRASPED),
+        State.LIFT: ending(Event.LIFTED),
+        State.FOLD: fold or driving(100),
+    }
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: plain)
+    bench.reader, seen = reader, []
+    note = type("Note", (), {"see": lambda _, s: seen.append(s), "happened": lambda *_: None})
+    bench.observers = (note(),)
+    return seen
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return plain_bench()
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 4])
+def test_the_newest_image_is_read_as_soon_as_the_last_is_done(bench, monkeypatch, ticks) -> None:
+    reader = LateReader(ticks)
+    seen = folding(bench, monkeypatch, reader)
+    assert bench.run().name == "path_done"
+    moments = [s for s in seen if s.state is State.FOLD]
+    ages = [s.time - s.view.measurement.stamp for s in moments if s.view.read]
+    assert len(ages) >= 90 // max(ticks, 1)
+    assert max(ages) <= 0.01 * ticks + 1e-9
+    assert len(moments) >= 99
+
+
+def test_a_reader_that_hangs_stops_the_arm_one_tick_after_its_time(bench, monkeypatch) -> None:
+    reader = LateReader(10**9)
+    folding(bench, monkeypatch, reader)
+    outcome = bench.run()
+    assert outcome.name == "image_reading_overdue"
+    assert outcome.exit_code == 4
+    assert bench.at_rest
+    assert "260 ms, allowed 250 ms" in outcome.reason
+
+
+def test_a_reader_that_dies_stops_the_arm_at_the_next_tick(bench, monkeypatch) -> None:
+    reader = LateReader(1)
+
+    def dying(record, begin):
+        for _ in range(30):
+            yield Drive(AWAY)
+        reader.dead = "the process for images has ended"
+        while True:
+            yield Drive(AWAY)
+
+    folding(bench, monkeypatch, reader, dying)
+    outcome = bench.run()
+    assert (outcome.name, outcome.reason) == ("image_reader_dead", reader.dead)
+    assert bench.at_rest
+    assert sum(isinstance(c, Drive) for c in bench.arm.commands) == 31
+
+
+def test_a_turn_that_hangs_is_ended_and_stops_the_arm(bench, monkeypatch) -> None:
+    def hanging(record, begin):
+        yield Drive(AWAY)
+        while True:
+            pass
+
+    folding(bench, monkeypatch, LateReader(0), hanging)
+    monkeypatch.setattr(orchestrator, "at_most", lambda _: at_most(0.1))
+    assert bench.run().name == "turn_overtime"
+    assert bench.at_rest
+
+
+def test_a_turn_in_time_leaves_no_alarm_behind() -> None:
+    with at_most(0.02):
+        pass
+    with pytest.raises(Fault, match="longer than 0.02 s".replace(".", r"\.")), at_most(0.02):
+        forever()
+
+
+def forever() -> None:
+    while True:
+        pass

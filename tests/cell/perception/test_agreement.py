@@ -1,0 +1,122 @@
+"""A strip that does not behave like the model is told from one that does."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from cell.perception.agreement import (
+    FRICTION,
+    RESIDUAL,
+    Agreement,
+    agreement,
+)
+from cell.perception.measured_fold import BINS, FEWEST, MeasuredFold
+from drivers.strip.describe import describe
+from drivers.strip.engine import simulate
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from policies.foretelling import Estimate, Foretold
+from policies.path import triangular
+from policies.profile import POINTS, profiles
+
+STRIP = StripFile(
+    name="unknown",
+    length=0.6,
+    width=0.05,
+    areal_density=0.3,
+    bending_length=0.019,
+    retardation_time=0.06,
+    thickness=0.001,
+)
+
+
+def about(value: float, spread: float) -> Estimate:
+    return Estimate(value, value / spread, value * spread)
+
+
+BELIEF = Foretold(
+    displacement=0.0,
+    sigma=0.001,
+    bending_length=about(0.019, 1.01),
+    retardation_time=about(0.06, 1.3),
+    yield_curvature=Estimate(0.5, 0.0, 1.0),
+    blind=False,
+)
+
+
+@cache
+def measured(**effects: tuple[tuple[str, float], ...]) -> MeasuredFold:
+    """A fold of the strip with these effects, seen with the noise of images."""
+    rng, path = np.random.default_rng(3), triangular(0.6, 0.04)
+    t = np.arange(0.0, path.length / 0.1, 0.005)
+    held = {name: dict(values) for name, values in effects.items()}
+    model = describe(STRIP.model_copy(update={"effects": held}))
+    rod = Rod(100)
+    motion = simulate(rod, model, t, path.poses(0.1 * t), shapes=True)
+    assert motion.touch is not None
+    seen = slice(round(1.5 / 0.005), None, 3)
+    arcs = np.broadcast_to(rod.arc()[0], (len(motion.t), rod.arc().shape[1]))
+    curves = profiles(motion.shapes, arcs, motion.contact_x, motion.poses[:, :2])[seen]
+    noise = rng.normal(size=curves.shape) * 0.0003 + rng.normal(size=(1, 1, 2)) * 0.0005
+    return MeasuredFold.until(
+        motion.touch.time, t, path.poses(0.1 * t), motion.t[seen], curves + noise
+    )
+
+
+def test_strip_of_the_models_law_agrees() -> None:
+    found = agreement(STRIP, BELIEF, measured())
+    assert found is not None
+    assert found.like_model
+    assert found.residual < 0.6 * RESIDUAL
+    assert "behaves like the model" in found.sentence()
+
+
+def test_belief_that_is_off_by_its_own_sigma_raises_no_alarm() -> None:
+    off = replace(BELIEF, bending_length=about(0.0188, 1.01), retardation_time=about(0.045, 1.3))
+    found = agreement(STRIP, off, measured())
+    assert found is not None
+    assert found.like_model
+
+
+def test_noise_of_the_images_is_no_other_law() -> None:
+    fold = measured()
+    noise = 0.003 * np.random.default_rng(5).normal(size=fold.profile.shape)
+    loud = fold._replace(profile=fold.profile + noise)
+    assert loud.noise == pytest.approx(0.0013, rel=0.2)
+    found = agreement(STRIP, BELIEF, loud)
+    assert found is not None
+    assert found.residual < RESIDUAL
+
+
+def test_strip_of_another_law_is_flagged_and_the_sentence_names_what_to_do() -> None:
+    another = measured(quadratic_damping=(("coefficient", 0.02),))
+    found = agreement(STRIP, BELIEF, another)
+    assert found is not None
+    assert found.residual > RESIDUAL
+    assert not found.like_model
+    assert "does not behave like the model" in found.sentence()
+    assert "`cell gap plan`" in found.sentence()
+
+
+def test_friction_beyond_the_training_is_flagged() -> None:
+    found = Agreement(residual=0.5 * RESIDUAL, yield_curvature=1.1 * FRICTION)
+    assert not found.like_model
+    assert "rub" in found.sentence()
+
+
+@pytest.mark.parametrize("count", [0, BINS * FEWEST - 1])
+def test_too_few_images_claim_nothing(count: int) -> None:
+    fold = measured()
+    few = fold._replace(stamp=fold.stamp[:count], profile=fold.profile[:count])
+    assert agreement(STRIP, BELIEF, few) is None
+
+
+def test_images_that_show_nothing_do_not_count() -> None:
+    fold = measured()
+    lost = np.full((5, POINTS, 2), np.nan)
+    curves = np.concatenate([lost, fold.profile])
+    stamp = np.concatenate([fold.stamp[:5], fold.stamp])
+    again = MeasuredFold.until(np.inf, fold.t, fold.poses, stamp, curves)
+    assert len(again.stamp) == len(fold.stamp)

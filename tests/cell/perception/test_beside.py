@@ -1,0 +1,150 @@
+"""A process beside the loop measures images: what it sees comes back whole, and its end is seen."""
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cell.config.places import BESIDE, Configs
+from cell.orchestrator.arm_history import ArmHistory
+from cell.orchestrator.phases import _inspect
+from cell.orchestrator.snapshot import Hold, Snapshot
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View, Vision
+from cell.perception.beside import INSPECT, LOOK, TRACK, Beside, Subject
+from cell.perception.settings import PerceptionSettings
+from drivers.errors import Fault
+from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from tests.support.sights import FAILS, HANGS, PlainSight
+
+POSE = Pose(0.5, 0.2, 1.5)
+PATIENCE = 30.0  # s
+
+
+def started() -> Beside:
+    lens = SimpleNamespace(height=4, width=6)
+    strip = Configs(BESIDE).strip("denim")
+    return Beside(Subject(SimpleNamespace(lens=lens), PerceptionSettings(), strip), PlainSight)
+
+
+@pytest.fixture(scope="module")
+def beside() -> Iterator[Beside]:
+    process = started()
+    yield process
+    process.close()
+
+
+def image(value: int, sequence: int = 7) -> Frame:
+    return Frame(1.5, 1.52, "made", sequence, np.full((4, 6, 3), value, np.uint8))
+
+
+def awaited(look: Callable):
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if (found := look()) is not None:
+            return found
+        time.sleep(0.001)
+    raise AssertionError("nothing came")
+
+
+@pytest.mark.parametrize(("request_", "touches"), [(LOOK, False), (TRACK, True)])
+def test_what_the_process_sees_is_what_the_loop_gets(beside, request_, touches) -> None:
+    beside.ask(request_, image(40), POSE, 3.0)
+    assert beside.since == 3.0
+    found = awaited(beside.answer)
+    here = PlainSight(None).look(image(40), POSE, touches=touches)
+    assert beside.since is None
+    assert found.touch == here.touch
+    np.testing.assert_array_equal(found.measurement.profile, here.measurement.profile)
+    for name in ("stamp", "sequence", "contact_x", "contact_confidence", "tip", "gap", "gripper"):
+        np.testing.assert_equal(getattr(found.measurement, name), getattr(here.measurement, name))
+
+
+def test_an_answer_is_given_once_and_not_before_it_is_asked_for(beside) -> None:
+    assert beside.answer() is None
+    beside.ask(LOOK, image(0), POSE, 3.0)
+    assert len(awaited(beside.answer).measurement.profile) == 0
+    assert beside.answer() is None
+
+
+def test_checks_before_the_grasp_come_back_by_name(beside) -> None:
+    beside.ask(INSPECT, image(3), POSE, 3.0)
+    assert [(c.name, c.passed) for c in awaited(beside.checks)] == [("bright", False)]
+
+
+def test_an_image_of_another_size_is_refused_before_it_is_handed_over(beside) -> None:
+    small = Frame(1.5, 1.52, "made", 7, np.zeros((4, 5, 3), np.uint8))
+    with pytest.raises(Fault, match="image_size"):
+        beside.ask(LOOK, small, POSE, 3.0)
+    assert beside.since is None
+
+
+@pytest.mark.slow
+def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -> None:
+    process = started()
+    process.ask(LOOK, image(HANGS), POSE, 3.0)
+    assert process.answer() is None
+    assert (process.since, process.dead) == (3.0, "")
+    os.kill(process.process, signal.SIGKILL)
+    awaited(lambda: process.answer() or process.dead or None)
+    assert "ended" in process.dead
+    with pytest.raises(Fault, match="image_reader_dead"):
+        process.checks()
+    process.close()
+
+
+class OneFrame:
+    """A camera that has one image."""
+
+    rate = 60.0
+
+    def read(self, after: float, timeout: float) -> Frame | None:
+        return image(40, 9) if after < 1.5 else None
+
+
+def test_a_fold_is_judged_and_then_read_by_the_process(beside) -> None:
+    calibration = SimpleNamespace(latency=0.1)
+    cell = SimpleNamespace(beside=beside, calibration=calibration)
+    arm = ArmState(1.5, 1.5, "made", POSE, STILL, POSE, moving=False, expired=False)
+    hand = HandState(1.5, 1.5, "made", width=0.001, grasped=True, moving=False)
+    now = Snapshot(1.6, State.PREFLIGHT, 0.0, arm, hand, View())
+    judging = _inspect(cell, image(40))
+    assert next(judging) == Hold()
+    end: list = []
+
+    def send():
+        try:
+            assert judging.send(now) == Hold()
+        except StopIteration as stop:
+            end.append(stop.value)
+        return end or None
+
+    awaited(send)
+    checks, reader = end[0]
+    assert checks[0].passed
+    history, vision = ArmHistory(), Vision(OneFrame(), 0.3)
+    history.add(arm)
+    first = vision.look(State.FOLD, 1.6, history, reader)
+    assert first.fresh
+    assert first.read or first.reading_since == 1.6
+
+    def look() -> View | None:
+        view = vision.look(State.FOLD, 1.7, history, reader)
+        assert not view.fresh
+        return view if view.read else None
+
+    view = first if first.read else awaited(look)
+    assert view.measurement.stamp == pytest.approx(1.4)  # the latency before the image's
+    assert view.touch is not None
+    assert view.reading_since is None
+
+
+def test_a_process_that_fails_says_why(beside) -> None:
+    """The last test of this process."""
+    beside.ask(LOOK, image(FAILS), POSE, 3.0)
+    awaited(lambda: beside.answer() or beside.dead or None)
+    assert beside.dead == "ZeroDivisionError: nobody foresaw this"

@@ -1,0 +1,75 @@
+"""A strip whose edges are not seen, or not where they were laid, is not called folded."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import yaml
+
+from cell.config.places import find_configs
+from cell.devices.devices import DeviceSelection
+from cell.folding.fold import fold
+from cell.orchestrator.context import FoldContext
+from cell.orchestrator.run import _reached
+from cell.perception.laid_fold import FAR, LaidFold
+from cell.record.outcomes import NOT_FOLDED, is_outcome
+from cell.record.run import read_run
+from tests.cell.folding.test_fold_trace import TOUCH
+from tests.end_to_end.folded import request_for
+from tests.support.made_results import DONE
+
+STRIPS = Path(__file__).parents[3] / "configs" / "strips"
+
+
+def ending(laid: LaidFold | None) -> tuple[str, str, int]:
+    settings = find_configs(None).cell().controller
+    context = FoldContext(settings, SimpleNamespace(), SimpleNamespace(), SimpleNamespace())
+    context.seen_touch, context.laid = TOUCH, laid
+    return _reached(context)
+
+
+def test_fold_that_lies_where_it_was_laid_is_a_fold() -> None:
+    assert ending(LaidFold(released=-0.010, seen=-0.012)) == (
+        "layer_touch",
+        "the layers touch",
+        0,
+    )
+
+
+def test_fold_whose_edges_nobody_sees_is_none() -> None:
+    name, reason, code = ending(LaidFold(released=0.0, seen=None))
+    assert (name, code) == ("edges_not_seen", 1)
+    assert "sprang open" in reason
+
+
+@pytest.mark.parametrize("apart", [-0.0625, FAR + 0.001, 0.2])
+def test_edge_far_from_where_it_was_laid_is_no_fold(apart: float) -> None:
+    name, reason, code = ending(LaidFold(released=0.0, seen=apart))
+    assert (name, code) == ("edges_apart", 1)
+    assert f"{1e3 * apart:+.1f} mm" in reason
+
+
+def test_every_outcome_of_a_strip_that_is_not_folded_is_known_to_readers() -> None:
+    assert all(is_outcome(name) for name in NOT_FOLDED)
+
+
+def test_json_says_what_the_camera_sees_of_the_edges_and_whether_the_model_holds() -> None:
+    line = DONE.line()
+    assert line["edge_offset"] == -0.03
+    assert line["edge_offset_true"] is None
+    assert line["like_model"] is None
+
+
+@pytest.mark.slow
+def test_strip_that_springs_open_is_not_folded(tmp_path: Path) -> None:
+    springy = yaml.safe_load((STRIPS / "denim.yaml").read_text()) | {"bending_length": 0.14}
+    plant = tmp_path / "springy.yaml"
+    plant.write_text(yaml.safe_dump(springy))
+    choice = DeviceSelection(seed=0, plant=plant)
+    result = fold(request_for("denim", "adaptive", tmp_path / "runs", choice=choice), page=False)
+    assert result.exit_code == 1
+    assert result.outcome == "edges_not_seen"
+    assert result.edge_offset is None
+    assert result.edge_offset_true == pytest.approx(-0.6, abs=0.01)
+    assert read_run(Path(result.run)).result.outcome == "edges_not_seen"
+    assert result.line()["like_model"] is False

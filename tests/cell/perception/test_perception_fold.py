@@ -1,0 +1,161 @@
+"""What the images say of a fold agrees with the twin's truth."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
+from drivers.strip.describe import load_strip
+from drivers.twin.settings import CameraSettings
+from drivers.types import Frame, Pose
+from policies.path import Path, circular, triangular
+from tests.support.seen_folds import SPEED, STRIPS, Agreement, agreement, rms
+from tests.support.twin_calibration import twin_calibration
+
+CAMERA = CameraSettings()
+CASES = [("denim", "triangular"), ("blanket", "circular"), ("tablecloth", "triangular")]
+
+
+@lru_cache
+def _fold(name: str, kind: str) -> TwinFold:
+    strip = load_strip(STRIPS / f"{name}.yaml")
+    path: Path = triangular(strip.length) if kind == "triangular" else circular(strip.length)
+    return simulate_fold(strip, path, SPEED)
+
+
+@lru_cache
+def _agreement(name: str, kind: str) -> Agreement:
+    fold = _fold(name, kind)
+    return agreement(fold, FoldCamera(fold.strip, CAMERA), twin_calibration(CAMERA), every=6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "camera",
+    [
+        CameraSettings(yaw=0.02, tilt=0.015, roll=0.03, view_width=0.85),
+        CameraSettings(distance=1.2),
+        CameraSettings(noise=5.0, light_gradient=0.35),
+    ],
+    ids=["crooked", "near", "dim"],
+)
+def test_another_camera_place_or_light_keeps_the_agreement(camera: CameraSettings) -> None:
+    fold = _fold("denim", "triangular")
+    found = agreement(fold, FoldCamera(fold.strip, camera), twin_calibration(camera), every=24)
+    assert rms(found.contact) < 0.0015
+    assert found.profile.max() < 0.001
+    assert abs(found.lateness) < 0.05
+    assert abs(found.displacement) < 0.003
+
+
+@lru_cache
+def _ready() -> tuple[Perception, FoldCamera, TwinFold]:
+    fold = _fold("denim", "triangular")
+    camera = FoldCamera(fold.strip, CAMERA)
+    calibration, settings = twin_calibration(CAMERA), PerceptionSettings()
+    appearance = inspect(camera.flat(fold.strip), calibration, settings, fold.strip).appearance
+    assert appearance is not None
+    return Perception(calibration, settings, fold.strip, appearance), camera, fold
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_desk_contact_is_within_1_5_mm_rms(name: str, kind: str) -> None:
+    found = _agreement(name, kind)
+    assert len(found.contact) > 40
+    assert np.isfinite(found.contact).all()
+    assert rms(found.contact) < 0.0015
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_profile_is_within_1_mm_rms_in_every_frame(name: str, kind: str) -> None:
+    found = _agreement(name, kind)
+    assert np.isfinite(found.profile).all()
+    assert found.profile.max() < 0.001
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_layer_touch_is_within_50_ms_and_displacement_within_3_mm(name: str, kind: str) -> None:
+    found = _agreement(name, kind)
+    assert abs(found.lateness) < 0.05
+    assert abs(found.displacement) < 0.003
+    assert 0 < found.told_after < 0.12
+    assert found.touch is not None
+    assert found.touch.confidence > 0.5
+
+
+def test_profile_runs_from_the_contact_to_the_fingers() -> None:
+    perception, camera, fold = _ready()
+    frame, pose = camera.frame(fold, 200), fold.pose(200 / 60)
+    sight = perception.look(frame, pose)
+    assert 100 <= len(sight.profile) <= 200
+    assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
+    assert np.hypot(*(sight.profile[-1] - (pose.x, pose.z))) < 0.012
+    steps = np.hypot(*np.diff(sight.profile, axis=0).T)
+    assert steps.max() < 2 * np.median(steps)
+
+
+@pytest.mark.parametrize("slid", [0.002, 0.006, 0.015])
+def test_edge_that_slid_on_the_desk_takes_neither_contact_nor_profile_away(slid: float) -> None:
+    perception, camera, fold = _ready()
+    away = np.array([slid, 0.0])
+    moved = replace(fold, shapes=fold.shapes + away, poses=fold.poses + np.array([slid, 0, 0]))
+    sight = perception.look(camera.frame(moved, 200), moved.pose(200 / 60))
+    assert sight.contact_x == pytest.approx(fold.contact_x(200 / 60) + slid, abs=0.0015)
+    assert sight.contact_confidence > 0.9
+    assert abs(sight.profile[0, 0] - sight.contact_x) < 0.004
+
+
+def test_rightmost_point_of_the_lifted_strip_is_within_1_mm() -> None:
+    perception, camera, fold = _ready()
+    for sequence in (100, 160, 220):
+        sight = perception.look(camera.frame(fold, sequence), fold.pose(sequence / 60))
+        assert abs(sight.tip[0] - fold.shape(sequence / 60)[:, 0].max()) < 0.001
+
+
+def test_flat_strip_touches_the_desk_up_to_its_edge_and_shows_no_profile() -> None:
+    perception, camera, fold = _ready()
+    sight = perception.look(camera.frame(fold, 0), fold.pose(0.0))
+    assert sight.contact_x == pytest.approx(fold.strip.length, abs=0.003)
+    assert len(sight.profile) == 0
+    assert np.isnan(sight.gap)
+    assert sight.confidence > 0.9
+
+
+def test_looking_twice_sees_the_same() -> None:
+    perception, camera, fold = _ready()
+    frame, pose = camera.frame(fold, 310), fold.pose(310 / 60)
+    one, other = perception.look(frame, pose), perception.look(frame, pose)
+    assert np.array_equal(one.profile, other.profile)
+    assert (one.contact_x, one.gap, one.tip) == (other.contact_x, other.gap, other.tip)
+
+
+@pytest.mark.parametrize("level", [0, 90, 255])
+def test_blank_image_is_no_sight_and_no_exception(level: int) -> None:
+    perception, camera, fold = _ready()
+    frame = camera.frame(fold, 200)
+    blank = replace(frame, image=np.full_like(frame.image, level))
+    sight = perception.look(blank, fold.pose(200 / 60))
+    assert sight.confidence < 0.3
+
+
+def test_hidden_strip_lowers_confidence() -> None:
+    perception, camera, fold = _ready()
+    frame, pose = camera.frame(fold, 200), fold.pose(200 / 60)
+    image = frame.image.copy()
+    image[300:500, 500:800] = image[300:500, 100:400]  # a piece of backdrop before the strip
+    assert perception.look(frame, pose).confidence > 0.9
+    assert perception.look(replace(frame, image=image), pose).confidence < 0.3
+
+
+def test_noise_of_another_gripper_pose_is_no_exception() -> None:
+    perception, camera, fold = _ready()
+    frame: Frame = camera.frame(fold, 200)
+    rng = np.random.default_rng(5)
+    for x, z, pitch in rng.uniform((-0.1, -0.01, -1.0), (0.8, 0.45, 3.0), (20, 3)):
+        sight = perception.look(frame, Pose(x, z, pitch))
+        assert 0 <= sight.confidence <= 1

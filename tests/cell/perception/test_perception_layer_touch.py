@@ -1,0 +1,147 @@
+"""layer_touch from sights: both signals, or nothing."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.measurement import SeenTouch, StripMeasurement
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from drivers.types import Array, Pose
+from tests.support.seen_folds import STRIPS
+
+DENIM = load_strip(STRIPS / "denim.yaml")
+TIP, PLACE, HEIGHT = 0.33, 0.27, 0.20
+GRIPPER = Pose(0.22, HEIGHT, np.pi / 2)
+
+
+def _profile(gap: float) -> Array:
+    """From the contact around the fold, down to `gap` over the desk at PLACE, up to the hand."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, 30)
+    fold = np.stack([TIP - 0.008 + 0.008 * np.cos(angle), 0.008 + 0.008 * np.sin(angle)], 1)
+    x = np.linspace(TIP - 0.01, GRIPPER.x, 120)
+    rise = gap + (0.016 - gap) * np.clip((x - PLACE) / (TIP - 0.01 - PLACE), 0, None) ** 2
+    rise += (HEIGHT - gap) * (np.clip(PLACE - x, 0, None) / (PLACE - GRIPPER.x)) ** 3
+    return np.vstack([fold, np.stack([x, rise], axis=1)])
+
+
+def _watch(
+    gap: Callable[[float], float],
+    strip: StripFile = DENIM,
+    *,
+    frames: int = 60,
+    skip: set[int] | None = None,
+) -> tuple[SeenTouch | None, float]:
+    """The touch told for gap(t) at 60 Hz, and when it was told."""
+    detector = LayerTouch(PerceptionSettings(), strip)
+    for k in range(frames):
+        if skip and k in skip:
+            continue
+        t, height = k / 60, gap(k / 60)
+        profile = _profile(height)
+        sight = StripMeasurement(t, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE)
+        touch = detector.tell(sight, GRIPPER)
+        if touch is not None:
+            return touch, t
+    return None, float("nan")
+
+
+def _closing(speed: float, at: float, rest: float = 0.0009) -> Callable[[float], float]:
+    return lambda t: max(0.001 + speed * (at - t), rest)
+
+
+@pytest.mark.parametrize("speed", [0.01, 0.05, 0.3])
+def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
+    touch, told = _watch(_closing(speed, 0.6))
+    assert touch is not None
+    assert touch.time == pytest.approx(0.6, abs=0.012)
+    assert told - 0.6 < 0.12
+    assert touch.to_fixed == pytest.approx(PLACE, abs=1e-6)
+    upper = _profile(0.001)
+    upper = upper[(upper[:, 0] <= PLACE) & (np.arange(len(upper)) > 30)]
+    length = np.hypot(*np.diff(np.vstack([[(PLACE, 0.001)], upper]), axis=0).T).sum()
+    assert touch.to_grasped == pytest.approx(length, abs=0.001)
+    assert touch.confidence > 0.7
+
+
+def test_touch_stays_told() -> None:
+    detector = LayerTouch(PerceptionSettings(), DENIM)
+    told = []
+    for k in range(60):
+        gap = _closing(0.05, 0.5)(k / 60)
+        sight = StripMeasurement(k / 60, k, 0.3, 1.0, _profile(gap), 1.0, (TIP, 0.008), gap, PLACE)
+        told.append(detector.tell(sight, GRIPPER))
+    first = next(touch for touch in told if touch is not None)
+    assert told[-1] == first
+
+
+def test_fold_that_comes_to_rest_above_the_lower_layer_is_no_touch() -> None:
+    assert _watch(_closing(0.05, 0.5, rest=0.003))[0] is None
+
+
+def test_layers_of_unknown_thickness_touch_where_their_gap_stays() -> None:
+    unknown = DENIM.model_copy(update={"spread": {"thickness": (0.0002, 0.003)}})
+    touch, _ = _watch(_closing(0.05, 0.5, rest=0.0022), unknown)
+    assert touch is not None
+    assert touch.distance == pytest.approx(0.0022)
+    assert touch.time == pytest.approx(0.5 - 0.0012 / 0.05, abs=0.012)
+    assert _watch(_closing(0.05, 0.5, rest=0.005), unknown)[0] is None
+
+
+def test_gap_that_only_dips_is_no_touch() -> None:
+    assert _watch(lambda t: 0.0012 + 0.2 * abs(t - 0.5))[0] is None
+
+
+def test_gap_that_jumps_shut_is_no_touch() -> None:
+    assert _watch(lambda t: 0.03 + 0.08 * (0.5 - t) if t < 0.5 else 0.0)[0] is None
+
+
+def test_a_fall_that_goes_on_is_no_touch_until_it_stops() -> None:
+    stops = 0.58
+    touch, told = _watch(lambda t: 0.001 + 0.01 * (0.5 - min(t, stops)))
+    assert touch is not None
+    assert told > stops
+
+
+def test_layers_never_seen_apart_are_no_touch() -> None:
+    assert _watch(lambda _: 0.0009)[0] is None
+
+
+def test_gap_never_seen_is_no_touch() -> None:
+    assert _watch(lambda _: float("nan"))[0] is None
+
+
+def test_noise_of_a_tenth_of_a_millimetre_moves_the_touch_by_less_than_20_ms() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        noise = iter(0.0001 * rng.normal(size=100))
+        touch, _ = _watch(lambda t: _closing(0.05, 0.6)(t) + next(noise))  # noqa: B023
+        assert touch is not None
+        assert touch.time == pytest.approx(0.6, abs=0.02)
+
+
+def test_lost_images_delay_the_telling_not_the_time() -> None:
+    touch, told = _watch(_closing(0.05, 0.6), skip={36, 37, 38})
+    assert touch is not None
+    assert touch.time == pytest.approx(0.6, abs=0.02)
+    assert told > 0.65
+
+
+def test_a_touch_that_no_fold_can_have_is_none() -> None:
+    """As with a strip a metre wide: seen to touch 20 mm from the grip, with all the rest below."""
+    detector = LayerTouch(PerceptionSettings(), replace_length(DENIM, 0.27 + 0.02))
+    for k in range(60):
+        height = _closing(0.05, 0.6)(k / 60)
+        profile = _profile(height)[:70]
+        sight = StripMeasurement(
+            k / 60, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE
+        )
+        near = Pose(PLACE - 0.01, 0.01, np.pi / 2)
+        assert detector.tell(sight, near) is None
+
+
+def replace_length(strip: StripFile, length: float) -> StripFile:
+    return strip.model_copy(update={"length": length})

@@ -1,0 +1,158 @@
+"""What preflight admits in any look of the cell agrees with the truth; the rest is refused."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from calibration.pointer import find_pointer
+from cell.perception.perception import Perception
+from cell.perception.preflight import Preflight, inspect
+from cell.perception.settings import PerceptionSettings
+from cell.studies.kit.twin_fold import TwinFold, simulate_fold
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from drivers.twin.renderer.looks import looks
+from drivers.twin.renderer.looks.look import Box, Look
+from drivers.twin.renderer.optics import Optics
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.settings import CameraSettings
+from drivers.types import Pose
+from policies.fixed_paths import triangular
+from tests.support.look_camera import LookCamera
+from tests.support.seen_folds import STRIPS, distances
+from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
+
+CAMERA = CameraSettings()
+SETTINGS = PerceptionSettings()
+FRAMES = (120, 200, 290)
+
+
+@lru_cache
+def _strip(name: str) -> StripFile:
+    return load_strip(STRIPS / f"{name}.yaml")
+
+
+@lru_cache
+def _fold(strip: str, thickness: float | None = None) -> TwinFold:
+    stated = _strip(strip)
+    if thickness is not None:
+        stated = stated.model_copy(update={"thickness": thickness, "bending_length": 0.03})
+    return simulate_fold(stated, triangular(stated.length), 0.1)
+
+
+def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> Preflight:
+    return _judged_by(LookCamera(strip, look, settings), strip)
+
+
+def _judged_by(camera: LookCamera, strip: StripFile) -> Preflight:
+    return inspect(camera.flat(strip), twin_calibration(CAMERA), SETTINGS, strip)
+
+
+@lru_cache
+def _reader(
+    look: str, strip: str, thickness: float | None = None
+) -> tuple[Perception, LookCamera, TwinFold]:
+    fold = _fold(strip, thickness)
+    camera = LookCamera(fold.strip, looks()[look], CAMERA)
+    judged = _judged_by(camera, fold.strip)
+    assert judged.passed, [check for check in judged.checks if not check.passed]
+    assert judged.appearance is not None
+    perception = Perception(twin_calibration(CAMERA), SETTINGS, fold.strip, judged.appearance)
+    return perception, camera, fold
+
+
+def _refusals(judged: Preflight) -> dict[str, str]:
+    return {check.name: check.reason for check in judged.checks if not check.passed}
+
+
+def _agrees(look: str, strip: str, thickness: float | None = None) -> None:
+    perception, camera, fold = _reader(look, strip, thickness)
+    for sequence in FRAMES:
+        stamp = sequence / CAMERA.rate
+        seen = perception.look(camera.frame(fold, sequence), fold.pose(stamp))
+        assert seen.contact_x == pytest.approx(fold.contact_x(stamp), abs=0.003)
+        assert seen.confidence > 0.6
+        off = distances(seen.profile, fold.shape(stamp))
+        assert np.sqrt(np.mean(off**2)) < 0.0006
+
+
+@pytest.mark.parametrize(
+    ("look", "strip"),
+    [
+        ("grey-desk", "tablecloth"),
+        ("clutter", "interlock"),
+        ("flicker", "denim"),
+        ("two-colours", "denim"),
+        ("checks", "denim"),
+        ("stripes", "interlock"),
+        ("workshop", "tablecloth"),
+    ],
+)
+def test_strip_that_preflight_admits_is_read_as_it_is(look: str, strip: str) -> None:
+    _agrees(look, strip)
+
+
+@pytest.mark.parametrize("look", ["green-mat", "grey-desk"])
+def test_strip_as_thick_as_is_allowed_is_read_as_it_is(look: str) -> None:
+    _agrees(look, "denim", 0.008)
+
+
+def test_grey_strip_on_a_grey_desk_is_refused_because_its_shadow_looks_like_it() -> None:
+    refused = _refusals(_judged(looks()["grey-desk"], _strip("interlock")))
+    assert "as a desk and its shadow do" in refused["contrast"]
+
+
+def test_dark_strip_on_a_dark_desk_is_refused_for_contrast() -> None:
+    assert "contrast" in _refusals(_judged(looks()["dark-on-dark"], _strip("tablecloth")))
+
+
+def test_strip_with_parts_that_look_like_the_desk_is_refused_as_not_solid() -> None:
+    refused = _refusals(_judged(looks()["white-checks"], _strip("denim")))
+    assert "pattern looks like the desk" in refused["solid"]
+
+
+def test_thing_of_the_strips_colour_behind_its_way_is_refused_with_its_place() -> None:
+    room = looks()["grey-desk"].colours
+    box = Box((0.25, 0.15, 0.0), (0.40, 0.2, 0.2), (38, 58, 108))
+    judged = _judged(Look("box", "", room, things=(box,)), _strip("denim"))
+    reason = _refusals(judged)["background"]
+    x, z = (float(word.split(" = ")[1].split()[0]) for word in reason.split(" at ")[1].split(", "))
+    assert 230 < x < 400
+    assert 10 < z < 200
+
+
+def test_burnt_out_picture_is_refused_for_exposure() -> None:
+    bright = CAMERA.model_copy(update={"gain": 1.5})
+    assert "exposure" in _refusals(_judged(looks()["grey-desk"], _strip("tablecloth"), bright))
+
+
+def test_strip_thicker_than_images_are_read_for_is_refused_for_its_thickness() -> None:
+    thick = _strip("denim").model_copy(update={"thickness": 0.02})
+    refused = _refusals(_judged(looks()["green-mat"], thick))
+    assert list(refused) == ["thickness"]
+    assert "20.0 mm thick" in refused["thickness"]
+
+
+def test_refusal_tells_what_to_do() -> None:
+    checks = _judged(looks()["white-checks"], _strip("interlock")).checks
+    assert all(check.remedy for check in checks)
+    assert not all(check.passed for check in checks)
+
+
+@pytest.mark.parametrize("level", [0, 90, 255])
+def test_blank_image_before_a_learnt_scene_is_no_exception_and_no_confidence(level: int) -> None:
+    perception, camera, fold = _reader("workshop", "tablecloth")
+    frame = camera.frame(fold, 200)
+    blank = replace(frame, image=np.full_like(frame.image, level))
+    assert perception.look(blank, fold.pose(200 / 60)).confidence < 0.3
+
+
+def test_pin_of_the_calibration_is_found_in_shadow_and_flicker() -> None:
+    renderer = Renderer(CAMERA, NO_STRIP, 0, surround=looks()["workshop"])
+    optics = Optics.of(CAMERA)
+    for x, z in ((0.1, 0.05), (0.3, 0.2), (0.4, 0.12), (0.55, 0.1)):
+        pose = Pose(x, z, np.pi / 2)
+        found = find_pointer(pointer_frame(renderer, pose, 0).image)
+        assert found == pytest.approx(optics.plane(np.array([[x, z]]))[0], abs=0.3)

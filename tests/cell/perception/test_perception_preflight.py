@@ -1,0 +1,100 @@
+"""One picture before grasping: what passes, what is refused and what it tells to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cell.perception.preflight import Preflight, inspect
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.describe import load_strip
+from drivers.strip.file import StripFile
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Array, Frame, Pose
+from tests.support.seen_folds import STRIPS
+from tests.support.twin_calibration import twin_calibration
+
+CAMERA = CameraSettings()
+DENIM = load_strip(STRIPS / "denim.yaml")
+AWAY = Pose(0.65, 0.25, 0.0)
+
+
+def _flat(length: float = 0.6) -> Array:
+    arc = np.linspace(0, length, 61)
+    return np.column_stack([arc, np.zeros_like(arc)])
+
+
+def _picture(points: Array, look: StripLook, *, strip: bool = True) -> Frame:
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    scene = Scene(0.0, points, arc, AWAY, 0.04, holds_strip=False, strip=strip)
+    return Frame(0.0, 0.02, "test", 0, Renderer(CAMERA, look, 0).render([scene], 0))
+
+
+def _judged(frame: Frame, strip: StripFile = DENIM) -> Preflight:
+    return inspect(frame, twin_calibration(CAMERA), PerceptionSettings(), strip)
+
+
+def _failed(judged: Preflight) -> list[str]:
+    return [check.name for check in judged.checks if not check.passed]
+
+
+@pytest.mark.parametrize("path", sorted(STRIPS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_strip_lying_flat_passes_and_its_colour_is_sampled(path: object) -> None:
+    strip = load_strip(path)  # type: ignore[arg-type]
+    judged = _judged(_picture(_flat(), StripLook.of(strip)), strip)
+    assert judged.passed, _failed(judged)
+    assert judged.appearance is not None
+    assert np.abs(judged.appearance.scene.colours[0] - np.array(strip.colour[::-1])).max() < 30
+    x = np.linspace(0.02, 0.58, 20)
+    assert np.abs(judged.appearance.rest_height(x)).max() < 0.0004
+
+
+def test_empty_desk_is_refused_for_contrast_and_place() -> None:
+    judged = _judged(_picture(_flat(), StripLook.of(DENIM), strip=False))
+    assert not judged.passed
+    assert judged.appearance is None
+    assert "strip lies there" in _failed(judged)
+    assert all(check.remedy for check in judged.checks)
+
+
+def test_shorter_strip_is_refused_with_its_length() -> None:
+    judged = _judged(_picture(_flat(0.57), StripLook.of(DENIM)))
+    assert "length" in _failed(judged)
+    reason = next(check.reason for check in judged.checks if check.name == "length")
+    assert "570 mm" in reason or "569 mm" in reason or "568 mm" in reason
+
+
+def test_much_shorter_strip_does_not_lie_where_it_should() -> None:
+    judged = _judged(_picture(_flat(0.4), StripLook.of(DENIM)))
+    assert not judged.passed
+    assert "strip lies there" in _failed(judged)
+
+
+def test_wrinkled_strip_is_refused() -> None:
+    points = _flat()
+    points[:, 1] = 0.008 * np.exp(-(((points[:, 0] - 0.3) / 0.03) ** 2))
+    judged = _judged(_picture(points, StripLook.of(DENIM)))
+    assert not judged.passed
+
+
+def test_strip_in_the_colour_of_the_mat_is_refused_for_contrast() -> None:
+    mat = StripLook(CAMERA.surroundings.desk, 0.001, 0.05)
+    judged = _judged(_picture(_flat(), mat))
+    assert not judged.passed
+    assert "contrast" in _failed(judged)
+
+
+def test_strip_that_lies_nearer_to_the_camera_is_off_the_plane() -> None:
+    points = _flat()
+    points[:, 1] -= 0.002
+    judged = _judged(_picture(points, StripLook.of(DENIM)))
+    assert "on the desk plane" in _failed(judged)
+
+
+def test_picture_of_another_size_is_refused() -> None:
+    frame = _picture(_flat(), StripLook.of(DENIM))
+    judged = _judged(replace(frame, image=frame.image[::2, ::2]))
+    assert _failed(judged) == ["picture fits calibration"]

@@ -1,0 +1,96 @@
+"""Pages on several runs: the list and the comparison, and the links between pages."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from cell.cli.app import app
+from cell.record.listing import list_runs, read_row
+from cell.report.page import write_report
+
+
+@pytest.fixture
+def three(finished: Path, tmp_path: Path) -> list[Path]:
+    """Three runs with pages; the second has another policy, the third died."""
+    folders = []
+    for number in range(3):
+        place = tmp_path / "runs" / f"2026112{number}T080000Z-denim-fold-000{number}"
+        shutil.copytree(finished, place)
+        folders.append(place)
+    head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {"policy": "circular"}
+    (folders[1] / "run.yaml").write_text(yaml.safe_dump(head))
+    (folders[2] / "result.yaml").unlink()
+    for folder in folders:
+        write_report(folder)
+    return folders
+
+
+def call(*words: object) -> str:
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def links(page: Path) -> list[Path]:
+    found = re.findall(r'<a href="([^"]+)"', page.read_text("utf-8"))
+    return [(page.parent / href).resolve() for href in found]
+
+
+def test_comparison_has_every_run_and_what_differs(three: list[Path]) -> None:
+    printed = call("report", *three, "--json")
+    page = Path(json.loads(printed)["report"])
+    assert page == three[0].parent / "compare.html"
+    text = page.read_text("utf-8")
+    rows = re.search(r"What was set otherwise.*?</table>", text, flags=re.S)
+    assert rows is not None
+    assert re.findall(r"<tr><td>([^<]+)", rows[0]) == ["policy"]
+    assert text.count("<svg") == 2
+    assert links(page) == [folder / "report.html" for folder in three]
+    assert all(path.is_file() for path in links(page))
+
+
+def test_runs_that_are_alike_have_no_table_of_differences(three: list[Path]) -> None:
+    out = three[0].parent.parent / "pages" / "pair.html"
+    call("report", three[0], three[0], "--out", out)
+    assert "What was set otherwise" not in out.read_text("utf-8")
+
+
+def test_list_page_has_thumbnails_and_working_links(three: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "pages" / "runs.html"
+    call("runs", "--runs", three[0].parent, "--html", out)
+    text = out.read_text("utf-8")
+    assert text.count('src="data:image/jpeg;base64,') == 3
+    assert links(out) == [folder / "report.html" for folder in three]
+    assert "http" not in text.replace("http-equiv", "")
+    assert len(text) < 100_000
+
+
+def test_fold_page_links_to_earlier_runs_of_its_strip(three: list[Path]) -> None:
+    other = three[0].with_name("20261119T080000Z-silk-fold-0009")
+    shutil.copytree(three[0], other)
+    last, first = links(write_report(three[2])), links(write_report(three[0]))
+    pages = [path for path in last if path.name == "report.html"]
+    assert pages == [three[1] / "report.html", three[0] / "report.html"]
+    assert all(path.is_file() for path in (*last, *first))
+    assert {path.parent for path in first} == {three[0], three[0] / "frames"}
+
+
+def test_tags_and_notes_stay_in_the_run_and_are_found(three: list[Path]) -> None:
+    call("note", three[0], three[1], "--tag", "good", "--tag", "first-day", "--text", "dry air")
+    call("note", three[0], "--untag", "good")
+    assert read_row(three[0]).tags == "first-day"
+    assert read_row(three[0]).note == "dry air"
+    found = call("runs", "--runs", three[0].parent, "--where", "tags LIKE '%good%'", "--json")
+    assert [json.loads(line)["tags"] for line in found.splitlines()] == [["first-day", "good"]]
+    assert [row.tags for row in list_runs(three[0].parent)] == ["first-day", "first-day good", ""]
+
+
+def test_bad_tag_is_refused_and_nothing_is_written(three: list[Path]) -> None:
+    done = CliRunner().invoke(app, ["note", str(three[0]), "--tag", "two words"])
+    assert "is no tag" in str(done.exception)
+    assert not (three[0] / "notes.yaml").exists()

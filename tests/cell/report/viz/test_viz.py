@@ -1,0 +1,269 @@
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+from rerun.error_utils import RerunWarning
+
+from calibration.calibration import save_calibration
+from cell.orchestrator.snapshot import Snapshot
+from cell.orchestrator.states import State
+from cell.orchestrator.vision import View
+from cell.perception.measurement import StripMeasurement
+from cell.record.run import read_run
+from cell.report.viz.model_view import Shadow
+from cell.report.viz.recording import Screen, viz_from_run
+from cell.report.viz.watch import WAITING, Viz, watching
+from drivers.strip.describe import describe
+from drivers.strip.engine import simulate
+from drivers.strip.file import StripFile
+from drivers.strip.rod.engine import Rod
+from drivers.types import STILL, ArmState, Frame, HandState, Pose
+from policies.foretelling import Estimate, Foretold
+from policies.path import triangular
+from tests.cell.conftest import HEADER
+
+STRIP = StripFile.model_validate(HEADER["strip_file"])
+
+
+def entities(path: Path) -> dict[str, int]:
+    """Rows of each entity in a recording."""
+    rows: dict[str, int] = {}
+    for chunk in RrdReader(path).stream().to_chunks():
+        rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
+    return rows
+
+
+def timelines(path: Path, entity: str) -> set[str]:
+    chunks = RrdReader(path).stream().to_chunks()
+    named = [set(c.timeline_names) for c in chunks if c.entity_path == entity and not c.is_static]
+    return set.union(*named)
+
+
+def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
+    """Tick number k of a fold whose camera delivers an image every other tick."""
+    time = 0.01 * k
+    pose = Pose(0.6 - 0.05 * time, 0.05 * time, 0.5)
+    arm = ArmState(time, time, "made", pose, STILL, pose, True, False)
+    hand = HandState(time, time, "made", 0.0, True, False)
+    sequence = k // every
+    frame = Frame(time, time, "made", sequence, np.full((72, 128, 3), k % 255, np.uint8))
+    curve = np.linspace((0.4, 0.0), (pose.x, pose.z), 20)
+    measurement = StripMeasurement(
+        time, sequence, 0.4, 1.0, curve, 1.0, (pose.x, pose.z), np.nan, np.nan
+    )
+    view = View(frame, k % every == 0, 1, measurement)
+    return Snapshot(time, state, 0.0, arm, hand, view)
+
+
+def watch(viz: Viz, count: int) -> None:
+    viz.happened(0.0, "state", {"state": State.LIFT, "event": "grasped"})
+    for k in range(count):
+        viz.see(snapshot(k, State.LIFT if k < 50 else State.FOLD))
+
+
+@pytest.fixture(scope="module")
+def rebuilt(finished, tmp_path_factory):
+    folder = shutil.copytree(finished, tmp_path_factory.mktemp("viz") / finished.name)
+    return viz_from_run(folder)
+
+
+def test_stored_run_is_shown_again(rebuilt):
+    rows = entities(rebuilt)
+    kept = sum(note.file is not None for note in read_run(rebuilt.parent).frame_index())
+    assert rows["/camera/image"] == kept
+    assert rows["/camera/overlay/profile"] == kept - 1, "the one before the lift shows none"
+    assert rows["/strip/measured"] == 94
+    assert rows["/strip/twin"] == 235
+    assert rows["/log"] == 3
+    assert rows["/signals/along/gripper_x"] == 940 + 1
+    assert {"/gripper", "/gripper/path", "/cell/state", "/signals/above/gap"} <= set(rows)
+    assert timelines(rebuilt, "/gripper") >= {"t", "tick"}
+    assert timelines(rebuilt, "/signals/above/gripper_z") == {"t", "tick"}
+
+
+def test_recording_carries_its_blueprint(rebuilt):
+    assert len(RrdReader(rebuilt).blueprints()) == 1
+    assert RrdReader(rebuilt).recordings()[0].recording_id == rebuilt.parent.name
+
+
+def test_dead_run_is_shown_as_far_as_it_goes(killed, tmp_path):
+    folder = shutil.copytree(killed, tmp_path / killed.name)
+    rows = entities(viz_from_run(folder))
+    assert rows["/strip/measured"] == 43
+    assert rows["/signals/along/gripper_x"] == 429 + 1
+
+
+def test_laboratorys_run_is_shown_without_images_and_model(make_run, tmp_path):
+    folder = make_run(tmp_path)
+    for name in ("calibration.yaml", "sights.parquet", "sights.arrows", "events.jsonl"):
+        (folder / name).unlink()
+    text = (folder / "run.yaml").read_text()
+    (folder / "run.yaml").write_text(text[: text.index("strip_file:")])
+    rows = entities(viz_from_run(folder))
+    assert rows["/strip/measured"] == 94
+    assert "/camera/image" not in rows
+
+
+def test_watched_fold_is_recorded(tmp_path):
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 200)
+    viz.happened(1.99, "fault", {"name": "stale_image", "reason": "too old"})
+    viz.close(60)
+    rows = entities(tmp_path / "run.rrd")
+    assert viz.failure == ""
+    assert viz.dropped == 0
+    assert rows["/strip/measured"] == 100
+    assert rows["/cell/state"] == 2 + 1
+    assert rows["/log"] == 2
+    assert rows["/signals/along/contact_x"] == 100 + 1
+
+
+def test_what_was_foretold_is_a_signal_with_its_interval(tmp_path):
+    def belief(k: int) -> Foretold:
+        about = Estimate(0.02, 0.01, 0.03)
+        return Foretold(0.001 * k, 0.002, about, about, about, blind=False)
+
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 10)
+    for k in range(10, 100):
+        viz.see(replace(snapshot(k), foretold=belief(k // 30)))
+    viz.close(60)
+    rows = entities(tmp_path / "run.rrd")
+    assert rows["/signals/outlook/displacement"] >= 3 + 1
+    assert rows["/signals/outlook/retardation_time_high"] == rows["/signals/outlook/displacement"]
+
+
+def test_watchers_are_closed_with_the_folds_that_they_watch(tmp_path):
+    with watching("save") as watchers:
+        (viz,) = watchers(tmp_path, STRIP)
+        watch(viz, 20)
+    assert entities(tmp_path / "run.rrd")["/gripper"] == 5
+    with watching("off") as watchers:
+        assert watchers(tmp_path, STRIP) == ()
+
+
+def test_overlay_is_drawn_where_the_runs_calibration_puts_it(tmp_path, calibration):
+    save_calibration(calibration, tmp_path / "calibration.yaml")
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 40)
+    viz.close(60)
+    rows = entities(tmp_path / "run.rrd")
+    assert rows["/camera/overlay/profile"] == rows["/camera/image"] == 4
+    changed = (tmp_path / "calibration.yaml").read_text().replace("camera: made", "camera: other")
+    (tmp_path / "calibration.yaml").write_text(changed)
+    viz = Viz("save", tmp_path, STRIP)
+    viz.close(60)
+    assert "changed by hand" in viz.failure
+
+
+def test_images_are_thinned_to_ten_a_second(tmp_path):
+    viz = Viz("save", tmp_path, STRIP)
+    watch(viz, 100)
+    viz.close(60)
+    assert 9 <= entities(tmp_path / "run.rrd")["/camera/image"] <= 11
+
+
+def test_thread_that_hangs_drops_the_oldest_and_holds_nothing_up(tmp_path, monkeypatch):
+    drawn, gate, stuck = [], threading.Event(), threading.Event()
+
+    def slow(self, item):
+        stuck.set()
+        gate.wait()
+        drawn.append(item)
+
+    monkeypatch.setattr(Screen, "draw", slow)
+    viz = Viz("save", tmp_path, STRIP)
+    viz.see(snapshot(0))
+    assert stuck.wait(60)
+    for k in range(1, WAITING + 301):
+        viz.see(snapshot(k))
+    viz.close(timeout=0.01)
+    assert viz.dropped == 300
+    gate.set()
+    viz.close(60)
+    assert [item.tick for item in drawn] == [1, *range(302, WAITING + 302)]
+    assert sum(item.image is not None for item in drawn) <= 17
+
+
+def test_viewer_that_hangs_does_not_hold_up_the_fold(tmp_path):
+    clients, addresses = [], []
+
+    def hang(address: str) -> None:
+        port = int(address.split(":")[2].split("/")[0])
+        clients.append(socket.create_connection(("127.0.0.1", port)))
+        clients[0].sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]))
+        addresses.append(address)
+
+    viz = Viz("live", tmp_path, STRIP, viewer=hang)
+    watch(viz, 200)
+    viz.close(60)
+    clients[0].close()
+    assert addresses[0].startswith("rerun+http://127.0.0.1:")
+    assert viz.failure == ""
+    assert entities(tmp_path / "run.rrd")["/signals/along/contact_x"] == 100 + 1
+
+
+def test_machine_without_a_viewer_still_writes_the_file(tmp_path):
+    def missing(address: str) -> None:
+        raise FileNotFoundError("rerun")
+
+    viz = Viz("live", tmp_path, STRIP, viewer=missing)
+    watch(viz, 20)
+    viz.close(60)
+    assert viz.failure == ""
+    assert entities(tmp_path / "run.rrd")["/signals/along/gripper_x"] == 20 + 1
+
+
+def test_file_that_cannot_be_written_ends_the_view_and_not_the_fold(tmp_path):
+    viz = Viz("save", tmp_path / "nowhere", STRIP)
+    viz.close(60)
+    watch(viz, 20)
+    assert "not recorded any more" in viz.failure
+
+
+def test_process_that_is_killed_leaves_a_recording(tmp_path):
+    script = f"""
+import os, signal, time
+from pathlib import Path
+import rerun as rr
+from cell.report.viz.recording import open_recording
+with open_recording(Path({str(tmp_path)!r})) as recording:
+    for k in range(200):
+        recording.set_time("t", duration=0.01 * k)
+        recording.log("signal", rr.Scalars(float(k)))
+    recording.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+    subprocess.run([sys.executable, "-c", script], check=False)
+    with pytest.warns(RerunWarning, match="no footer"):
+        rows = entities(tmp_path / "run.rrd")
+    assert rows["/signal"] == 200
+
+
+def test_watching_imports_rerun_only_in_its_thread():
+    code = "import sys, cell.report.viz.watch; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_shadow_is_the_simulated_strip():
+    path, t = triangular(STRIP.length), np.arange(0.0, 3.0, 0.01)
+    poses = path.poses(0.1 * t)
+    shadow = Shadow(STRIP)
+    shapes = [shadow.follow(float(time), pose) for time, pose in zip(t, poses, strict=True)]
+    motion = simulate(Rod(60), describe(STRIP), t, poses, shapes=True)
+    at = np.searchsorted(motion.t, t[-1] - 1e-9)
+    np.testing.assert_allclose(shapes[-1], motion.shapes[at], atol=1e-6)
+
+
+def test_shadow_that_cannot_follow_shows_nothing():
+    shadow = Shadow(STRIP)
+    shadow.follow(0.0, np.array([0.6, 0.0, 0.0]))
+    shadow.follow(0.01, np.array([np.nan, 0.0, 0.0]))
+    assert shadow.follow(0.02, np.array([0.6, 0.0, 0.0])).size == 0

@@ -1,0 +1,215 @@
+"""What protects people and robot is set, read and obeyed: thresholds, guards, scheduler, forces."""
+
+import os
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
+
+import drivers.arm.robot
+from drivers.arm.arm import FciArm
+from drivers.arm.bridge import Bridge
+from drivers.arm.errands import go_to
+from drivers.arm.failure import Cause
+from drivers.arm.force import ForceGuard
+from drivers.arm.guard import ReachGuard, Soon
+from drivers.arm.hand import FciHand
+from drivers.arm.messages import Kind
+from drivers.arm.plane import StripPlane
+from drivers.arm.robot import Robot
+from drivers.arm.settings import FciSettings, HandLimits
+from drivers.arm.way import follow_joints
+from drivers.clock import WallClock
+from drivers.errors import Fault
+from drivers.fci_server.faults import ContactFault
+from drivers.fci_server.hand_wire import HandCommand
+from drivers.fci_server.server import RobotServer
+from drivers.geometry import CellInRobot
+from drivers.installation import Installation
+from drivers.limits import AxisLimits, MotionLimits
+from drivers.types import HandState, Pose, Velocity
+from tests.drivers.arm.fake_robot import FakeRobot
+from tests.drivers.arm.lossy_robot import LossyRobot
+from tests.drivers.arm.served import COLLISION, near, served, task
+from tests.drivers.arm.test_loop import INSTALLATION, JOINTS, PLANE, START, begun_with, columns
+
+STILL = Velocity(0.0, 0.0, 0.0)
+
+
+def assert_collision_thresholds(server: RobotServer) -> None:
+    """Those of the settings, each quantity at its own, in every phase of a motion."""
+    found, wanted = server.robot.configuration.thresholds, COLLISION
+    torque = [[wanted.torque_lower] * 7, [wanted.torque_upper] * 7]
+    lower = [wanted.force_lower] * 3 + [wanted.moment_lower] * 3
+    upper = [wanted.force_upper] * 3 + [wanted.moment_upper] * 3
+    for rows in (found.torque_accelerating, found.torque_nominal):
+        assert rows.tolist() == torque
+    for rows in (found.force_accelerating, found.force_nominal):
+        assert rows.tolist() == [lower, upper]
+
+
+def test_collision_thresholds_are_set_before_the_plane_s_motion() -> None:
+    with served() as server:
+        bridge = Bridge(task(server))
+        bridge.close()
+        assert_collision_thresholds(server)
+
+
+def test_collision_thresholds_are_set_before_the_way_home() -> None:
+    with served() as server:
+        go_to(task(server), near(), 1.0)
+        assert_collision_thresholds(server)
+
+
+def test_guard_stops_the_way_home() -> None:
+    push = ContactFault(kind="contact", at=60, force=(0.0, 0.0, 20.0))
+    with served(faults=[push]) as server:
+        with pytest.raises(Fault, match=r"20\.0 N, allowed 15\.0 N") as fault:
+            go_to(task(server), near(0.3), 1.0)
+        assert fault.value.name == "arm_contact"
+        assert server.robot.posture.q[0] < near(0.2)[0]
+
+
+def test_reported_force_points_as_the_cell_s_axes_do() -> None:
+    plane = StripPlane(CellInRobot.from_yaw(0.3, 0.1, 0.0, np.pi / 2))
+    along_x_of_the_cell, up = [0.0, 3.0, 0.0, 0, 0, 0], [0.0, 0.0, 5.0, 0, 0, 0]
+    assert plane.force(along_x_of_the_cell) == pytest.approx((3.0, 0.0))
+    assert plane.force(up) == pytest.approx((0.0, 5.0))
+
+
+@pytest.mark.parametrize(("speed", "found"), [(-0.2, "joint 2 comes to its end"), (0.2, "")])
+def test_guard_looks_where_a_braking_arm_comes_to_rest(speed: float, found: str) -> None:
+    guard = ReachGuard(StripPlane(PLANE), INSTALLATION.limits, JOINTS)
+    x, z, pitch = START
+    while z > -0.155:  # 15 mm above where joint 2 is at its end; braking takes 25 mm
+        assert guard.objection(Soon(Pose(x, z, pitch), STILL, STILL)) == ""
+        z -= 0.005
+    assert guard.objection(Soon(Pose(x, z, pitch), Velocity(0.0, speed, 0.0), STILL)) == found
+
+
+@pytest.mark.parametrize(("realtime", "restored"), [("ignore", 1), ("priority", 1), ("enforce", 0)])
+def test_library_s_scheduling_stays_only_where_it_is_enforced(
+    monkeypatch, realtime: str, restored: int
+) -> None:
+    modes, calls = [], []
+    library = SimpleNamespace(
+        Robot=lambda _, mode: modes.append(mode),
+        RealtimeConfig=drivers.arm.robot.franka.RealtimeConfig,
+    )
+    monkeypatch.setattr(drivers.arm.robot, "franka", library)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given))
+    Robot("127.0.0.1", FciSettings(realtime=realtime))
+    assert len(calls) == restored
+    assert modes == [
+        library.RealtimeConfig.kEnforce if realtime == "enforce" else library.RealtimeConfig.kIgnore
+    ]
+
+
+def rested(hand: FciHand, clock: WallClock) -> HandState:
+    """The hand's state once its fingers no longer move."""
+    while (state := hand.state()).moving:
+        clock.wait_until(clock.now() + 0.01)
+    return state
+
+
+def test_fingers_that_move_are_stopped_before_they_move_otherwise() -> None:
+    with served() as server:
+        heard: list[HandCommand] = []
+        begin = server.hand.begin
+        server.hand.begin = lambda request: (heard.append(request.command), begin(request))[1]
+        clock = WallClock()
+        hand = FciHand(server.address, HandLimits(opening=0.08), clock)
+        hand.open()
+        hand.grasp()
+        rested(hand, clock)
+        hand.close()
+        assert heard == [HandCommand.MOVE, HandCommand.STOP, HandCommand.GRASP]
+
+
+def test_failure_of_the_hand_is_named() -> None:
+    with served() as server:
+        clock = WallClock()
+        impossible = HandLimits.model_construct(**HandLimits().model_dump() | {"opening": 0.2})
+        hand = FciHand(server.address, impossible, clock)
+        hand.open()
+        with pytest.raises(Fault, match="could not do"):
+            rested(hand, clock)
+        hand.close()
+
+
+def test_pressed_user_stop_is_named_and_nothing_moves() -> None:
+    with served() as server:
+        server.robot.press_user_stop()
+        with pytest.raises(Fault) as fault:
+            go_to(task(server), near(), 1.0)
+        assert fault.value.name == "arm_user_stop"
+        assert server.robot.ticks == 0
+
+
+def test_pose_that_is_not_a_number_stops_the_arm() -> None:
+    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup.order(Kind.FOLLOW, -0.1, 0.0, 0.0)
+    setup.steps(50)
+    read = setup.robot.read
+
+    def broken(motion):
+        state = read(motion)
+        state.O_T_EE = [float("nan")] * 16
+        return state
+
+    setup.robot.read = broken
+    setup.steps(300)
+    assert setup.loop.halted is not None
+    assert setup.loop.halted.cause is Cause.NOT_FINITE
+
+
+def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
+    setup = begun_with(FakeRobot(columns(StripPlane(PLANE).matrix(*START)), JOINTS))
+    setup.order(Kind.MOVE, 0.84, START[1], START[2])
+    report = setup.steps(3000)
+    assert setup.loop.halted is not None
+    assert setup.loop.halted.cause is Cause.REACH
+    assert report.x < 0.75
+
+
+def test_speed_of_the_robot_bounds_that_of_the_cell() -> None:
+    found = FciSettings().installed(Installation(limits=MotionLimits()))
+    assert found.limits.pitch.acceleration == FciSettings().limits.pitch.acceleration
+    slow = MotionLimits(x=AxisLimits(velocity=0.01, acceleration=0.1, jerk=1.0))
+    assert FciSettings().installed(Installation(limits=slow)).limits.x == slow.x
+
+
+def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:
+    robot, rates = LossyRobot(JOINTS, 1, 1, share=0.0), []
+    written = robot.write_joints
+
+    def noted(*given, **named) -> None:
+        written(*given, **named)
+        rates.append(np.abs(robot.robot.posture.joints.velocity).max())
+
+    robot.write_joints = noted
+    follow_joints(robot, near(0.02), 0.1, ForceGuard(20.0), lambda: False)
+    assert 0.045 < max(rates) < 0.051  # a tenth of 0.5 rad/s
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        (lambda arm: arm.set_velocity(Velocity(5.0, 0.0, 0.0)), "velocity_refused"),
+        (lambda arm: arm.set_velocity(Velocity(0.0, 0.0, float("nan"))), "velocity_refused"),
+        (lambda arm: arm.move_to(Pose(3.0, 0.1, 0.0)), "outside_workspace"),
+    ],
+)
+def test_command_over_a_limit_never_reaches_the_loop(command, name: str) -> None:
+    orders: list[object] = []
+    bridge = SimpleNamespace(
+        lock_step=False, beat=lambda: None, order=lambda *given: orders.append(given)
+    )
+    arm = FciArm(lambda: bridge, WallClock(), INSTALLATION)
+    arm.connect()
+    with pytest.raises(Fault) as refused:
+        command(arm)
+    assert refused.value.name == name
+    assert not orders

@@ -1,0 +1,120 @@
+"""What the emulated arm weighs, meets and trails behind."""
+
+import numpy as np
+import pytest
+
+from drivers.fci_server.body_check import BodyCheck
+from drivers.fci_server.limits import TICK
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.publish import Publisher
+from drivers.fci_server.reflex import Reflex, Violation
+from drivers.fci_server.robot import resting_robot
+from drivers.fci_server.trailing import Trailing
+from drivers.franka.body import Box, Solids, apart, spheres
+from drivers.franka.gravity import CENTRES, GRAVITY, MASSES, holding_torques
+from drivers.franka.kinematics import FLANGE, FLANGE_TO_TIP, HOME, forward, frames
+from drivers.types import frozen
+
+FLOOR = Solids(frozen(np.eye(4)), (Box("floor", (-5, -5, -5), (5, 5, 0.0)),))
+HAND = frozen([-0.01, 0.0, 0.03])
+FOLDED = frozen([1.06, -1.42, -2.7, -2.49, 2.44, 3.79, 2.07])  # the wrist in the shoulder
+
+
+def test_torques_of_gravity_are_the_gradient_of_its_energy() -> None:
+    q = HOME + np.array([0.3, 0.2, -0.4, 0.3, 0.5, 0.2, 0.1])
+
+    def energy(joints: np.ndarray) -> float:
+        links = frames(joints)
+        heights = np.einsum("jk,jk->j", links[:, 2, :3], CENTRES) + links[:, 2, 3]
+        held = links[6] @ np.array([HAND[0], HAND[1], HAND[2] + FLANGE, 1.0])
+        return float(GRAVITY * (MASSES @ heights + 0.73 * held[2]))
+
+    steps = 1e-6 * np.eye(7)
+    gradient = [(energy(q + step) - energy(q - step)) / 2e-6 for step in steps]
+    assert holding_torques(q, 0.73, HAND) == pytest.approx(gradient, abs=1e-6)
+
+
+def test_state_holds_gravity_of_arm_hand_and_load() -> None:
+    robot, publisher = resting_robot(), Publisher()
+    publisher.datagram(robot)
+    torques = publisher._packet.fields["tau_J"]
+    assert torques == pytest.approx(holding_torques(HOME, 0.73, HAND), abs=1e-4)
+    assert np.abs(torques).max() > 10.0
+
+
+def test_spheres_of_the_hand_end_about_the_finger_tips() -> None:
+    q = HOME + 0.2
+    tip = forward(q, FLANGE_TO_TIP)[:3, 3]
+    assert np.linalg.norm(spheres(q) - tip, axis=-1).min() < 0.02
+
+
+def test_an_arm_folded_onto_itself_touches_itself() -> None:
+    assert apart(np.stack([HOME, FOLDED])) == pytest.approx(
+        [float(apart(HOME)), float(apart(FOLDED))]
+    )
+    assert apart(HOME) > 0.1
+    assert apart(FOLDED) < 0
+    with pytest.raises(Violation) as met:
+        BodyCheck().check(FOLDED)
+    assert met.value.reflex is Reflex.SELF_COLLISION_AVOIDANCE_VIOLATION
+
+
+def lowered(depth: float) -> np.ndarray:
+    """Joints from HOME on with the shoulder bent forward until the hand is down by `depth` rad."""
+    return HOME + np.array([0, depth, 0, 0, 0, 0, 0])
+
+
+def test_floor_stops_the_arm_once_and_lets_it_leave() -> None:
+    heights = [float(FLOOR.clearance(lowered(d)).min()) for d in np.linspace(0, 1.5, 16)]
+    assert heights[0] > 0.2
+    assert min(heights) < 0.0
+    check, low = BodyCheck(FLOOR), int(np.argmax(np.array(heights) < 0))
+    check.check(lowered(0.0))
+    with pytest.raises(Violation) as met:
+        check.check(lowered(0.1 * low))
+    assert met.value.reflex is Reflex.CARTESIAN_REFLEX
+    check.check(lowered(0.1 * low - 0.001))
+    with pytest.raises(Violation):
+        check.check(lowered(0.1 * low + 0.05))
+
+
+def test_nothing_is_passed_through_between_two_looks() -> None:
+    check, thin = BodyCheck(FLOOR), np.linspace(0, 1.5, 1501)
+    for depth in thin:
+        q = lowered(float(depth))
+        try:
+            check.check(q)
+        except Violation:
+            assert -0.003 < float(FLOOR.clearance(q).min()) < 0.0
+            return
+    pytest.fail("the floor stopped nothing")
+
+
+def test_arm_trails_its_setpoint_by_delay_and_lag() -> None:
+    posture = Posture.resting(np.array(HOME), FLANGE_TO_TIP)
+    trailing = Trailing.of(posture, FLANGE_TO_TIP, 0.005, 0.01)
+    assert trailing is not None
+    goal = HOME + 0.01
+    found = []
+    for _ in range(100):
+        trailing.tick(goal)
+        found.append(float(trailing.posture.q[0]))
+    assert found[:4] == [HOME[0]] * 4
+    assert found[5 + 10 - 1] == pytest.approx(0.01 * (1 - np.exp(-1)), rel=0.1)
+    assert found[-1] == pytest.approx(0.01, abs=1e-5)
+    assert trailing.posture.joints.velocity[0] == pytest.approx(0.0, abs=1e-3)
+    assert Trailing.of(posture, FLANGE_TO_TIP, 0.0, 0.0) is None
+
+
+def test_state_of_a_trailing_arm_is_behind_its_setpoint() -> None:
+    robot, publisher = resting_robot(), Publisher()
+    robot.trailing = Trailing.of(robot.posture, FLANGE_TO_TIP, 0.0, 0.02)
+    moved = robot.posture.q + 0.01
+    robot.posture = Posture.resting(moved, FLANGE_TO_TIP)
+    robot.trail()
+    publisher.datagram(robot)
+    fields = publisher._packet.fields
+    assert fields["q_d"] == pytest.approx(moved, abs=1e-6)
+    behind = 0.01 * np.exp(-TICK / 0.02)
+    assert fields["q_d"] - fields["q"] == pytest.approx(np.full(7, behind), rel=1e-3)
+    assert fields["O_T_EE"] != pytest.approx(fields["O_T_EE_c"], abs=1e-4)

@@ -1,0 +1,99 @@
+"""The compiled tick of a Cartesian motion against the formulas of `drivers.franka`."""
+
+import numpy as np
+import pytest
+
+from drivers.fci_server.generators import follow
+from drivers.fci_server.limits import TICK, Course, twist_of
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.reflex import Reflex, Violation
+from drivers.fci_server.wire import Generator, RobotCommand
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, elbow, pose_and_jacobian
+from drivers.franka.tracking import joint_step, rotation
+from drivers.types import Array
+
+FLIPPED = np.diag([1.0, -1.0, -1.0, 1.0])
+POSE, VELOCITY = Generator.CARTESIAN_POSE, Generator.CARTESIAN_VELOCITY
+
+
+def command(pose: Array, twist: Array, angle: tuple[float, float] | None = None) -> RobotCommand:
+    return RobotCommand(0, np.zeros(7), np.zeros(7), pose, twist, angle, finished=False)
+
+
+def postures(count: int = 40) -> list[Posture]:
+    rng = np.random.default_rng(5)
+    return [Posture.resting(HOME + rng.uniform(-0.4, 0.4, 7), FLANGE_TO_TIP) for _ in range(count)]
+
+
+def small_twists(count: int = 40) -> list[Array]:
+    """Within the jerk that a robot at rest allows."""
+    rng = np.random.default_rng(6)
+    return [2e-4 * rng.uniform(-1.0, 1.0, 6) for _ in range(count)]
+
+
+def test_postures_have_the_kinematics_of_the_arm() -> None:
+    for posture in postures():
+        pose, jacobian = pose_and_jacobian(posture.q, FLANGE_TO_TIP)
+        np.testing.assert_allclose(posture.reached, pose, atol=1e-14)
+        np.testing.assert_allclose(posture.jacobian, jacobian, atol=1e-14)
+        assert (posture.elbow, posture.elbow_sign) == elbow(posture.q)
+
+
+@pytest.mark.parametrize("generator", [POSE, VELOCITY])
+def test_one_tick_is_one_step_of_differential_inverse_kinematics(generator: Generator) -> None:
+    for old, twist in zip(postures(), small_twists(), strict=True):
+        pose = np.array(old.pose)
+        pose[:3, 3] += TICK * twist[:3]
+        pose[:3, :3] = rotation(TICK * twist[3:]) @ old.pose[:3, :3]
+        new = follow(generator, old, command(pose, twist), FLANGE_TO_TIP, first=True)
+        step = joint_step(old.q, old.reached, old.jacobian, pose, old.elbow)
+        np.testing.assert_allclose(new.q, old.q + step, atol=1e-12)
+        np.testing.assert_allclose(new.joints.velocity, step / TICK, atol=1e-9)
+        np.testing.assert_allclose(new.pose, pose, atol=1e-13)
+        np.testing.assert_allclose(new.reached, pose_and_jacobian(new.q)[0], atol=1e-14)
+        np.testing.assert_allclose(new.tool.velocity, twist_of(old.pose, pose), atol=1e-11)
+        np.testing.assert_allclose(new.tool.acceleration, twist / TICK, atol=1e-8)
+
+
+def test_a_commanded_elbow_turns_the_third_joint() -> None:
+    old = postures(1)[0]
+    asked = (old.elbow + 2e-6, old.elbow_sign)
+    new = follow(POSE, old, command(old.pose, np.zeros(6), asked), FLANGE_TO_TIP, first=True)
+    assert new.elbow == asked[0]
+    assert new.q[2] - old.q[2] == pytest.approx(2e-6, rel=1e-3)
+
+
+def broken(old: Posture, generator: Generator, pose: Array, twist: Array) -> Reflex:
+    with pytest.raises(Violation) as caught:
+        follow(generator, old, command(pose, twist), FLANGE_TO_TIP, first=False)
+    return caught.value.reflex
+
+
+def test_limits_are_named_in_their_order() -> None:
+    old = Posture.resting(np.array(HOME), FLANGE_TO_TIP)
+    along = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    names = [broken(old, VELOCITY, old.pose, speed * along).name for speed in (3.1, 0.1, 0.006)]
+    kinds = [name.removeprefix("CARTESIAN_MOTION_GENERATOR_") for name in names]
+    assert kinds == [
+        "VELOCITY_LIMITS_VIOLATION",
+        "VELOCITY_DISCONTINUITY",
+        "ACCELERATION_DISCONTINUITY",
+    ]
+
+
+def test_half_a_turn_in_one_tick_is_too_fast_about_any_axis() -> None:
+    old = Posture.resting(np.array(HOME), FLANGE_TO_TIP)
+    for turned in (FLIPPED, np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([-1.0, 1.0, -1.0, 1.0])):
+        reflex = broken(old, POSE, old.pose @ turned, np.zeros(6))
+        assert reflex is Reflex.CARTESIAN_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION
+
+
+def test_a_joint_too_fast_to_brake_before_its_end_is_refused() -> None:
+    q = np.array(HOME)
+    q[5] = 4.5169 - 0.002
+    rolling = Posture.of(q, FLANGE_TO_TIP, Course(0.3 * np.eye(7)[5], np.zeros(7)))
+    twist = rolling.jacobian @ rolling.joints.velocity
+    moving = Posture(rolling.vector.copy())
+    moving.tool.velocity[:] = twist
+    reflex = broken(moving, VELOCITY, moving.pose, twist)
+    assert reflex is Reflex.CARTESIAN_MOTION_GENERATOR_JOINT_VELOCITY_LIMITS_VIOLATION

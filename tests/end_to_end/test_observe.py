@@ -1,0 +1,53 @@
+"""A film of a fold gives what the cell itself saw, without the arm, by another encoder."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.folding.observe import ERRORS, observe
+from cell.record.files import CALIBRATION, OVERLAY
+from cell.record.film import Film
+from cell.record.run import Run, read_run
+from tests.support.filmed_folds import encoded_again, filmed
+
+WITHIN = 0.0005  # m rms
+FROM_GRIP = 0.01  # m about the held end, of which the fingers hide a part
+
+
+def distances(curve: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Distances (n,) of points (n, 2) from the polyline (m, 2)."""
+    a, way = line[:-1], np.diff(line, axis=0)
+    share = ((curve[:, None] - a) * way).sum(axis=2) / (way**2).sum(axis=1)
+    near = a + np.clip(share, 0.0, 1.0)[..., None] * way
+    return np.asarray(np.hypot(*(curve[:, None] - near).transpose(2, 0, 1)).min(axis=1))
+
+
+def off(seen: Run, own: Run, begin: float) -> np.ndarray:
+    """Distances [m] of all points seen in the film from the cell's own profiles."""
+    stamps = np.array([stamp for stamp, _ in own.profile.curves()])
+    lines = [line for _, line in own.profile.curves()]
+    found = []
+    for stamp, curve in seen.profile.curves():
+        at = int(np.argmin(np.abs(stamps - (stamp + begin))))
+        if abs(stamps[at] - (stamp + begin)) < 0.002:
+            away = np.hypot(*(curve - curve[-1]).T) > FROM_GRIP
+            found.append(distances(curve[away], lines[at]))
+    return np.concatenate(found)
+
+
+@pytest.mark.slow
+def test_a_film_by_another_encoder_gives_the_profiles_of_the_cell(tmp_path: Path) -> None:
+    own, film, begin = filmed("denim", "triangular", tmp_path)
+    again = encoded_again(film, "libx265")
+    found = observe(again, own.folder / CALIBRATION, "denim", tmp_path / "seen")
+    seen = read_run(found.folder)
+    error = off(seen, own, begin)
+    assert np.sqrt(np.mean(error**2)) < WITHIN
+    assert len(seen.profile.curves()) > 0.9 * len(own.profile.curves())
+    assert seen.result is not None
+    assert own.result is not None
+    assert seen.result.displacement == pytest.approx(
+        own.result.displacement, abs=ERRORS["displacement"]
+    )
+    assert sum(1 for _ in Film(found.folder / OVERLAY).frames()) > found.images

@@ -1,0 +1,95 @@
+"""Motions written down, the standard ones among them, and the policy that makes them."""
+
+import numpy as np
+import pytest
+
+from drivers.errors import ConfigurationError
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.rod.engine import Rod
+from policies.experiments.motion import Go, Rest, Shake, motion
+from policies.experiments.scripted import FASTEST
+from policies.experiments.standard import FIRST, STANDARD, TWICE, standard_order
+from policies.path import triangular
+from policies.registry import make_policy, policy_names
+from policies.rollout import Rollout, roll_out
+from policies.sensing import EXACT
+from tests.support.gap_strip_cases import STRIP
+
+SPEED = 0.1
+
+
+def test_a_motion_goes_there_and_back_and_waits() -> None:
+    path = triangular(0.6)
+    made = motion(path, (Go(0.5), Go(0.25), Rest(1.0), Go(1.0)), SPEED)
+    half, quarter = 0.5 * path.length, 0.25 * path.length
+    assert made.duration == pytest.approx((half + quarter + 0.75 * path.length) / SPEED + 1.0)
+    np.testing.assert_allclose(made.at(half / SPEED), path.at(half))
+    back = (half + quarter) / SPEED
+    np.testing.assert_allclose(made.at(np.array([back, back + 0.9])), path.at([quarter, quarter]))
+    np.testing.assert_allclose(made.at(made.duration), path.points[-1])
+
+
+def test_a_shake_begins_and_ends_where_the_path_is() -> None:
+    shake = Shake(0.01, 2.0, 4)
+    made = motion(triangular(0.6), (Go(0.4), shake, Go(1.0)), SPEED)
+    begin, shaken = made.shakes[0]
+    time = begin + np.linspace(0.0, shaken.duration, 400)
+    off = made.at(time) - made.path.at(made.travel(time))
+    assert np.abs(off[[0, -1]]).max() < 1e-9
+    assert np.abs(off[:, 0]).max() == pytest.approx(0.01, rel=0.01)
+    assert np.abs(off[:, 1]).max() == 0.0
+
+
+def test_a_motion_knows_when_it_passes() -> None:
+    made = motion(triangular(0.6), (Go(0.6), Go(0.2), Go(1.0)), SPEED)
+    assert made.travel(made.passing(0.3)) == pytest.approx(0.3)
+    assert made.passing(0.3) == pytest.approx(3.0)
+
+
+def test_standard_runs_begin_and_end_alike_and_are_shuffled() -> None:
+    orders = [standard_order(np.random.default_rng(seed)) for seed in range(5)]
+    for order in orders:
+        assert order[0] == order[-1] == FIRST
+        assert sorted(order[1:-1]) == sorted([*(set(STANDARD) - {FIRST}), TWICE])
+    assert len({tuple(order) for order in orders}) > 1
+    assert orders[0] == standard_order(np.random.default_rng(0))
+
+
+def test_standard_motions_cover_speeds_heights_and_kinds() -> None:
+    assert len({standard.speed for standard in STANDARD.values()}) == 3
+    tops = {round(float(s.of(0.6).path.points[:, 1].max()), 3) for s in STANDARD.values()}
+    assert len(tops) >= 3
+    assert max(tops) < 0.35  # seen by the camera
+    for standard in STANDARD.values():
+        path = standard.of(0.6).path
+        climb = path.at(np.linspace(0.0, 0.1, 20))
+        assert (np.diff(climb[:, 1]) > 0).all()
+
+
+@pytest.mark.parametrize("name", STANDARD)
+def test_the_policy_makes_its_motion(name: str) -> None:
+    strip = load_strip(STRIP)
+    standard = STANDARD[name]
+    policy = make_policy(f"motion:{name}")
+    assert policy.name == f"motion:{name}"
+    settings = Rollout(speed=standard.speed, sensing=EXACT, patience=4.0)
+    made = roll_out(
+        policy, Rod(60), strip, [describe(strip)] * 2, settings=settings,
+        rng=np.random.default_rng(0),
+    )  # fmt: skip
+    trace = made.trace[:, 0]
+    planned = standard.of(strip.length).at(np.arange(0.0, 40.0, 0.005))
+    away = np.linalg.norm(trace[:, None] - planned[None], axis=2).min(axis=1)
+    assert away.max() < 0.006
+    assert made.touched.all() == (name != "taut-lift")
+    step = np.linalg.norm(np.diff(trace, axis=0), axis=1).max() * settings.rate
+    assert step < 1.1 * FASTEST
+
+
+def test_motions_are_no_policies_to_choose_from() -> None:
+    assert not any(name.startswith("motion:") for name in policy_names())
+
+
+def test_an_unknown_motion_names_the_known_ones() -> None:
+    with pytest.raises(ConfigurationError, match="motion:normal"):
+        make_policy("motion:nowhere")

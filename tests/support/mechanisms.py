@@ -1,0 +1,100 @@
+"""A small arm with two motors, and runs of it made by plain MuJoCo with hidden causes."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import yaml
+
+from cell.gap.subject.mechanism.importer import write_run
+from drivers.types import Array
+
+ARM = """<mujoco model="arm">
+  <compiler angle="radian"/>
+  <option gravity="0 0 -9.81" integrator="RK4" timestep="0.002"/>
+  <worldbody>
+    <body name="upper">
+      <inertial pos="0 0 -0.15" mass="1.0" diaginertia="0.01 0.01 0.001"/>
+      <joint name="shoulder" axis="0 1 0" damping="0.3" armature="0.02"/>
+      <geom name="upper" type="capsule" fromto="0 0 0 0 0 -0.3" size="0.02" mass="0"/>
+      <body name="lower" pos="0 0 -0.3">
+        <inertial pos="0 0 -0.12" mass="0.5" diaginertia="0.004 0.004 0.0005"/>
+        <joint name="elbow" axis="0 1 0" damping="0.1" armature="0.01"/>
+        <geom name="lower" type="capsule" fromto="0 0 0 0 0 -0.24" size="0.02" mass="0"/>
+        <site name="tip" pos="0 0 -0.24"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="a1" joint="shoulder" kp="60"/>
+    <position name="a2" joint="elbow" kp="30"/>
+  </actuator>
+</mujoco>
+"""
+FORWARD: dict[str, Any] = {
+    "schema": 1, "kind": "mechanism", "name": "arm", "model": "arm.xml", "mode": "forward",
+    "step": 0.002, "hold": 0.01,
+    "signals": {"shoulder": {"joint": "shoulder", "is": "position", "sigma": 3e-4},
+                "elbow": {"joint": "elbow", "is": "position", "sigma": 3e-4},
+                "a2_torque": {"actuator": "a2", "is": "torque", "sigma": 0.02}},
+    "inputs": {"a1": "ctrl", "a2": "ctrl"},
+    "start": {"position": "measured", "velocity": 0.0, "spread": 2e-3},
+    "uncertain": [{"joint": "*", "field": "damping", "spread": "50%"},
+                  {"body": "lower", "field": "mass", "spread": "1%"}],
+}  # fmt: skip
+PRESCRIBED: dict[str, Any] = {
+    **FORWARD, "mode": "prescribed",
+    "signals": {"t1": {"actuator": "a1", "is": "torque", "sigma": 0.02},
+                "t2": {"actuator": "a2", "is": "torque", "sigma": 0.02}},
+    "inputs": {"shoulder": "position", "elbow": "position"},
+}  # fmt: skip
+NOISE = {"shoulder": 3e-4, "elbow": 3e-4, "t1": 0.02, "t2": 0.02, "a2_torque": 0.02}
+Hidden = Callable[[Any], None]
+
+
+def make_arm(
+    folder: Path,
+    count: int = 6,
+    hidden: Hidden | None = None,
+    content: dict[str, Any] = FORWARD,
+    span: float = 3.0,
+) -> tuple[Path, Path]:
+    """The arm's file and folder of runs; `hidden` edits the plant that makes them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "arm.xml").write_text(ARM)
+    file = folder / "arm.yaml"
+    file.write_text(yaml.safe_dump(content, sort_keys=False))
+    model = mujoco.MjModel.from_xml_string(ARM)
+    model.opt.timestep = 0.0005
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    if hidden is not None:
+        hidden(model)
+    rng = np.random.default_rng(3)
+    for i in range(count):
+        columns = moved(model, 0.5 + 0.5 * i, span)
+        noisy = dict(columns)
+        for n, sigma in NOISE.items():
+            noisy[n] = columns[n] + rng.normal(0.0, sigma, len(columns[n]))
+        write_run(folder / "runs" / f"{i:02d}", noisy, {"mechanism": "arm", "index": i})
+    return file, folder / "runs"
+
+
+def moved(model: Any, rate: float, span: float, every: int = 10) -> dict[str, Array]:
+    """Columns (m,) of a motion under commands that go there and back, faster by `rate`."""
+    data, rows = mujoco.MjData(model), []
+    for k in range(round(span / model.opt.timestep)):
+        held = np.floor(data.time / 0.01 + 1e-6) * 0.01
+        data.ctrl[:] = (
+            0.8 * np.sin(2.0 * rate * held),
+            0.9 * np.sin(3.1 * rate * held) + 0.3 * np.sin(0.7 * rate * held),
+        )
+        if k % every == 0:
+            mujoco.mj_forward(model, data)
+            force = data.actuator_force.copy()
+            rows.append([data.time, *data.qpos, *data.ctrl, *force])
+        mujoco.mj_step(model, data)
+    t, q1, q2, u1, u2, f1, f2 = np.array(rows).T
+    return {"t": t, "shoulder": q1, "elbow": q2, "a1": u1, "a2": u2, "t1": f1, "t2": f2,
+            "a2_torque": f2}  # fmt: skip

@@ -1,0 +1,92 @@
+"""Folds of the twin as perception reads them: what the tests of perception hold it to."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calibration.calibration import Calibration
+from cell.perception.layer_touch import LayerTouch
+from cell.perception.measurement import SeenTouch
+from cell.perception.perception import Perception
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.studies.kit.twin_fold import FoldCamera, TwinFold
+from drivers.types import Array
+
+STRIPS = Path(__file__).parents[2] / "configs" / "strips"
+SPEED = 0.1  # m/s
+TAKE_OVER = 0.10  # m of height from which a policy decides
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Errors against the truth [m] per frame: `t` (k,), `contact` (k,), `profile` (k,) rms normal
+    to the true curve, `gap` (k,); the touch as seen and how much later it was told [s].
+    """
+
+    t: Array
+    contact: Array
+    profile: Array
+    touch: SeenTouch | None
+    told_after: float
+    fold: TwinFold
+
+    @property
+    def lateness(self) -> float:
+        """Time of the touch, seen minus true [s]."""
+        assert self.touch is not None
+        assert self.fold.touch is not None
+        return self.touch.time - self.fold.touch.time
+
+    @property
+    def displacement(self) -> float:
+        """Displacement, seen minus true [m]."""
+        assert self.touch is not None
+        assert self.fold.touch is not None
+        return self.touch.displacement - self.fold.touch.displacement
+
+
+def distances(points: Array, curve: Array) -> Array:
+    """Distance (n,) of points (n, 2) from a polyline (m, 2)."""
+    start, along = curve[:-1], np.diff(curve, axis=0)
+    offset = points[:, None] - start[None]
+    share = np.clip((offset * along).sum(axis=2) / (along**2).sum(axis=1), 0, 1)
+    gap = offset - share[..., None] * along
+    return np.asarray(np.hypot(gap[..., 0], gap[..., 1]).min(axis=1))
+
+
+def agreement(
+    fold: TwinFold, camera: FoldCamera, calibration: Calibration, *, every: int = 1
+) -> Agreement:
+    """Perception run over a fold's frames; every `every`-th one up to 0.5 s before the touch."""
+    assert fold.touch is not None
+    settings = PerceptionSettings()
+    preflight = inspect(camera.flat(fold.strip), calibration, settings, fold.strip)
+    assert preflight.passed, [check for check in preflight.checks if not check.passed]
+    assert preflight.appearance is not None
+    perception = Perception(calibration, settings, fold.strip, preflight.appearance)
+    detector = LayerTouch(settings, fold.strip)
+    rate = camera.settings.rate
+    rows, touch, told = [], None, float("nan")
+    first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
+    for sequence in range(int(first * rate) + 1, int(fold.t[-1] * rate)):
+        stamp = sequence / rate
+        if stamp < fold.touch.time - 0.5 and sequence % every:
+            continue
+        frame, pose = camera.frame(fold, sequence), fold.pose(stamp)
+        sight = perception.look(frame, pose)
+        touch = detector.tell(sight, pose)
+        if touch is not None:
+            told = stamp - fold.touch.time
+            break
+        off = distances(sight.profile, fold.shape(stamp)) if len(sight.profile) else [np.nan]
+        rms = float(np.sqrt(np.mean(np.square(off))))
+        rows.append((stamp, sight.contact_x - fold.contact_x(stamp), rms))
+    t, contact, profile = np.array(rows).T
+    return Agreement(t, contact, profile, touch, told, fold)
+
+
+def rms(values: Array) -> float:
+    """Root mean square, unseen ones left out."""
+    return float(np.sqrt(np.nanmean(np.square(values))))

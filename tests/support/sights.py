@@ -1,0 +1,35 @@
+"""Sights that a process beside the loop can be given: they see what the image says in one pixel."""
+
+import time
+
+import numpy as np
+
+from cell.perception.beside import Seen
+from cell.perception.checks import PreflightCheck
+from cell.perception.measurement import SeenTouch, StripMeasurement
+
+HANGS, FAILS = 250, 251
+
+
+class PlainSight:
+    """Measures nothing: the first pixel becomes the confidence; 250 hangs, 251 fails."""
+
+    def __init__(self, subject) -> None:
+        self.subject = subject
+
+    def inspect(self, frame) -> tuple[PreflightCheck, ...]:
+        return (PreflightCheck("bright", bool(frame.image[0, 0, 0] > 9), "it is", "a lamp"),)
+
+    def look(self, frame, gripper, *, touches: bool) -> Seen:
+        value = int(frame.image[0, 0, 0])
+        if value == HANGS:
+            time.sleep(60.0)
+        if value == FAILS:
+            raise ZeroDivisionError("nobody foresaw this")
+        points = np.column_stack([np.arange(value) / 10, np.arange(value) / 20])
+        seen = StripMeasurement(
+            frame.stamp, frame.sequence, 0.3, value / 100, points, 0.9, (0.5, 0.1), np.nan, np.nan,
+            (gripper.x, gripper.z),
+        )  # fmt: skip
+        touch = SeenTouch(frame.stamp, 0.2, 0.3, 0.31, 0.8, 0.001) if touches else None
+        return Seen(seen, touch)
