@@ -1,6 +1,5 @@
 """The hand as users report it: not homed, missing thin things, deaf to stops; never waited for."""
 
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -15,6 +14,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.types import HandState
 
 DENIM = HandLimits().around(0.0008, 0.001)
+SLOW = DENIM.model_copy(update={"speed": 0.0001})  # minutes to close: no loaded machine sees its end
 
 
 @contextmanager
@@ -97,17 +97,16 @@ def test_strip_that_slips_out_is_seen(felt: float) -> None:
 
 
 def test_stop_that_is_not_heard_is_repeated() -> None:
-    with driven(None, DENIM, deaf=1) as (server, hand, heard):
+    with driven(None, SLOW, deaf=1) as (server, hand, heard):
         hand.grasp()
         hand.stop()
         rested(hand)
-        assert heard == [HandCommand.GRASP, HandCommand.STOP, HandCommand.STOP]
+        assert heard[:3] == [HandCommand.GRASP, HandCommand.STOP, HandCommand.STOP]
         assert server.hand.width > 0.0
 
 
 def test_hand_that_hears_no_stop_is_a_fault() -> None:
-    slow = DENIM.model_copy(update={"speed": 0.0001})
-    with driven(None, slow, deaf=99) as (_, hand, heard):
+    with driven(None, SLOW, deaf=99) as (_, hand, heard):
         hand.grasp()
         hand.stop()
         with pytest.raises(Fault, match="after 3 stops") as fault:
@@ -117,13 +116,10 @@ def test_hand_that_hears_no_stop_is_a_fault() -> None:
 
 
 def test_no_call_waits_for_the_fingers() -> None:
-    slow = DENIM.model_copy(update={"speed": 0.001})
-    with driven(None, slow, deaf=2) as (_, hand, _):
-        hand.state()  # connects
-        for call in (hand.grasp, hand.state, hand.open, hand.stop, hand.state, hand.grasp):
-            begun = time.perf_counter()
+    with driven(None, SLOW, deaf=2) as (server, hand, _):
+        for call in (hand.state, hand.grasp, hand.state, hand.open, hand.stop, hand.state):
             call()
-            assert time.perf_counter() - begun < 0.1
+        assert server.hand.width > 0.019  # a call that waited would return at 0
 
 
 def test_window_follows_the_calipers() -> None:
