@@ -14,7 +14,7 @@ from drivers.fci_server.server import RobotServer
 from drivers.types import HandState
 
 DENIM = HandLimits().around(0.0008, 0.001)
-SLOW = DENIM.model_copy(update={"speed": 0.0001})  # minutes to close: no loaded machine sees its end
+SLOW = DENIM.model_copy(update={"speed": 0.0001})  # minutes to close
 
 
 @contextmanager

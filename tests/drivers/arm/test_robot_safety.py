@@ -125,7 +125,7 @@ def test_fingers_that_move_are_stopped_before_they_move_otherwise() -> None:
         hand.grasp()
         rested(hand, clock)
         hand.close()
-        assert [HandCommand.MOVE, HandCommand.STOP, HandCommand.GRASP] == list(dict.fromkeys(heard))
+        assert list(dict.fromkeys(heard)) == [HandCommand.MOVE, HandCommand.STOP, HandCommand.GRASP]
 
 
 def test_failure_of_the_hand_is_named() -> None:
