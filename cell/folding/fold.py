@@ -15,7 +15,7 @@ from calibration.calibration import Calibration, save_calibration
 from cell.arm.arm_settings import at_speed, suited
 from cell.arm.real_robot import is_real, slowed
 from cell.calibrating.calibrate import calibration_of
-from cell.calibrating.calibration_in_use import check_usable, recorded
+from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unknown import NAME as UNKNOWN
@@ -257,7 +257,7 @@ def run_header(
             "arm": choice.arm or settings.drivers.arm,
             "camera": choice.camera or settings.drivers.camera,
         },
-        "calibration": recorded(calibration, datetime.now(UTC)),
+        "calibration": record_entry(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),

@@ -66,12 +66,14 @@ def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agree
 
 
 def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    seen = fold.binned(fold.profile)
+    seen = fold.bin_curves(fold.profile)
     middle = _parameters(foretold)
     sigma = np.maximum(_sigmas(foretold), LEAST)
     at, residual = middle, np.nan
     for _ in range(PASSES):
-        curves = simulated([_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold)
+        curves = simulate_profiles(
+            [_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold
+        )
         if curves is None:
             return None
         design, off = _design(curves, fold.spacing), seen - curves[0]
@@ -85,7 +87,7 @@ def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agre
     return Agreement(residual, ROUGH * float(np.expm1(at[2])))
 
 
-def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
+def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None where one
     fails.
     """
@@ -104,7 +106,7 @@ def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     for i in range(len(models)):
         arcs = np.broadcast_to(arc[i], (len(times), arc.shape[1]))
         curves = profiles(shown.shapes[:, i], arcs, contact[:, i], grip)
-        found.append(fold.binned((1.0 - part) * curves[j] + part * curves[j + 1]))
+        found.append(fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1]))
     return np.array(found)
 
 

@@ -15,7 +15,7 @@ from policies.adaptive.features import USUAL, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
 from policies.foretelling import Foretold
-from policies.path import Path, unpushed
+from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
@@ -81,7 +81,7 @@ class Adaptive:
 
     def lift(self) -> Path:
         """Up without a push on the strip."""
-        return unpushed(self._length)
+        return vertical_lift(self._length)
 
     @property
     def rise(self) -> Array:
@@ -105,24 +105,24 @@ class Adaptive:
         """Towards the line of each strip, moved by what its images foretell."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
-        judgement = self._judged(inputs, fresh)
+        judgement = self._judge(inputs, fresh)
         self.blind = observation.time - self._features.newest > BLIND
         self._fold = self._fold._replace(
-            rise=self._moved(judgement, observation.time), time=observation.time
+            rise=self._smooth_rise(judgement, observation.time), time=observation.time
         )
         return self._steering.decide(observation.x, observation.z, self.rise)
 
-    def _judged(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
+    def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
         """The judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
-        whitened = self.critic.whitened(inputs)
-        memory = self._fold.memory + fresh[:, None] * self.critic.recalled(whitened)
+        whitened = self.critic.whiten(inputs)
+        memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         told = self._fold.told + fresh
         self._fold = self._fold._replace(memory=memory, told=told)
         self.judgement = self.critic.judge(whitened, memory / np.maximum(told, 1)[:, None])
         self._recent.append(self.judgement)
         return self.judgement
 
-    def _moved(self, judgement: Judgement, time: Array) -> Array:
+    def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
         """The rises (n,) at which d is as wanted, approached smoothly."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         aim = self.transfer.roll.aim(judgement.belief) - self._seen - self._unseen

@@ -72,21 +72,21 @@ def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     strips = [draw(rng, length) for _ in range(settings.folds)]
     rich = np.array([needs_terms(describe(strip)) for strip in strips])
     parts = [
-        _folded(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
+        _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
         for kind in (~rich, rich)
         if kind.any()
     ]
-    return gathered(parts)
+    return concatenate(parts)
 
 
-def gathered(pieces: list[Piece]) -> Piece:
+def concatenate(pieces: list[Piece]) -> Piece:
     """All folds of `pieces`, the shorter ones padded."""
     longest = max(piece.moved.shape[1] for piece in pieces)
-    padded = [_padded(piece, longest) for piece in pieces]
+    padded = [_pad(piece, longest) for piece in pieces]
     return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
-def _padded(piece: Piece, length: int) -> Piece:
+def _pad(piece: Piece, length: int) -> Piece:
     """The piece with `length` kept decisions; those added are not alive."""
     more = length - piece.moved.shape[1]
 
@@ -101,7 +101,7 @@ def _padded(piece: Piece, length: int) -> Piece:
     )
 
 
-def _folded(
+def _fold_strips(
     settings: CriticSettings,
     strips: list[StripFile],
     turn: int,

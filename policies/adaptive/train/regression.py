@@ -68,7 +68,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
 
 
-def used(settings: CriticSettings) -> Array:
+def input_mask(settings: CriticSettings) -> Array:
     """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
     for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
@@ -89,14 +89,14 @@ def fit(
     try:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            return _fitted(piece, settings, epochs, start)
+            return _fit(piece, settings, epochs, start)
     finally:
         torch.set_num_threads(threads)
 
 
-def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
+def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
-    whiten = whiten * used(settings)[:, None]
+    whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
@@ -110,7 +110,7 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
         order = torch.randperm(len(data[0]))[: rounds * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            loss = _loss(network, _biased([part[batch] for part in data], blur))
+            loss = _loss(network, _add_bias([part[batch] for part in data], blur))
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
@@ -140,7 +140,7 @@ def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 
-def _biased(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
+def _add_bias(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
     whitened, *others = batch
     return [whitened + (biases(len(whitened)) @ whiten)[:, None], *others]
 

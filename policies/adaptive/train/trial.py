@@ -31,7 +31,7 @@ class Trial:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
+def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
     """`critic` with sigmas that hold their share of the outcomes of `piece`, and the trial."""
     ratios = off_over_sigma(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
@@ -57,8 +57,8 @@ def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array
     left = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
     for k in range(piece.alive.shape[1]):
         alive = piece.alive[:, k]
-        whitened = critic.whitened(piece.inputs[:, k].astype(np.float64))
-        memory += alive[:, None] * critic.recalled(whitened)
+        whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
+        memory += alive[:, None] * critic.memorise(whitened)
         told += alive[:, None]
         judged = critic.judge(whitened, memory / np.maximum(told, 1))
         near = alive & (left[:, k] <= last) & np.isfinite(piece.displacement)
