@@ -10,7 +10,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.foretelling import Estimate, Foretold
+from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
 RESIDUAL = 0.00075  # m, largest of folds that behave like the model
@@ -55,20 +55,20 @@ class Agreement:
         return f"its yarns rub as {friction:.0f} 1/m, up to {FRICTION:.0f} 1/m are usual"
 
 
-def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    """How a rod like `strip`, with the parameters `foretold`, agrees with a measured `fold`.
+def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
+    """How a rod like `strip`, with the parameters `predicted`, agrees with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
     error of their stamps; what remains is neither. None where too little was measured, or where the
     rod cannot follow.
     """
-    return _fit_strip(strip, foretold, fold) if fold.usable else None
+    return _fit_strip(strip, predicted, fold) if fold.usable else None
 
 
-def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
+def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
     seen = fold.bin_curves(fold.profile)
-    middle = _parameters(foretold)
-    sigma = np.maximum(_sigmas(foretold), LEAST)
+    middle = _parameters(predicted)
+    sigma = np.maximum(_sigmas(predicted), LEAST)
     at, residual = middle, np.nan
     for _ in range(PASSES):
         curves = simulate_profiles(
@@ -144,17 +144,17 @@ def _model(strip: StripFile, at: Array) -> StripModel:
     return describe(strip.model_copy(update={**changed, "effects": effects}))
 
 
-def _parameters(foretold: Foretold) -> Array:
-    friction = np.log1p(foretold.yield_curvature.value / ROUGH)
-    lengths = foretold.bending_length.value, foretold.retardation_time.value
+def _parameters(predicted: FoldPrediction) -> Array:
+    friction = np.log1p(predicted.yield_curvature.value / ROUGH)
+    lengths = predicted.bending_length.value, predicted.retardation_time.value
     return np.array([*np.log(lengths), friction])
 
 
-def _sigmas(foretold: Foretold) -> Array:
+def _sigmas(predicted: FoldPrediction) -> Array:
     def half(estimate: Estimate) -> float:
         return 0.5 * float(np.log(estimate.high / estimate.low))
 
-    friction = foretold.yield_curvature
+    friction = predicted.yield_curvature
     low, high = (np.log1p(value / ROUGH) for value in (friction.low, friction.high))
-    times = half(foretold.bending_length), half(foretold.retardation_time)
+    times = half(predicted.bending_length), half(predicted.retardation_time)
     return np.array([*times, 0.5 * (high - low)])

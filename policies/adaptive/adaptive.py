@@ -14,13 +14,13 @@ from policies.adaptive.critic import Critic, Judgement, middle
 from policies.adaptive.features import USUAL, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
-from policies.foretelling import Foretold
 from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
+from policies.prediction import FoldPrediction
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
 BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
-TOLD = 5  # judgements whose middle is foretold
+TOLD = 5  # judgements whose middle is predicted
 LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
@@ -88,13 +88,13 @@ class Adaptive:
         """Rises (n,) [m] of the lines that the grippers come down on."""
         return self._fold.rise
 
-    def foretold(self) -> Foretold | None:
+    def prediction(self) -> FoldPrediction | None:
         """What images are expected to show of the first fold; None before the first decision."""
         if not self._recent:
             return None
         judged = middle(self._recent)
         bias = self.transfer.bias.of(judged.belief, self._thickness)
-        return Foretold(
+        return FoldPrediction(
             displacement=float(judged.displacement[0] - bias[0] + self._seen),
             sigma=float(self.transfer.bias.sigma_of(judged.sigma, self._thickness)[0]),
             **judged.belief.first(),
@@ -102,7 +102,7 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Towards the line of each strip, moved by what its images foretell."""
+        """Towards the line of each strip, moved by what its images predict."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
         judgement = self._judge(inputs, fresh)

@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from drivers.types import Array
-from policies.foretelling import Estimate
+from policies.prediction import Estimate
 
 STEEPEST, FLATTEST = 2.0, 0.1  # of dd/dr that are believed
 DISPLACEMENT, SLOPE, SPREAD = range(3)

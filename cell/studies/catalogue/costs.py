@@ -72,7 +72,7 @@ def decision(seed: int) -> Mapping[str, list[float]]:
     for seen, _ in kept.seen:
         begun = time.thread_time()
         policy.decide(seen)
-        policy.foretold()
+        policy.prediction()
         costs.append(1e3 * (time.thread_time() - begun))
     return {"decision": costs}
 

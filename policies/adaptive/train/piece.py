@@ -32,14 +32,14 @@ T = TypeVar("T", bound=np.generic)
 
 class Piece(NamedTuple):
     """n folds at k kept decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept from
-    then on minus the one in the inputs; `alive` (n, k), before the touch; `foretold` (n, k), at or
+    then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k), at or
     after the last switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
     """
 
     inputs: Array
     moved: Array
     alive: Flags
-    foretold: Flags
+    predicted: Flags
     displacement: Array
     strip: Array
 
@@ -97,7 +97,7 @@ def _pad(piece: Piece, length: int) -> Piece:
         inputs=longer(piece.inputs),
         moved=longer(piece.moved),
         alive=longer(piece.alive),
-        foretold=longer(piece.foretold),
+        predicted=longer(piece.predicted),
     )
 
 
@@ -127,7 +127,7 @@ def _fold_strips(
         inputs=inputs,
         moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
         alive=times < ended[:, None],
-        foretold=(steps >= explorer.switch[:, None]) | trial,
+        predicted=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
         strip=np.array([truth(strip) for strip in strips]),
     )

@@ -134,9 +134,9 @@ def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
     whitened = whitened.clip(-FAR, FAR)
     known = np.isfinite(piece.displacement)
-    foretold = piece.foretold & piece.alive & known[:, None]
+    predicted = piece.predicted & piece.alive & known[:, None]
     displacement = np.nan_to_num(piece.displacement) / UNIT
-    arrays = (whitened, piece.moved / UNIT, piece.alive, foretold, displacement, piece.strip)
+    arrays = (whitened, piece.moved / UNIT, piece.alive, predicted, displacement, piece.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 
@@ -146,19 +146,19 @@ def _add_bias(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
 
 
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:
-    whitened, moved, alive, foretold, displacement, strip = batch
-    # moments that foretell a displacement first, at random; a fold with few repeats some
-    score = torch.rand(alive.shape) + foretold + alive
+    whitened, moved, alive, predicted, displacement, strip = batch
+    # moments that predict a displacement first, at random; a fold with few repeats some
+    score = torch.rand(alive.shape) + predicted + alive
     picked = torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
     out = network(whitened, alive[..., None], picked)
-    moved, alive, foretold = (values.gather(1, picked) for values in (moved, alive, foretold))
+    moved, alive, predicted = (values.gather(1, picked) for values in (moved, alive, predicted))
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
     likely = _soft(error, spread, SOFT)
     off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
     belief = _soft(off, sure, 0.0).sum(dim=-1)
-    return _mean(likely, foretold) + BELIEF * _mean(belief, alive)
+    return _mean(likely, predicted) + BELIEF * _mean(belief, alive)
 
 
 def _soft(error: Tensor, spread: Tensor, power: float) -> Tensor:

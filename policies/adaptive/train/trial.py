@@ -16,7 +16,7 @@ WITHIN = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to
 @dataclass(frozen=True, slots=True)
 class Trial:
     """|d| over folds in the rod [m], and the share of outcomes within one and 1.96 sigma of what
-    was foretold at the touch.
+    was predicted at the touch.
     """
 
     folds: int
@@ -48,7 +48,7 @@ def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - foretold| / sigma of displacement and of the belief's three numbers, each (m,), at
+    """|outcome - predicted| / sigma of displacement and the belief's three numbers, (m,) each, at
     the `last` kept decisions before each touch.
     """
     found: list[list[Array]] = [[] for _ in range(4)]

@@ -57,7 +57,7 @@ def judged(displacement: float, length: float) -> Judgement:
     return Judgement(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
 
 
-def test_one_wild_judgement_of_five_is_not_foretold() -> None:
+def test_one_wild_judgement_of_five_is_not_predicted() -> None:
     usual = [judged(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
     found = middle([*usual, judged(-0.012, -2.0)])
     assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
@@ -145,7 +145,7 @@ def test_strip_or_speed_that_was_not_trained_is_refused(length: float, speed: fl
 
 def test_fold_that_rolls_further_is_displaced_further_to_the_other_side() -> None:
     critic = load_critic()
-    assert Adaptive(critic).foretold() is None
+    assert Adaptive(critic).prediction() is None
     whitened = critic.whiten(critic.weights["mean"][None])
     belief = critic.judge(whitened, critic.memorise(whitened)).belief
     smooth = belief._replace(friction=0.0 * belief.friction)
