@@ -88,10 +88,10 @@ def planned(journal: Path, cases: int, workers: int) -> str:
     most = next(
         (n for n in (2**k for k in range(3, 16)) if plan(costs, n, HANDED_OUT)[1] < 0.9), None
     )
+    many = f"{cases} cases of {walls.mean():.1f} s of processor ({len(walls)} measured)"
     return (
-        f"{cases} cases of {walls.mean():.1f} s of processor in the mean ({walls.max():.0f} at "
-        f"most, {len(walls)} measured): {costs.sum() / 3600:.1f} hours of one core, {hours:.2f} hours on "
-        f"{workers} workers, {100 * busy:.0f} % of them busy; under 90 % from {most} workers on"
+        f"{many}: {costs.sum() / 3600:.1f} hours of one core, {hours:.2f} hours on {workers} "
+        f"workers, {100 * busy:.0f} % of them busy; under 90 % from {most} workers on"
     )
 
 
