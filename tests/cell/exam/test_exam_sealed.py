@@ -15,7 +15,7 @@ from cell.campaign.progress import Quiet
 from cell.exam.case import Case, Kind
 from cell.exam.cases.answer_key import Sources, open_key, seal
 from cell.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
-from cell.exam.run_case import VERDICTS
+from cell.exam.run_case import VERDICTS, keep_runs
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
 from cell.exam.scoring.results import Entry, Ledger
