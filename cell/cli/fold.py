@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from cell.folding.fold import Request
     from cell.folding.result import FoldResult
+    from cell.record.film import Encoder
 
 
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
@@ -26,6 +27,14 @@ class Frames(StrEnum):
 
     ALL = "all"
     KEY = "key"
+    NONE = "none"
+
+
+class Film(StrEnum):
+    """The encoder of a run's film."""
+
+    AV1 = "libsvtav1"
+    H264 = "libx264"
     NONE = "none"
 
 
@@ -92,6 +101,7 @@ def fold(
     runs: Runs = Path("runs"),
     configs: Configs = None,
     frames: Annotated[Frames | None, typer.Option(help="Which images to keep.")] = None,
+    film: Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")] = None,
     viz: Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")] = (
         Viz.SAVE
     ),
@@ -122,6 +132,7 @@ def fold(
         frames=frames.value if frames else None,
         truth=not no_truth,
         viz=viz.value,
+        film=encoder_of(configs, film),
         full_speed=full_speed,
         specimen=specimen,
     )
@@ -137,6 +148,27 @@ def fold(
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
     sys.exit(_folded(base, wanted, jobs, as_json=as_json))
+
+
+def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
+    """Encoder of the films, as asked or as the cell states; None, with a remark, where the library
+    is missing that nobody asked for by name.
+    """
+    from cell.config.places import find_configs
+    from cell.extras import require_library
+    from drivers.errors import ConfigurationError
+
+    wanted = film.value if film else find_configs(configs).cell().record.film
+    if wanted == "none":
+        return None
+    try:
+        require_library("av")
+    except ConfigurationError as missing:
+        if film:
+            raise
+        _remark(f"no film of the fold is kept: {missing}")
+        return None
+    return wanted
 
 
 def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:
