@@ -46,6 +46,8 @@ class Viz(StrEnum):
     OFF = "off"
 
 
+FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
+VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
 StripName = Annotated[
     str, typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length.")
 ]
@@ -101,10 +103,8 @@ def fold(
     runs: Runs = Path("runs"),
     configs: Configs = None,
     frames: Annotated[Frames | None, typer.Option(help="Which images to keep.")] = None,
-    film: Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")] = None,
-    viz: Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")] = (
-        Viz.SAVE
-    ),
+    film: FilmOption = None,
+    viz: VizOption = Viz.SAVE,
     dry_run: DryRun = False,
     rehearse: Rehearse = False,
     no_truth: NoTruth = False,

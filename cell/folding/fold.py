@@ -66,12 +66,12 @@ class Request:
     frames: Keep | None
     truth: bool
     viz: Mode | Literal["off"]
-    film: Encoder | None = None
     speed: float | None = None  # m/s on the path, instead of the cell's own
     full_speed: bool = False  # of a real robot, which is slowed otherwise
     specimen: str | None = None  # of the strip, as the operator names it
     correction: Correction = field(default_factory=lambda: Correction(0.0, 0.0))
     learns: bool = False  # whether the cell keeps the fold's bias
+    film: Encoder | None = None  # by which a film of its images is kept
 
 
 def fold(

@@ -104,5 +104,6 @@ class FrameWriter:
 
     def _note(self, frame: Frame, sha256: str | None, film: int | None = None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
-        note |= {"source": frame.source, "sha256": sha256}
-        write_all(self._index, json_line(note if film is None else note | {"film": film}))
+        place = {} if film is None else {"film": film}
+        line = json_line({**note, "source": frame.source, "sha256": sha256, **place})
+        write_all(self._index, line)

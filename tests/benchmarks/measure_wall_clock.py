@@ -1,6 +1,7 @@
 """How punctual the control loop is on the wall clock, whatever an image costs.
 
-python -m tests.benchmarks.measure_wall_clock [--folds 20] [--image 0.04] [--stops 5] [--idle 60] [--films 0]
+python -m tests.benchmarks.measure_wall_clock [--folds 20] [--image 0.04] [--stops 5] [--idle 60]
+    [--films 0]
 
 An emulated robot runs by the wall clock in a process of its own and knows no strip. A fold of the
 twin is recorded once; another process plays its images at 60 Hz, each where the gripper was when it
@@ -266,8 +267,8 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[fl
                 threading.Timer(wait, lambda: struck.append(cause(asked))).start()
 
     result = fold(
-        request(bench.configs, bench.folder / "runs", film=film), lambda _f, _s: (Watch(),), asked.is_set,
-        bench.calibration, opened=opened, sight=costly, page=False,
+        request(bench.configs, bench.folder / "runs", film=film), lambda _f, _s: (Watch(),),
+        asked.is_set, bench.calibration, opened=opened, sight=costly, page=False,
     )  # fmt: skip
     after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
     return f"{result.outcome}: {result.reason}", clock.late, min(after, default=float("nan"))

@@ -1,4 +1,4 @@
-"""The film of a run: every image at its own time, whatever happens to the process or the encoder."""
+"""The film of a run: every image at its own time, whatever befalls process or encoder."""
 
 import signal
 import subprocess
@@ -75,7 +75,8 @@ import time
 from pathlib import Path
 from cell.record.writer import RunWriter
 from tests.cell.record.test_run_film import frame
-writer = RunWriter.create(Path({str(tmp_path)!r}), {HEADER!r}, "none", patient=True, film="libsvtav1")
+root = Path({str(tmp_path)!r})
+writer = RunWriter.create(root, {HEADER!r}, "none", patient=True, film="libsvtav1")
 for sequence in range({IMAGES}):
     writer.frame(frame(sequence))
 time.sleep(600)
