@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json, Runs, check_names, policy_names
+from cell.cli.options import (
+    Arm,
+    Camera,
+    Configs,
+    Json,
+    Runs,
+    check_names,
+    policy_names,
+    strip_names,
+)
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -49,10 +58,17 @@ class Viz(StrEnum):
 FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
 VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
 StripName = Annotated[
-    str, typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length.")
+    str,
+    typer.Option(
+        help="Strip by name, a path to its .yaml file, or `unknown` with --length.",
+        autocompletion=strip_names,
+    ),
 ]
 PolicyName = Annotated[
-    str, typer.Option(help=f"How the gripper is moved: {', '.join(policy_names())}.")
+    str,
+    typer.Option(
+        help=f"How the gripper is moved: {', '.join(policy_names())}.", autocompletion=policy_names
+    ),
 ]
 Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
 Thickness = Annotated[
