@@ -12,7 +12,7 @@ from cell.__main__ import main
 from cell.cli.app import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "runbooks").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"`(cell [^`\n]+)`")
 RUN = [

@@ -27,7 +27,6 @@ app = typer.Typer(
     name="cell",
     help="Fold fabric strips with feedback from a camera, on hardware or on the digital twin.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json, Runs, check_names, policy_names
+from cell.cli.options import (
+    Arm,
+    Camera,
+    Configs,
+    Json,
+    Runs,
+    check_names,
+    policy_names,
+    strip_names,
+)
 from drivers.errors import CellError
 
 if TYPE_CHECKING:
@@ -16,6 +25,7 @@ if TYPE_CHECKING:
 
     from cell.folding.fold import Request
     from cell.folding.result import FoldResult
+    from cell.record.film import Encoder
 
 
 LARGEST_OFFSET = 0.1  # m, of edges that a fold can be asked to reach
@@ -29,6 +39,14 @@ class Frames(StrEnum):
     NONE = "none"
 
 
+class Film(StrEnum):
+    """The encoder of a run's film."""
+
+    AV1 = "libsvtav1"
+    H264 = "libx264"
+    NONE = "none"
+
+
 class Viz(StrEnum):
     """What happens with the Rerun recording."""
 
@@ -37,11 +55,20 @@ class Viz(StrEnum):
     OFF = "off"
 
 
+FilmOption = Annotated[Film | None, typer.Option(help="Encoder of the film of all images.")]
+VizOption = Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")]
 StripName = Annotated[
-    str, typer.Option(help="Strip by name, a path to its .yaml file, or `unknown` with --length.")
+    str,
+    typer.Option(
+        help="Strip by name, a path to its .yaml file, or `unknown` with --length.",
+        autocompletion=strip_names,
+    ),
 ]
 PolicyName = Annotated[
-    str, typer.Option(help=f"How the gripper is moved: {', '.join(policy_names())}.")
+    str,
+    typer.Option(
+        help=f"How the gripper is moved: {', '.join(policy_names())}.", autocompletion=policy_names
+    ),
 ]
 Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
 Thickness = Annotated[
@@ -92,9 +119,8 @@ def fold(
     runs: Runs = Path("runs"),
     configs: Configs = None,
     frames: Annotated[Frames | None, typer.Option(help="Which images to keep.")] = None,
-    viz: Annotated[Viz, typer.Option(help="Rerun: save a recording, show it live too, off.")] = (
-        Viz.SAVE
-    ),
+    film: FilmOption = None,
+    viz: VizOption = Viz.SAVE,
     dry_run: DryRun = False,
     rehearse: Rehearse = False,
     no_truth: NoTruth = False,
@@ -122,6 +148,7 @@ def fold(
         frames=frames.value if frames else None,
         truth=not no_truth,
         viz=viz.value,
+        film=encoder_of(configs, film),
         full_speed=full_speed,
         specimen=specimen,
     )
@@ -137,6 +164,27 @@ def fold(
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
     sys.exit(_folded(base, wanted, jobs, as_json=as_json))
+
+
+def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
+    """Encoder of the films, as asked or as the cell states; None, with a remark, where the library
+    is missing that nobody asked for by name.
+    """
+    from cell.config.places import find_configs
+    from cell.extras import require_library
+    from drivers.errors import ConfigurationError
+
+    wanted = film.value if film else find_configs(configs).cell().record.film
+    if wanted == "none":
+        return None
+    try:
+        require_library("av")
+    except ConfigurationError as missing:
+        if film:
+            raise
+        _remark(f"no film of the fold is kept: {missing}")
+        return None
+    return wanted
 
 
 def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> int:

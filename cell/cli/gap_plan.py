@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, check_names
+from cell.cli.options import Configs, Json, Strip, check_names
 
 if TYPE_CHECKING:
     from cell.folding.fold import Request
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def plan(
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    strip: Strip,
     plant: Annotated[
         Path | None, typer.Option(help="Strip file that lies on the twin's desk.")
     ] = None,

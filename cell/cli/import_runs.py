@@ -4,11 +4,14 @@ import json
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from cell.cli.options import Json
+
+if TYPE_CHECKING:
+    from cell.record.run import Run
 
 
 class Format(StrEnum):
@@ -42,9 +45,28 @@ def import_runs(
     for folder in made if as_json else ():
         sys.stdout.write(json.dumps({"run": str(folder)}) + "\n")
     if not as_json:
-        strip = read_run(made[0]).header.strip if made else "STRIP"
+        runs = [read_run(folder) for folder in made]
+        strip = runs[0].header.strip if runs else "STRIP"
+        sys.stdout.writelines(f"{_summary(run)}\n" for run in runs)
         sys.stdout.write(f"{len(made)} runs in {out}\n")
         sys.stdout.write(f"next: cell gap fit {out} --strip {strip} --out {out}-fit\n")
+
+
+def _summary(run: "Run") -> str:
+    """What was understood of a run: where its gripper starts and ends, and what was seen."""
+    ticks = run.ticks
+    if not len(ticks.t):
+        return f"{run.name}: no rows"
+    first, last = (_place(ticks.x[k], ticks.z[k]) for k in (0, -1))
+    touch = None if run.result is None else run.result.t_layer_touch
+    seen = "no touch" if touch is None else f"touch at {touch:.2f} s"
+    images = len(set(run.profile.t.tolist()))
+    return f"{run.name}: {ticks.t[-1]:.2f} s from {first} to {last}; {images} images, {seen}"
+
+
+def _place(x: float, z: float) -> str:
+    """A place of the gripper [m], in mm."""
+    return f"x {round(1e3 * x)}, z {round(1e3 * z)} mm"
 
 
 def export_runs(

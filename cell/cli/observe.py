@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, check_names
+from cell.cli.options import Configs, Json, Strip, check_names
 
 
 def observe(
@@ -17,7 +17,7 @@ def observe(
     calibration: Annotated[
         Path, typer.Option(help="Calibration of that camera at that place, from `cell calibrate`.")
     ],
-    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    strip: Strip,
     out: Annotated[
         Path | None, typer.Option(help="New run folder [default: runs/NAME of the film].")
     ] = None,

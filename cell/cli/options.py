@@ -21,6 +21,20 @@ def policy_names() -> list[str]:
     return sorted({*names - {"entry"}, *plugin_names("policies")})
 
 
+def strip_names(context: typer.Context) -> list[str]:
+    """Names of the strips in the folder that the command line names, for a shell that completes.
+
+    None where that folder is no configuration: a shell shows no errors.
+    """
+    from cell.config.places import find_configs
+    from drivers.errors import ConfigurationError
+
+    try:
+        return list(find_configs(context.params.get("configs")).strip_names())
+    except ConfigurationError:
+        return []
+
+
 def check_names(configs: Path | None, strip: str, policy: str | None = None) -> None:
     """Raise ConfigurationError for a strip or a policy that no file is named after.
 
@@ -50,6 +64,12 @@ def _named(kind: str, names: tuple[str, ...]) -> Any:
     return typer.Option(help=f"{kind} driver.", parser=known, metavar=f"<{'|'.join(names)}>")
 
 
+Strip = Annotated[
+    str,
+    typer.Option(
+        "--strip", help="Strip by name, or a path to its .yaml file.", autocompletion=strip_names
+    ),
+]
 Arm = Annotated[str | None, _named("Arm", arm_names())]
 Camera = Annotated[str | None, _named("Camera", camera_names())]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, strip_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,7 +56,9 @@ def _numbers(strip: "StripFile") -> tuple[float, ...]:
 
 @strips.command()
 def measure(
-    strip: Annotated[str, typer.Argument(metavar="NAME", help="Strip, by name.")],
+    strip: Annotated[
+        str, typer.Argument(metavar="NAME", help="Strip, by name.", autocompletion=strip_names)
+    ],
     photo: Annotated[
         list[Path] | None,
         typer.Option(help="Photograph of the strip hanging over a ledge; repeatable."),

@@ -13,6 +13,7 @@ from cell.config.fold import FoldSettings
 from cell.config.learning import LearningSettings
 from cell.config.monitor_limits import MonitorLimits
 from cell.perception.settings import PerceptionSettings
+from cell.record.film import Encoder
 from cell.record.frames import Keep
 from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
@@ -28,9 +29,10 @@ class DriverChoice(Settings):
 
 
 class RecordSettings(Settings):
-    """Which images a run keeps; hashes of all are always kept."""
+    """Which images a run keeps, and the encoder of its film; hashes of all are always kept."""
 
     frames: Keep = "key"
+    film: Encoder | Literal["none"] = "libsvtav1"
 
 
 class SigmaSettings(Settings):

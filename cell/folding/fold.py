@@ -36,6 +36,7 @@ from cell.orchestrator.run import Observer, Run
 from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.beside import Beside, Maker, StripSight, Subject
 from cell.record.files import CALIBRATION, CHECKPOINT
+from cell.record.film import Encoder
 from cell.record.frames import Keep
 from cell.record.truth import write_truth
 from cell.record.writer import RunWriter
@@ -70,6 +71,7 @@ class Request:
     specimen: str | None = None  # of the strip, as the operator names it
     correction: Correction = field(default_factory=lambda: Correction(0.0, 0.0))
     learns: bool = False  # whether the cell keeps the fold's bias
+    film: Encoder | None = None  # by which a film of its images is kept
 
 
 def fold(
@@ -106,7 +108,9 @@ def fold(
     header = run_header(request, settings, strip, calibration, devices.camera.rate)
     header |= {} if correction is None else {"learning": correction.facts()}
     keep = request.frames or settings.record.frames
-    writer = RunWriter.create(request.runs, header, keep, patient=devices.plant is not None)
+    writer = RunWriter.create(
+        request.runs, header, keep, patient=devices.plant is not None, film=request.film
+    )
     context = FoldContext(settings.controller, strip, policy, calibration)
     with writer.under_way(), _measuring(context, devices, sight):
         outcome, truth = _recorded(

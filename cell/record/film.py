@@ -1,23 +1,29 @@
 """Films: images with the time of each, decoded from a file and encoded into one."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 from cell.extras import require_library
 from drivers.errors import ConfigurationError
-from drivers.files import own_file, writing
+from drivers.files import own_file, replacing, writing
 from drivers.types import Frame, Image
 
 TICK = Fraction(1, 90_000)  # s, the time base of films that are written
-ENCODER = "libx264"
+Encoder = Literal["libsvtav1", "libx264"]  # of a fold's film
+ENCODER = "libx264"  # which every player knows
+SECOND = 60  # images between two from which decoding can start
 QUALITY = {
-    "libx264": {"crf": "20", "preset": "veryfast", "bf": "0"},
+    "libsvtav1": {"crf": "35", "preset": "11", "svtav1-params": "pred-struct=1:lp=1"},
+    "libx264": {"crf": "23", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
     "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
 }
+# Of an .mp4: every image is on its way to the disk once the next one is encoded.
+FRAGMENTS = {"movflags": "frag_every_frame+empty_moov+default_base_moof", "flush_packets": "1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +65,8 @@ def _stamp(picture: Any, path: Path) -> float:
 
 
 class FilmWriter:
-    """Writes images of one size into a film without B-frames, readable up to its end after a kill.
+    """Writes images of one size into a film without B-frames, readable after a kill up to the last
+    image but one.
 
     A stamp is kept to 1/90,000 s.
     """
@@ -69,11 +76,12 @@ class FilmWriter:
         require_library("av")
         import av
 
-        options = {"movflags": "frag_keyframe+empty_moov"} if path.suffix == ".mp4" else {}
+        os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to the terminal itself
+        options = FRAGMENTS if path.suffix == ".mp4" else {}
         with writing(path):
             own_file(path)
             self._container = av.open(str(path), "w", options=options)
-        self._encoder, self._begin = encoder, 0.0
+        self._path, self._encoder, self._begin = path, encoder, 0.0
         self._stream: Any = None
 
     def add(self, stamp: float, image: Image) -> None:
@@ -97,17 +105,41 @@ class FilmWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Write what the encoder still holds, and close the file."""
+        """Write what the encoder still holds, close the file and index it."""
         if self._stream is not None:
             self._container.mux(self._stream.encode(None))
         self._container.close()
+        if self._stream is not None:
+            index_film(self._path)
 
     def _open_stream(self, image: Image) -> Any:
-        stream = self._container.add_stream(
-            self._encoder, rate=30, options=QUALITY.get(self._encoder, {})
-        )
+        options = {"g": str(SECOND), **QUALITY.get(self._encoder, {})}
+        stream = self._container.add_stream(self._encoder, rate=30, options=options)
         stream.height, stream.width = image.shape[:2]
         stream.pix_fmt, stream.time_base = "yuv420p", TICK
         stream.codec_context.time_base = TICK
         stream.codec_context.thread_count = 1
         return stream
+
+
+def index_film(path: Path) -> None:
+    """Give the .mp4 at `path` an index, so that players know how long it is and can seek in it.
+
+    Its images stay as they were encoded. Raises ConfigurationError for a file that is no film.
+    """
+    require_library("av")
+    import av
+
+    if path.suffix != ".mp4":
+        return
+    try:
+        with replacing(path) as scratch, av.open(str(path)) as old:
+            form = {"format": "mp4", "options": {"movflags": "faststart"}}
+            with av.open(str(scratch), "w", **form) as new:
+                stream = new.add_stream_from_template(old.streams.video[0], opaque=True)
+                for packet in old.demux(video=0):
+                    if packet.dts is not None:
+                        packet.stream = stream
+                        new.mux(packet)
+    except (av.FFmpegError, OSError, IndexError) as error:
+        raise ConfigurationError(f"{path}: cannot be read as a film: {error}") from None

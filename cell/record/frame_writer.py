@@ -1,9 +1,12 @@
-"""Writes images in a separate thread with a bounded queue."""
+"""Writes images, and a film of them, in separate threads with bounded queues."""
 
 import queue
 import threading
 from pathlib import Path
 
+from cell.record.files import FILM
+from cell.record.film import Encoder
+from cell.record.film_thread import FilmThread
 from cell.record.frames import FOLDER, INDEX, Keep, KeyFrames, digest, encode, frame_file
 from cell.record.json_lines import json_line
 from drivers.files import new_file, replace_file, write_all
@@ -19,8 +22,12 @@ class FrameWriter:
     nothing, wrong on hardware, where an image without room only keeps its place in the index.
     """
 
-    def __init__(self, folder: Path, keep: Keep, patient: bool) -> None:
+    def __init__(
+        self, folder: Path, keep: Keep, patient: bool, encoder: Encoder | None = None
+    ) -> None:
+        """Write into `folder`; with an `encoder` a film too."""
         self.dropped = 0
+        self._film = encoder and FilmThread(folder / FILM, encoder, patient)
         self._failure: OSError | None = None
         self._given_up = False
         self._folder, self._keep, self._patient = folder, keep, patient
@@ -47,6 +54,13 @@ class FrameWriter:
         self._waiting.put(None)
         self._thread.join()
         self._index.close()
+        if self._film:
+            self._film.close()
+
+    @property
+    def film_failure(self) -> str:
+        """Why the film breaks off; empty where it does not."""
+        return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
         """The write error since the last call, if any; after an error no image
@@ -73,7 +87,8 @@ class FrameWriter:
             self._failure, self._given_up = error, True
 
     def _record(self, frame: Frame, mark: bool) -> None:
-        self._note(frame, sha256=digest(frame.image))
+        place = self._film.put(frame.stamp, frame.image) if self._film else None
+        self._note(frame, sha256=digest(frame.image), film=place)
         self._last = frame
         keep, given_up = self._keep == "all", list[int]()
         if self._keep == "key":
@@ -87,7 +102,8 @@ class FrameWriter:
         path = frame_file(self._folder, frame.sequence)
         replace_file(path, encode(frame.image))
 
-    def _note(self, frame: Frame, sha256: str | None) -> None:
+    def _note(self, frame: Frame, sha256: str | None, film: int | None = None) -> None:
         note = {"sequence": frame.sequence, "stamp": frame.stamp, "arrival": frame.arrival}
-        line = json_line({**note, "source": frame.source, "sha256": sha256})
+        place = {} if film is None else {"film": film}
+        line = json_line({**note, "source": frame.source, "sha256": sha256, **place})
         write_all(self._index, line)

@@ -23,7 +23,8 @@ LARGEST = 4096  # px of a side
 class FrameNote:
     """An image that perception processed: times [s], sha256 of its pixels, its file if it was kept.
 
-    `sha256` is empty for an image that was dropped because the disk was too slow.
+    `sha256` is empty for an image that was dropped because the disk was too slow. `film` is its
+    number in the film of the run, None for one that is not in it.
     """
 
     sequence: int
@@ -32,6 +33,7 @@ class FrameNote:
     source: str
     sha256: str
     file: Path | None
+    film: int | None = None
 
 
 def digest(image: Image) -> str:
@@ -148,4 +150,5 @@ def _note(folder: Path, line: dict[str, Any], lift: float) -> FrameNote:
         source=str(line.get("source", "")),
         sha256=str(line.get("sha256") or ""),
         file=path if path.is_file() else None,
+        film=None if line.get("film") is None else int(line["film"]),
     )

@@ -12,6 +12,7 @@ from typing import Any, Self
 from cell.perception.measurement import StripMeasurement
 from cell.record.documents import write_document
 from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
+from cell.record.film import Encoder
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
 from cell.record.header import Header, Result
@@ -34,7 +35,12 @@ class RunWriter:
     """
 
     def __init__(
-        self, folder: Path, header: Mapping[str, Any], frames: Keep, patient: bool
+        self,
+        folder: Path,
+        header: Mapping[str, Any],
+        frames: Keep,
+        patient: bool,
+        film: Encoder | None = None,
     ) -> None:
         """Open the files of the run in the new, empty `folder`; see `create`."""
         self.folder = folder
@@ -48,7 +54,7 @@ class RunWriter:
             fcntl.flock(self._events, fcntl.LOCK_EX)
             self._ticks = opened.enter_context(StreamFile(folder / TICK_STREAM, TICK_ROWS))
             self._sights = opened.enter_context(StreamFile(folder / SIGHT_STREAM, SIGHT_ROWS))
-            self._frames = FrameWriter(folder, frames, patient)
+            self._frames = FrameWriter(folder, frames, patient, film)
             opened.pop_all()
 
     @classmethod
@@ -59,18 +65,19 @@ class RunWriter:
         frames: Keep = "key",
         *,
         patient: bool = False,
+        film: Encoder | None = None,
     ) -> Self:
         """A new run folder under `root`, named by time, strip and chance.
 
-        `patient` lets `frame` wait for the disk and belongs where the clock is virtual. Raises
-        ConfigurationError for a header that readers would refuse or a folder that cannot be
-        written.
+        `patient` lets `frame` wait for the disk and belongs where the clock is virtual; `film`
+        names the encoder of a film of all images. Raises ConfigurationError for a header that
+        readers would refuse or a folder that cannot be written.
         """
         content = {"schema": SCHEMA, **header}
         strip = parse(content, Header, RUN).strip
         try:
             folder = _new_folder(root, strip)
-            return cls(folder, content, frames, patient)
+            return cls(folder, content, frames, patient, film)
         except OSError as error:
             raise ConfigurationError(
                 f"{root}: runs cannot be recorded here: {error.strerror}; "
@@ -118,6 +125,8 @@ class RunWriter:
         parse({key: value for key, value in content.items() if value is not None}, Result, RESULT)
         with self._recording():
             self._close_streams()
+        if self._frames.film_failure:
+            self.describe(film=self._frames.film_failure)
         with self._recording():
             write_tables(self.folder, assemble(self.folder))
             write_document(self.folder / RESULT, content)

@@ -21,6 +21,7 @@ from cell.report.drawing import (
 from drivers.types import Array
 
 CURVES = 26
+LEFT, RIGHT = 0.075, 0.995  # shares of the figure's width between which its signals lie
 LEGEND: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1, 1),
@@ -72,9 +73,12 @@ def strip_figure(run: Run) -> str:
 
 
 def signals_figure(run: Run) -> str:
-    """Contact, fold tip, gripper and gap over time under the lanes of the states; SVG."""
+    """Contact, fold tip, gripper and gap over time under the lanes of the states; SVG.
+
+    Its attributes say which times [s] its edges have, for a film beside it.
+    """
     with canvas(8.4, 5.2, layout=None) as figure:
-        frame = {"left": 0.075, "right": 0.995, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
+        frame = {"left": LEFT, "right": RIGHT, "top": 0.995, "bottom": 0.085, "hspace": 0.28}
         lanes, along, above = figure.subplots(
             3, 1, sharex=True, gridspec_kw={**frame, "height_ratios": [0.3, 2, 2]}
         )
@@ -87,7 +91,9 @@ def signals_figure(run: Run) -> str:
                 axes.axvline(run.result.t_layer_touch, color=ORANGE, lw=1, ls=(0, (3, 2)))
         above.set_xlabel("t  [s]")
         figure.align_ylabels([along, above])
-        return as_svg(figure)
+        first, last = above.get_xlim()
+        edges = f'data-left="{LEFT}" data-right="{RIGHT}" data-first="{first:.4f}"'
+        return as_svg(figure).replace("<svg", f'<svg {edges} data-last="{last:.4f}"', 1)
 
 
 def _spread(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, Array]]:

@@ -73,6 +73,19 @@ def drawing(svg: str, says: str) -> str:
     return f'<figure role="img" aria-label="{escape(says)}">{svg}</figure>'
 
 
+def film(path: str, begin: float) -> str:
+    """The film at `path` from the page; its first image was taken at `begin` [s].
+
+    In the section of a figure with `data-first` and `data-last`, both show the same moment.
+    """
+    script = files("cell.report").joinpath("film.js").read_text(encoding="utf-8")
+    return (
+        f'<figure><video controls muted playsinline preload="metadata" data-begin="{begin:.6f}" '
+        f'src="{escape(quote(path))}"></video><p class="note" hidden>This browser does not play '
+        f"the film; VLC and Chromium do.</p><output></output></figure><script>\n{script}</script>"
+    )
+
+
 def photographs(pictures: Sequence[tuple[str, str, str]]) -> str:
     """JPEGs (base64) with captions, side by side; each leads to its whole picture, a path."""
     if not pictures:

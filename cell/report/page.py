@@ -6,6 +6,7 @@ from typing import Any
 
 from cell.record.files import (
     CALIBRATION,
+    FILM,
     OVERLAY,
     PROFILE,
     RECORDING,
@@ -25,6 +26,7 @@ from cell.report.markup import (
     Link,
     definitions,
     drawing,
+    film,
     masthead,
     page,
     photographs,
@@ -43,6 +45,7 @@ from drivers.files import replace_file, writing
 
 FILES = (
     (RECORDING, "the fold in Rerun: rerun run.rrd"),
+    (FILM, "the film of the camera, in step with frames/index.jsonl"),
     (OVERLAY, "the film with what was read in it"),
     (CALIBRATION, "the camera's calibration"),
     (TICKS, "gripper, contact and force over time"),
@@ -130,6 +133,12 @@ def _outlook(run: Run) -> Iterator[str]:
         )
 
 
+def _film(run: Run) -> str:
+    """The run's film, if there is one."""
+    first = next((note.stamp for note in run.frame_index() if note.film == 0), None)
+    return "" if first is None or not (run.folder / FILM).is_file() else film(FILM, first)
+
+
 def _files(run: Run) -> list[tuple[Link, str]]:
     """Files of the run that are worth opening, with what they hold."""
     return [(Link(name, name), what) for name, what in FILES if (run.folder / name).is_file()]
@@ -152,6 +161,7 @@ def _pictures(run: Run, pictures: Sequence[KeyPicture]) -> Iterator[str]:
     )
     yield section(
         "Over time",
+        _film(run),
         drawing(signals_figure(run), "states and signals over time"),
     )
     yield section("Timing", drawing(timing_figure(run), "histograms of the timing"))

@@ -1,9 +1,10 @@
-"""Puts what a ledger holds into the exam's page, and leaves what is written by hand as it is.
+"""Puts what a ledger holds into the exam's pages, and leaves what is written by hand as it is.
 
 python -m tests.benchmarks.exam_page LEDGER [--page runbooks/exam.md]
+    [--cases runbooks/exam/cases.md]
 
-Of the tiers in LEDGER the sections and figures are made anew; the introduction and the sections of
-other tiers stay.
+Of the tiers in LEDGER the sections are made anew: on the page their first table, among the cases
+all of them and the figures. The introductions and the sections of other tiers stay.
 """
 
 import argparse
@@ -21,21 +22,24 @@ def main() -> int:
     """Write the page; 1 where it has no section of a tier that the ledger holds."""
     asked = _arguments()
     entries = sorted(Ledger(asked.ledger).entries, key=lambda entry: entry.case.name)
-    page = asked.page.read_text(encoding="utf-8")
+    pages = {path: path.read_text(encoding="utf-8") for path in (asked.page, asked.cases)}
     with TemporaryDirectory() as name:
-        made, *figures = write_report(entries, Path(name) / asked.page.name)
+        made, *figures = write_report(entries, Path(name) / asked.cases.name)
         new = made.read_text(encoding="utf-8")
         for tier, mine in by_tier(entries):
             section = _section(TIERS[tier])
-            if not section.search(page):
-                sys.stderr.write(f"{asked.page}: has no section '{TIERS[tier]}'; add its heading\n")
-                return 1
-            found = section.search(new)
-            page = section.sub(lambda _, text=found: text[0].rstrip() + "\n\n", page)
+            whole = section.search(new)[0].rstrip()
+            brief = whole.partition("\n### ")[0]
+            for path, text in {asked.cases: whole, asked.page: brief}.items():
+                if not section.search(pages[path]):
+                    sys.stderr.write(f"{path}: has no section '{TIERS[tier]}'; add its heading\n")
+                    return 1
+                pages[path] = section.sub(lambda _, text=text: text.rstrip() + "\n\n", pages[path])
             sys.stdout.write(f"{TIERS[tier]}: {len(mine)} cases\n")
         for figure in figures:
-            replace_file(asked.page.with_name(figure.name), figure.read_bytes())
-    replace_file(asked.page, (page.rstrip() + "\n").encode())
+            replace_file(asked.cases.with_name(figure.name), figure.read_bytes())
+    for path, text in pages.items():
+        replace_file(path, (text.rstrip() + "\n").encode())
     return 0
 
 
@@ -48,6 +52,7 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("ledger", type=Path)
     parser.add_argument("--page", type=Path, default=Path("runbooks/exam.md"))
+    parser.add_argument("--cases", type=Path, default=Path("runbooks/exam/cases.md"))
     return parser.parse_args()
 
 

@@ -1,9 +1,10 @@
-"""Runs as CSV tables and runs of the tip alone: the verdict on them beside that on the folders.
+"""Runs as CSV tables, and of them the tip alone: the verdict on them beside that on the folders.
 
 python -m tests.benchmarks.measure_own_runs RUNS [--strip configs/strips/denim.yaml] [--work DIR]
 
 RUNS is a folder of runs, as `cell gap plan` makes it. The work folder holds the exported tables,
-the imported runs and the three fits.
+the imported runs and the fits. Of the tip alone, the gripper's path, the program must say what
+would show the strip; with the touch of the layers it must give a verdict.
 """
 
 import argparse
@@ -17,28 +18,39 @@ import yaml
 import cell
 from cell.gap.verdict.schema import Verdict
 from cell.record.exchange.mapping import MAPPING
+from drivers.errors import CellError
 
 SAME = 0.02  # of an interval's width
 
 
 @dataclass(frozen=True, slots=True)
 class OwnRuns:
-    """The same runs three times: as folders, as CSV tables, and as CSV tables of the tip alone."""
+    """The same runs as folders, as CSV tables, and as tables of the tip and the touch alone."""
 
     runs: Path
     strip: Path
     work: Path
 
     def fits(self, tip: bool = True) -> dict[str, Verdict]:
-        """The verdicts by what was fitted; `tip` alone too, where wanted."""
+        """The verdicts by what was fitted; `tip` and touch alone too, where wanted."""
         places = {"folders": self.runs, "csv": self.imported("csv", self.mapping({}))}
         if tip:
-            bare = {"profile": None, "contact": None, "result": None}
-            places["tip"] = self.imported("tip", self.mapping(bare))
+            bare = {"profile": None, "contact": None}
+            places["tip and touch"] = self.imported("touch", self.mapping(bare))
         return {
             name: cell.fit_gap([place], self.work / f"{name}-fit", strip=str(self.strip))
             for name, place in places.items()
         }
+
+    def refusal(self) -> str:
+        """What is said to the tip alone."""
+        bare = {"profile": None, "contact": None, "result": None}
+        place = self.imported("tip", self.mapping(bare))
+        try:
+            cell.fit_gap([place], self.work / "tip-fit", strip=str(self.strip))
+        except CellError as error:
+            return str(error)
+        raise SystemExit("tip: a verdict from nothing")
 
     def mapping(self, changes: dict[str, object]) -> Path:
         """The mapping of the exported tables, with `changes`; then only the tip is known."""
@@ -47,7 +59,10 @@ class OwnRuns:
             cell.export_runs(sorted(self.runs.iterdir()), "csv", tables)
         content = yaml.safe_load((tables / MAPPING).read_text()) | changes
         if changes:
-            content["sigma"] = {"gripper": content["sigma"]["gripper"]}
+            kept = {"gripper"} | (
+                {"displacement", "touch_time"} if "result" not in changes else set()
+            )
+            content["sigma"] = {k: v for k, v in content["sigma"].items() if k in kept}
         path = self.work / f"mapping-{len(changes)}.yaml"
         path.write_text(yaml.safe_dump({k: v for k, v in content.items() if v is not None}))
         return path
@@ -99,6 +114,7 @@ def main() -> int:
     parser.add_argument("--work", type=Path)
     asked = parser.parse_args()
     own = OwnRuns(asked.runs, asked.strip, asked.work or Path(mkdtemp(prefix="own-runs-")))
+    sys.stdout.write(f"tip: {own.refusal()}\n")
     verdicts = own.fits()
     for name, verdict in verdicts.items():
         sys.stdout.write("\n".join(lines(name, verdict)) + "\n")

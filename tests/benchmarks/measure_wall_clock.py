@@ -1,6 +1,7 @@
 """How punctual the control loop is on the wall clock, whatever an image costs.
 
 python -m tests.benchmarks.measure_wall_clock [--folds 20] [--image 0.04] [--stops 5] [--idle 60]
+    [--films 0]
 
 An emulated robot runs by the wall clock in a process of its own and knows no strip. A fold of the
 twin is recorded once; another process plays its images at 60 Hz, each where the gripper was when it
@@ -8,7 +9,8 @@ was taken. The cell folds with them as with a real camera: images are measured b
 made to cost `--image` seconds of processor time each. Printed are the lateness of the ticks, how
 many folds got through, and the time from a cause to the stop command: the operator's, and the end
 of the process that measures. The same loop without images, the robot held still for `--idle`
-seconds, is the reference for this machine.
+seconds, is the reference for this machine. After each of the first
+`--films` folds comes one that keeps a film, as `cell fold` does; their ticks are counted apart.
 """
 
 import argparse
@@ -233,14 +235,15 @@ class Bench:
         raise SystemExit("the robot did not come home in ten tries")
 
 
-def request(configs: Path, runs: Path, arm: str = "fci") -> Request:
+def request(configs: Path, runs: Path, arm: str = "fci", film: bool = False) -> Request:
     choice = DeviceSelection(arm=arm, seed=0)
     return Request(
-        "denim", "triangular", None, choice, runs, configs, "none", truth=False, viz="off"
-    )
+        "denim", "triangular", None, choice, runs, configs, "none", truth=False, viz="off",
+        film="libsvtav1" if film else None,
+    )  # fmt: skip
 
 
-def one_fold(bench: Bench, cause=None) -> tuple[str, list[float], float]:
+def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[float], float]:
     """Outcome, lateness of the ticks [s] and, with a `cause`, the time to the stop command [s].
 
     A cause strikes from a thread at a random moment of the fold, and returns when it did.
@@ -264,8 +267,8 @@ def one_fold(bench: Bench, cause=None) -> tuple[str, list[float], float]:
                 threading.Timer(wait, lambda: struck.append(cause(asked))).start()
 
     result = fold(
-        request(bench.configs, bench.folder / "runs"), lambda _f, _s: (Watch(),), asked.is_set,
-        bench.calibration, opened=opened, sight=costly, page=False,
+        request(bench.configs, bench.folder / "runs", film=film), lambda _f, _s: (Watch(),),
+        asked.is_set, bench.calibration, opened=opened, sight=costly, page=False,
     )  # fmt: skip
     after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
     return f"{result.outcome}: {result.reason}", clock.late, min(after, default=float("nan"))
@@ -397,21 +400,29 @@ def main() -> int:
     parser.add_argument("--folds", type=int, default=20)
     parser.add_argument("--image", type=float, default=0.04)
     parser.add_argument("--stops", type=int, default=5)
+    parser.add_argument("--films", type=int, default=0)
     parser.add_argument("--idle", type=float, default=60.0)
     parser.add_argument("--serve", type=json.loads, help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.serve:
         serve(asked.serve)
     os.environ["IMAGE_COST"] = str(asked.image)
-    late, through, kept = [], 0, True
+    late, through, kept, filmed = [], 0, True, []
     with bench() as table:
         table.go_home()
         told("without images", idle(table, asked.idle))
-        for _ in range(asked.folds):
+        for number in range(asked.folds):
             table.go_home()
             outcome, more, _ = one_fold(table)
             late, through = late + more, through + outcome.startswith("layer_touch")
             sys.stderr.write(f"{outcome}\n")
+            if number < asked.films:
+                table.go_home()
+                outcome, more, _ = one_fold(table, film=True)
+                filmed += more
+                sys.stderr.write(f"with a film: {outcome}\n")
+        if filmed:
+            told("the same with a film", filmed)
         if asked.folds:
             kept = told(f"images of {1e3 * asked.image:g} ms", late)
             print(f"{through} of {asked.folds} folds got through", flush=True)

@@ -29,7 +29,12 @@ def blueprint() -> Any:
         rrb.TextLogView(origin="/log", name="log"),
         row_shares=[1, 3, 3, 3, 2],
     )
-    camera = rrb.Spatial2DView(origin="/camera", name="camera")
+    drawn = "/camera/overlay/**"
+    camera = rrb.Tabs(
+        rrb.Spatial2DView(origin="/camera", contents=["/camera/image", drawn], name="camera"),
+        rrb.Spatial2DView(origin="/camera", contents=["/camera/film", drawn], name="film"),
+        active_tab=0,
+    )
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Vertical(camera, side), right),
         rrb.TimePanel(timeline="t", state="collapsed"),

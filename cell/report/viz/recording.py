@@ -15,7 +15,10 @@ import rerun as rr
 
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
-from cell.record.files import REBUILT, RECORDING, RUN, is_under_way
+from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RUN, is_under_way
+from cell.record.frames import read_index
+from cell.record.json_lines import read_json_lines
+from cell.record.origin import origin_of
 from cell.record.outlook import NAMES
 from cell.record.salvage import Salvage
 from cell.report.viz.layout import blueprint
@@ -74,6 +77,7 @@ def viz_from_run(folder: Path) -> Path:
             for item in moments_of(run):
                 screen.draw(item)
             screen.finish()
+            screen.film(folder)
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
     return folder / name
@@ -171,6 +175,27 @@ class Screen:
         self._send(rows, HAND_SIGNALS)
         self._send(seen, SEEN_SIGNALS)
         self._send(ahead, OUTLOOK_SIGNALS)
+
+    def film(self, folder: Path) -> None:
+        """Add the film of the run in `folder`, each image at its own stamp, if there is one.
+
+        Raises ValueError for a file that is no film.
+        """
+        path = folder / FILM
+        notes = read_index(folder) if path.is_file() else ()
+        if not any(note.film is not None for note in notes):
+            return
+        film = rr.AssetVideo(path=path)
+        taken = film.read_frame_timestamps_nanos()
+        shown = [note for note in notes if note.film is not None and note.film < len(taken)]
+        stamps = np.array([note.stamp for note in shown])
+        clock = stamps + origin_of(read_json_lines(folder / EVENTS))
+        self._to.log("camera/film", film, static=True)
+        self._to.send_columns(
+            "camera/film",
+            [rr.TimeColumn("t", duration=stamps), rr.TimeColumn("clock", duration=clock)],
+            rr.VideoFrameReference.columns_nanos(taken[[note.film for note in shown]]),
+        )
 
     def _send(self, rows: list[tuple[float, int, list[float]]], names: Iterable[str]) -> None:
         if not rows:

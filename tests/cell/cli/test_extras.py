@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from cell.cli import fold
+
 BARE = """
 import sys
 sys.modules["pylibfranka"] = None
 sys.modules["distributed"] = None
+sys.modules["av"] = None
 from cell.__main__ import main
 main()
 """
@@ -36,13 +39,25 @@ def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path)
         ("home", "--arm", "fci"),
         ("calibrate", "check", "--arm", "fci"),
         ("train", "--cluster", "tcp://127.0.0.1:1"),
+        ("fold", "--strip", "denim", "--film", "libx264"),
     ],
-    ids=lambda words: words[0],
+    ids=lambda words: f"{words[0]} {words[-1]}",
 )
 def test_missing_library_is_named_with_a_command_that_installs_it(words, tmp_path: Path) -> None:
     done = run_bare(*words, at=tmp_path)
     assert done.returncode == 2, done.stderr
-    module = "distributed" if "--cluster" in words else "pylibfranka"
+    modules = {"--cluster": "distributed", "--film": "av"}
+    module = next((modules[word] for word in words if word in modules), "pylibfranka")
     line = done.stderr.splitlines()[-1]
     assert f"needs the library {module}, which is not installed here" in line
     assert f"`{sys.executable} -m pip install '{module}" in line
+
+
+def test_without_the_library_a_fold_keeps_no_film_and_says_so_in_one_line(monkeypatch, capsys):
+    assert fold.encoder_of(None, None) == "libsvtav1"
+    assert fold.encoder_of(None, fold.Film.NONE) is None
+    assert capsys.readouterr().err == ""
+    monkeypatch.setitem(sys.modules, "av", None)
+    assert fold.encoder_of(None, None) is None
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("cell: no film of the fold is kept: a film needs the library av")

@@ -79,3 +79,29 @@ def test_commands_that_readme_and_runbooks_name_exist(line: str) -> None:
     command, _, words = resolved(line)
     known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
     assert {word for word in words if word.startswith("--")} <= known
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("cell fo", {"fold"}),
+        ("cell fold --strip de", {"denim"}),
+        ("cell fold --policy ad", {"adaptive"}),
+        ("cell gap plan --strip swim", {"swimwear"}),
+        ("cell fold --fil", {"--film"}),
+        ("cell fold --film lib", {"libsvtav1", "libx264"}),
+    ],
+)
+def test_a_shell_completes_commands_names_and_choices(typed, offered, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("_CELL_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", typed)
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
+    with pytest.raises(SystemExit):
+        app([], prog_name="cell")
+    assert set(capsys.readouterr().out.split()) == offered
+
+
+def test_completion_can_be_installed(capsys) -> None:
+    with pytest.raises(SystemExit):
+        app(["--show-completion", "bash"], prog_name="cell")
+    assert "_CELL_COMPLETE=complete_bash" in capsys.readouterr().out

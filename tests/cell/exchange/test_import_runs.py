@@ -155,6 +155,7 @@ def test_command_imports_and_names_the_next_one(tmp_path: Path) -> None:
     words = ["import", str(folder), "--mapping", str(how), "--out", str(tmp_path / "runs")]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
+    assert "a: 2.99 s from x 600, z 0 mm to x 351, z 259 mm; 72 images" in done.stdout
     assert "next: cell gap fit" in done.stdout
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)

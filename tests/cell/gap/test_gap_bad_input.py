@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from cell.gap.subject.pendulum.file import PendulumFile
@@ -224,6 +225,22 @@ def test_a_single_run_is_refused(monkeypatch, capsys, bench, subject) -> None:
     line = told(monkeypatch, capsys, bench, words)
     assert str(bench.first(subject)) in line
     assert "at least two" in line
+
+
+def test_the_grippers_path_alone_is_refused_with_what_would_show_the_strip(
+    monkeypatch, capsys, bench
+) -> None:
+    for run in bench.runs("strip").iterdir():
+        table = pq.read_table(run / "ticks.parquet")
+        kept = [name for name in table.column_names if name[:2] not in {"f_", "co"}]
+        pq.write_table(table.select(kept), run / "ticks.parquet")
+        points = pq.read_table(run / "profile.parquet")
+        pq.write_table(points.slice(0, 0), run / "profile.parquet")
+        (run / "result.yaml").write_text("schema: 1\noutcome: path_done\n")
+    line = told(monkeypatch, capsys, bench, bench.words("strip"))
+    assert "the gripper's path alone says nothing of the strip" in line
+    assert "until the layers touch (the motion `normal`)" in line
+    assert "add profile, contact or force" in line
 
 
 @pytest.mark.parametrize("subject", ["strip", "pendulum"])

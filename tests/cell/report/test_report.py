@@ -3,10 +3,12 @@ import shutil
 from html import unescape
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 import yaml
 
 from cell.record.run import read_run
+from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from cell.report.drawing import page_svg
 from cell.report.facts import advice
@@ -17,6 +19,7 @@ from cell.report.page import report, write_report
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError
+from drivers.types import Frame
 from tests.cell.conftest import HEADER
 
 VOID = {"meta", "img", "br", "hr", "link", "input"}
@@ -78,6 +81,25 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
         assert all(a.startswith(("data:", "#", *BESIDE)) for a in parsed.addresses)
         assert "@import" not in text
         assert "url(http" not in text
+
+
+def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libsvtav1")
+    for k in range(12):
+        stamp = 0.03 * k - 0.07
+        image = np.full((64, 96, 3), 9 * k, np.uint8)
+        writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
+        writer.tick(Tick(0.01 * k, 0.6, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+    writer.finish({"outcome": "path_done"})
+    text = write_report(writer.folder).read_text()
+    assert outline(text).crossed == []
+    assert 'data-begin="-0.070000" src="film.mp4"' in text
+    first, last = (float(re.search(rf'data-{name}="(\S+)"', text)[1]) for name in ("first", "last"))
+    assert first <= 0.0
+    assert last >= 0.11
+    assert len(text) < 3_000_000
+    (writer.folder / "film.mp4").unlink()
+    assert "<video" not in write_report(writer.folder).read_text()
 
 
 def test_verdict_stands_on_top_with_sign_error_and_truth(page):

@@ -71,6 +71,13 @@ class MeasuredRun:
         """Whether it went on long enough to be compared."""
         return len(self.measured.t) > 0
 
+    @property
+    def shows_strip(self) -> bool:
+        """Whether anything but the gripper's path was measured, which says nothing of the strip."""
+        m = self.measured
+        seen = len(m.contact_x) + len(m.force_x) + len(m.images.stamps)
+        return self.usable and (seen > 0 or m.touch is not None)
+
 
 def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRun]:
     """The runs in `folders`, in the order in which they were taken; some may not be `usable`.
@@ -93,6 +100,12 @@ def read_runs(folders: Sequence[RunFolder], strip: StripFile) -> list[MeasuredRu
         raise ConfigurationError(
             f"{folders[0].path.parent}: {usable} of {len(read)} runs can be used; at least two are "
             "needed, better ten"
+        )
+    if sum(run.shows_strip for run in read) < 2:
+        raise ConfigurationError(
+            f"{folders[0].path.parent}: the gripper's path alone says nothing of the strip; fold "
+            "until the layers touch (the motion `normal`) and note when and where (t_layer_touch, "
+            "l1, l2), or add profile, contact or force; see runbooks/own-runs.md"
         )
     return sorted(read, key=lambda run: (run.measured.index, run.name))
 

@@ -17,6 +17,7 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from cell.perception.measurement import StripMeasurement
 from cell.record.run import read_run
+from cell.record.writer import RunWriter
 from cell.report.viz.model_view import Shadow
 from cell.report.viz.recording import Screen, viz_from_run
 from cell.report.viz.watch import WAITING, Viz, watching
@@ -267,3 +268,20 @@ def test_shadow_that_cannot_follow_shows_nothing():
     shadow.follow(0.0, np.array([0.6, 0.0, 0.0]))
     shadow.follow(0.01, np.array([np.nan, 0.0, 0.0]))
     assert shadow.follow(0.02, np.array([0.6, 0.0, 0.0])).size == 0
+
+
+def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libsvtav1")
+    writer.event(5.0, "origin")
+    stamps = [0.03 * k + 0.01 * (k % 3) - 0.2 for k in range(20)]
+    for k, stamp in enumerate(stamps):
+        image = np.full((64, 96, 3), 9 * k, np.uint8)
+        writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
+    writer.finish({"outcome": "path_done"})
+    chunks = RrdReader(viz_from_run(writer.folder)).stream().to_chunks()
+    (found,) = (c for c in chunks if c.entity_path == "/camera/film" and not c.is_static)
+    table = found.to_record_batch()
+    for name, offset in (("t", 0.0), ("clock", 5.0)):
+        times = table.column(name).cast("int64").to_numpy() / 1e9
+        assert times == pytest.approx([stamp + offset for stamp in stamps], abs=1e-8)
+    assert any(c.entity_path == "/camera/film" and c.is_static for c in chunks)

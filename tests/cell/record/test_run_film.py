@@ -1,0 +1,121 @@
+"""The film of a run: every image at its own time, whatever befalls process or encoder."""
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.record.files import FILM
+from cell.record.film import Film, FilmWriter
+from cell.record.film_thread import QUEUE, FilmThread
+from cell.record.run import read_run
+from cell.record.writer import RunWriter
+from drivers.errors import ConfigurationError
+from drivers.types import Frame
+from tests.cell.conftest import HEADER
+
+IMAGES, TICK = 70, 1 / 90_000
+
+
+def image(sequence: int) -> np.ndarray:
+    return np.full((64, 96, 3), 3 * sequence % 256, np.uint8)
+
+
+def frame(sequence: int) -> Frame:
+    """A camera that takes its images at uneven times, the first before the lift."""
+    stamp = 0.03 * sequence + 0.01 * (sequence % 3) - 0.2
+    return Frame(stamp, stamp + 0.02, "made", sequence, image(sequence))
+
+
+def filmed(root: Path, encoder: str = "libsvtav1", patient: bool = True, count: int = IMAGES):
+    writer = RunWriter.create(root, HEADER, "none", patient=patient, film=encoder)
+    for sequence in range(count):
+        writer.frame(frame(sequence))
+    writer.finish({"outcome": "path_done"})
+    return read_run(writer.folder)
+
+
+def shown(root: Path) -> int:
+    """How many images the film of the run in `root` shows by now."""
+    films = list(root.glob(f"*/{FILM}"))
+    try:
+        return sum(1 for film in films for _ in Film(film).frames())
+    except ConfigurationError:
+        return 0
+
+
+@pytest.mark.parametrize("encoder", ["libsvtav1", "libx264"])
+def test_film_holds_every_image_at_its_own_time(tmp_path, encoder):
+    run = filmed(tmp_path, encoder)
+    notes = run.frame_index()
+    assert [note.film for note in notes] == list(range(IMAGES))
+    pictures = list(Film(run.folder / FILM).frames())
+    for note, picture in zip(notes, pictures, strict=True):
+        assert picture.stamp == pytest.approx(note.stamp - notes[0].stamp, abs=TICK)
+        assert abs(picture.image.mean() - image(note.sequence).mean()) < 4
+
+
+def test_film_has_no_images_that_wait_for_later_ones(tmp_path):
+    import av
+
+    with av.open(str(filmed(tmp_path).folder / FILM)) as film:
+        packets = [packet for packet in film.demux(video=0) if packet.dts is not None]
+        assert all(packet.pts == packet.dts for packet in packets)
+        assert float(film.duration / av.time_base) == pytest.approx(0.03 * IMAGES, abs=0.1)
+
+
+def test_killed_process_leaves_a_film_up_to_its_last_images(tmp_path):
+    script = f"""
+import time
+from pathlib import Path
+from cell.record.writer import RunWriter
+from tests.cell.record.test_run_film import frame
+root = Path({str(tmp_path)!r})
+writer = RunWriter.create(root, {HEADER!r}, "none", patient=True, film="libsvtav1")
+for sequence in range({IMAGES}):
+    writer.frame(frame(sequence))
+time.sleep(600)
+"""
+    with subprocess.Popen([sys.executable, "-c", script]) as process:
+        patience = time.monotonic() + 120
+        while shown(tmp_path) < IMAGES - 3 and time.monotonic() < patience:
+            time.sleep(0.05)
+        process.send_signal(signal.SIGKILL)
+    (folder,) = tmp_path.iterdir()
+    run = read_run(folder)
+    assert run.died
+    assert len(run.frame_index()) == IMAGES
+    assert shown(tmp_path) >= IMAGES - 3
+
+
+def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path, monkeypatch):
+    add, gate = FilmWriter.add, threading.Event()
+    monkeypatch.setattr(FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments))
+    close = FilmThread.close
+    monkeypatch.setattr(FilmThread, "close", lambda film: gate.set() or close(film))
+    run = filmed(tmp_path, patient=False, count=QUEUE + 12)
+    notes = run.frame_index()
+    assert all(note.sha256 for note in notes)
+    kept = [note for note in notes if note.film is not None]
+    assert [note.film for note in kept] == list(range(len(kept)))
+    assert len(kept) <= QUEUE + 2
+    pictures = Film(run.folder / FILM).frames()
+    assert [picture.stamp for picture in pictures] == pytest.approx(
+        [note.stamp - kept[0].stamp for note in kept], abs=TICK
+    )
+
+
+def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
+    def refuse(*_arguments) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(FilmWriter, "add", refuse)
+    run = filmed(tmp_path, count=40)
+    assert run.result.outcome == "path_done"
+    assert len(run.frame_index()) == 40
+    assert "the film breaks off: [Errno 28]" in run.header.model_extra["film"]
