@@ -108,21 +108,23 @@ class Film:
 
 
 class FilmingCamera:
-    """Keeps every frame that is read, with the arm's pose then."""
+    """Keeps every frame, also those that the cell leaves out, with the arm's pose then."""
 
     def __init__(self, camera, arm, film: Film) -> None:
         self._camera, self._arm, self._film = camera, arm, film
         self.rate, self.connect, self.close = camera.rate, camera.connect, camera.close
         self._file = film.path.open("wb")
+        self._last: Frame | None = None
 
     def read(self, after: float, timeout: float) -> Frame | None:
-        frame = self._camera.read(after, timeout)
+        frame = self._camera.read(-1.0 if self._last is None else self._last.stamp, timeout)
         if frame is not None:
+            self._last = frame
             pose = self._arm.state().pose
             self._film.poses.append(pose.as_array().tolist())
             self._file.write(np.ascontiguousarray(frame.image).data)
             self._file.flush()
-        return frame
+        return self._last if self._last is not None and self._last.stamp > after else None
 
 
 class PlayedCamera:
