@@ -30,6 +30,7 @@ STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PRE
 AFTER = 0.25  # s in the state before the fault strikes
 STILL = 0.002  # m/s below which a gripper rests
 RIGHT = 0.003  # m that a good fold's measurement may be off the truth: what a cell states as sigma
+STEPS = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
 SPARE = 1.02  # of a limit, for what sampling makes of it
 CAMERA = 20.0  # Hz: an image is the dearest part of a simulated fold
 
@@ -136,6 +137,7 @@ def _came(
     if striker.at is None:
         return facts
     rates = np.diff(motion[:, 1:], axis=0) / PERIOD
+    whole_steps = np.diff(motion[::STEPS, 1:], axis=0) / (STEPS * PERIOD)
     after = motion[1:, 0] > striker.at
     speed = np.hypot(rates[:, 0], rates[:, 1])
     stopped = facts["verdict"] == "stopped"
@@ -146,7 +148,7 @@ def _came(
         "rest": float(late.max() - striker.at) if stopped and late.size else None,
         "distance": path if stopped else None,
         "resting": bool((speed[-1:] < STILL).all()),
-        "within": _within(motion, rates, place),
+        "within": _within(motion, whole_steps, place),
     }
 
 

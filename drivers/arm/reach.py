@@ -19,9 +19,9 @@ MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 SHARE = 0.9  # of a joint's allowed velocity
 NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
-HANGING = np.pi / 2 - 1e-6  # rad of pitch at the end of the lift
+HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 ENOUGH = 5  # problems of one way, after which it is given up
-ELBOWS = tuple(np.linspace(-1.2, 1.2, 9).tolist())  # rad, angles of joint 3 that are tried
+ELBOWS = (-1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2)  # rad of joint 3 that are tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,8 @@ def plan_reach(
 
     The elbow angle is constant on the whole path. Both hand orientations and all `elbows` [rad] are
     tried; the one without problems and with the largest margin wins, else the one that gets
-    furthest. Where the driver's guard would brake in the lift is a problem, too.
+    furthest. The driver's guard must not brake on it, or not before the lay, whose way depends on
+    where the layers touch.
     """
     ways = [
         way for turned in (False, True) for way in _ways(installation, path, speeds, turned, elbows)
@@ -78,13 +79,15 @@ def plan_reach(
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
-    tried = list[Reach]()
-    for way in sorted(ways, key=lambda w: (w.allowed, w.followed, w.margin), reverse=True):
-        guarded = _guarded(installation, path, speeds, way) if way.allowed else way
-        if guarded.allowed:
-            return guarded
-        tried.append(guarded)
-    return tried[0]
+    ways.sort(key=lambda way: (way.allowed, way.followed, way.margin), reverse=True)
+    braked = list[Reach]()
+    for way in ways:
+        stop = _braked(installation, path, speeds, way) if way.allowed else None
+        if stop is None:
+            return way if way.allowed or not braked else max(braked, key=_furthest)
+        late = stop.pitch > HANGING
+        braked.append(way if late else replace(way, problems=(stop,)))
+    return max(braked, key=_furthest)
 
 
 def _ways(
@@ -127,21 +130,23 @@ def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Re
     return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
 
 
-def _guarded(installation: Installation, path: Array, speeds: Array, way: Reach) -> Reach:
-    """The same `way`, with the first pose up to hanging at which the guard of the arm's driver
-    would brake; how the edge is laid later depends on where the layers touch.
+def _braked(installation: Installation, path: Array, speeds: Array, way: Reach) -> Problem | None:
+    """The first pose on a `way`, from the lift on, at which the guard of the arm's driver would
+    brake; the moves before it brake by themselves.
     """
     plane = StripPlane(installation.mounting.transform(), turned=way.turned)
     guard = ReachGuard(plane, installation.limits, way.start.tolist())
     poses, times = dense(path, speeds)
     rates = np.diff(poses, axis=0) / times[1:, None]
-    for i, (pose, rate) in enumerate(zip(poses.tolist(), rates.tolist(), strict=False)):
-        if pose[2] > HANGING:
-            break
-        reason = guard.objection(Soon(Pose(*pose), Velocity(*rate), STILL))
-        if reason:
-            return replace(way, followed=i, problems=(Problem(pose[0], pose[1], pose[2], reason),))
-    return way
+    for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
+        reason = guard.objection(Soon(Pose(x, z, pitch), Velocity(*rate), STILL))
+        if reason and pitch > 0.0:
+            return Problem(x, z, pitch, reason)
+    return None
+
+
+def _furthest(way: Reach) -> tuple[bool, float]:
+    return way.allowed, way.margin
 
 
 def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:

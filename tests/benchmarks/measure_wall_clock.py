@@ -54,7 +54,8 @@ from drivers.fci_server.settings import ServerSettings
 from drivers.types import ArmState, Frame, Pose, frozen
 
 RATE = 60.0  # Hz, of the played images
-AHEAD = 40  # images among which the one of a pose is looked for
+AHEAD = 150  # images among which the one of a pose is looked for: more than a rest lasts
+GAP = 1.0  # s without a state, after which another fold has begun
 BAR, LATE, STOP = 99.9, 2e-3, 20e-3  # %, s, s
 THIS = "tests.benchmarks.measure_wall_clock"
 LENGTH = 0.36  # m, of the strip: a short fold
@@ -157,8 +158,8 @@ def play(poses: list[list[float]], places: Any, shows: Any) -> None:
     while True:
         time.sleep(1.0 / RATE)
         now = place.read()
-        if now.stamp < last:
-            index = 0  # another fold has begun
+        if not last <= now.stamp < last + GAP:
+            index = 0
         if now.stamp == last or place.count == 0:
             continue
         last, number = now.stamp, number + 1
@@ -256,21 +257,25 @@ def one_fold(bench: Bench, cause=None) -> tuple[str, list[float], float]:
         return devices
 
     class Watch:
-        begun = False
+        state = ""
 
-        def see(self, _snapshot) -> None: ...
+        def see(self, snapshot) -> None:
+            self.pose = snapshot.arm.pose
 
         def happened(self, _time, kind, facts) -> None:
+            if kind == "state" and facts["state"] not in ("STOPPING", "FAULT", "DONE"):
+                self.state = facts["state"]
             if kind == "state" and facts["state"] == "FOLD" and cause is not None:
                 wait = np.random.default_rng().uniform(0.3, 1.3)
                 threading.Timer(wait, lambda: struck.append(cause(asked))).start()
 
+    watch = Watch()
     result = fold(
-        request(bench.configs, bench.folder / "runs"), lambda _f, _s: (Watch(),), asked.is_set,
+        request(bench.configs, bench.folder / "runs"), lambda _f, _s: (watch,), asked.is_set,
         bench.calibration, opened=opened, sight=costly, page=False,
     )  # fmt: skip
     after = [at - struck[0] for at in arms[0].stopped if struck and at > struck[0]]
-    return f"{result.outcome}: {result.reason}", clock.late, min(after, default=float("nan"))
+    return f"{result.outcome} in {watch.state} at {watch.pose}: {result.reason}", clock.late, min(after, default=float("nan"))
 
 
 def interrupt(asked: threading.Event) -> float:
