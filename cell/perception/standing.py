@@ -17,8 +17,9 @@ from drivers.types import Array, Image, Pose
 
 SIDE = 32  # px, of a patch
 REACH = 12  # px by which it is looked for around its place
-MOST, LEAST = 16, 3  # patches that are remembered, and that must be found for a shift to be told
-SURE = 0.2  # px, standard deviation of a patch's place by its structure and the noise
+MOST, LEAST = 16, 2  # patches that are remembered, and that must be found for a shift to be told
+ALONG = 1.0  # px by which most of them must have moved alike
+SURE = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 SOFT = 1.5  # px over which noise is averaged
 NAN = float("nan")
 
@@ -26,11 +27,13 @@ NAN = float("nan")
 @dataclass(frozen=True, slots=True)
 class Standing:
     """Patches on the desk and about it that nothing hides for long: `corners` (n, 2), column and
-    row [px] of their first pixels, and `patches`, their grey levels (SIDE, SIDE).
+    row [px] of their first pixels, `patches`, their grey levels (SIDE, SIDE), and `weights` (n,),
+    the inverse variances [1/px^2] of their places.
     """
 
     corners: Array
     patches: tuple[Image, ...]
+    weights: Array
     calibration: Calibration
 
     @classmethod
@@ -50,35 +53,42 @@ class Standing:
         top = calibration.to_image(np.array([[middle, HIGH]]))[0, 1]
         unsure[: max(int(top), 0) + edge], unsure[-edge:] = np.inf, np.inf
         unsure[:, :edge], unsure[:, -edge:] = np.inf, np.inf
-        corners = list[tuple[int, int]]()
+        corners, weights = list[tuple[int, int]](), list[float]()
         while len(corners) < MOST and unsure.min() <= SURE:
             v, u = np.unravel_index(int(unsure.argmin()), unsure.shape)
             corners.append((int(u) - SIDE // 2, int(v) - SIDE // 2))
+            weights.append(float(unsure[v, u]) ** -2)
             unsure[max(v - SIDE, 0) : v + SIDE, max(u - SIDE, 0) : u + SIDE] = np.inf
-        patches = tuple(_soft(grey[v : v + SIDE, u : u + SIDE]) for u, v in corners)
-        return cls(np.array(corners, dtype=np.float64).reshape(-1, 2), patches, calibration)
+        soft = _soft(grey)
+        patches = tuple(soft[v : v + SIDE, u : u + SIDE].copy() for u, v in corners)
+        places = np.array(corners, dtype=np.float64).reshape(-1, 2)
+        return cls(places, patches, np.array(weights), calibration)
 
     def shift(self, image: Image, gripper: Pose) -> float:
         """How far the scene appears moved in `image` (height, width, 3), in the plane of the near
         edge [m]; NaN where too little of it is found again.
 
-        The median over patches, so that a shadow on some of them says nothing; brightness does not
-        count. `gripper` is the measured pose at the image's stamp.
+        The median over patches by their weights, where most of these have moved alike, so that a
+        shadow on some of them says nothing; brightness does not count. `gripper` is the measured
+        pose at the image's stamp.
         """
         clear = without_hand(all_of(image), self.calibration, gripper)
-        here, there = list[Array](), list[Array]()
-        for corner, patch in zip(self.corners, self.patches, strict=True):
-            u, v = corner.astype(int).tolist()
+        moved = np.full(self.corners.shape, NAN)
+        for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
             if clear[v : v + SIDE, u : u + SIDE].all():
                 window = image[v - REACH : v + SIDE + REACH, u - REACH : u + SIDE + REACH]
-                moved = _find(_soft(_grey(window)), patch)
-                here += [] if moved is None else [corner]
-                there += [] if moved is None else [corner + moved]
-        if len(here) < LEAST:
+                moved[i] = _find(_soft(_grey(window)), self.patches[i])
+        found = np.isfinite(moved[:, 0])
+        if np.count_nonzero(found) < LEAST:
             return NAN
+        way, weights = moved[found], self.weights[found]
+        common = np.array([_median(part, weights) for part in way.T])
+        alike = np.hypot(*(way - common).T) <= ALONG
+        if np.count_nonzero(alike) < LEAST or 2 * weights[alike].sum() <= weights.sum():
+            return NAN
+        here = self.corners[found][:1]
         to_plane = self.calibration.to_plane
-        ways = to_plane(np.array(there)) - to_plane(np.array(here))
-        return float(np.hypot(*np.median(ways, axis=0)))
+        return float(np.hypot(*(to_plane(here + common) - to_plane(here))[0]))
 
 
 def _deviation(grey: Image, noise: float) -> Array:
@@ -96,12 +106,19 @@ def _deviation(grey: Image, noise: float) -> Array:
     return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
 
 
-def _find(window: Image, patch: Image) -> Array | None:
-    """Shift (2,) [px] at which the `patch` is found in a `window` REACH larger, or None."""
+def _median(values: Array, weights: Array) -> float:
+    """Weighted median of `values` (n,)."""
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(share, share[-1] / 2)]])
+
+
+def _find(window: Image, patch: Image) -> Array:
+    """Shift (2,) [px] at which the `patch` is found in a `window` REACH larger, else NaN."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
     if not best >= ALIKE or not (0 < u < 2 * REACH and 0 < v < 2 * REACH):
-        return None
+        return np.full(2, NAN)
     return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - REACH
 
 
