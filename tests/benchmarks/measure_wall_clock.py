@@ -374,7 +374,7 @@ def bench() -> Iterator[Bench]:
     usual = find_configs(None).cell()
     installation = usual.fci.installed(usual.installation)
     joints = list(start_joints(installation, usual.fold, LENGTH, usual.twin.arm.home_height))
-    memory = Path("/dev/shm")  # a film on disk would be waited for
+    memory = Path("/dev/shm")  # noqa: S108  a film on disk would be waited for
     home = memory if memory.is_dir() else None
     with tempfile.TemporaryDirectory(dir=home) as place, robot(joints) as address:
         folder = Path(place)
