@@ -169,12 +169,14 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
     if not best >= ALIKE:
         return None
-    fine_u, fine_v = _peak(scores[v, :], u), _peak(scores[:, u], v)
+    fine_u, fine_v = peak(scores[v, :], u), peak(scores[:, u], v)
     return left + u + fine_u - mark.left, top + v + fine_v - mark.top
 
 
-def _peak(scores: Array, at: int) -> float:
-    """Maximum, within a pixel of `at`, of a parabola through three scores."""
+def peak(scores: Array, at: int) -> float:
+    """Place of the maximum, within a pixel of index `at` and relative to it, of a parabola through
+    three `scores`.
+    """
     if not 0 < at < len(scores) - 1:
         return 0.0
     before, here, after = (float(score) for score in scores[at - 1 : at + 2])

@@ -14,6 +14,7 @@ class MonitorLimits(Settings):
     identical_images: int = Field(4, ge=2, le=30)
     confidence: float = Field(0.3, gt=0, lt=1)
     doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
+    camera_shift: float = Field(0.001, gt=0, le=0.01)  # m by which the scene may seem moved
     overspeed: float = Field(1.25, ge=1.0, le=2.0)  # measured over allowed speed
     speed: float = Field(0.25, gt=0, le=1.0)  # m/s
     tracking_error: float = Field(0.015, gt=0, le=0.1)  # m, measured from commanded

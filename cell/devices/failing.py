@@ -20,7 +20,7 @@ from drivers.settings import parse
 from drivers.twin.clock import Turn
 from drivers.types import ArmState, Frame, HandState, Pose, Velocity
 
-PERIOD = 0.005  # s between two looks at the gripper
+PERIOD = 0.002  # s between two looks at the gripper
 Spoil = Callable[[Frame, Frame], Frame | None]
 """What becomes of a frame, beside the last good one."""
 
@@ -162,6 +162,11 @@ class Failing:
         self.devices = replace(
             devices, camera=self.camera, arm=self.arm, hand=self.hand, clock=self.clock
         )
+
+    @property
+    def now(self) -> float:
+        """Seconds of the simulated world, whatever the cell's clock says."""
+        return self._twin.clock.now()
 
     def strike_robot(self, **facts: object) -> None:
         """Have the emulated robot suffer a fault at its next tick; `facts` as in a fault script."""

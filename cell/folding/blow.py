@@ -26,10 +26,11 @@ from drivers.installation import Installation
 from drivers.types import Array
 from policies.policy import Policy
 
-STATES = ("FOLD", "LIFT", "GRASP", "PREFLIGHT", "LAY", "TOUCHED", "RELEASE", "STOPPING")
+STATES = ("FOLD", "LAY", "TOUCHED", "RELEASE", "STOPPING", "LIFT", "GRASP", "PREFLIGHT")
 AFTER = 0.25  # s in the state before the fault strikes
 STILL = 0.002  # m/s below which a gripper rests
 RIGHT = 0.003  # m that a good fold's measurement may be off the truth: what a cell states as sigma
+STEPS = 5  # looks at the gripper over which its rate is judged: it follows a robot in steps
 SPARE = 1.02  # of a limit, for what sampling makes of it
 CAMERA = 20.0  # Hz: an image is the dearest part of a simulated fold
 
@@ -47,6 +48,7 @@ class Striker:
     """Observer that strikes once: a while after `state` began, at once where it lasts no tick."""
 
     def __init__(self, blow: Blow, scene: Callable[[], Scene]) -> None:
+        """For the fold that `scene` gives once it is opened; times are the world's [s]."""
         self._blow, self._scene = blow, scene
         self._begun: float | None = None
         self.at: float | None = None
@@ -57,31 +59,31 @@ class Striker:
         """Whether the operator stops the run, so that the fault can strike while it does."""
         return self._blow.state == "STOPPING" and self._begun is not None
 
-    def see(self, snapshot: Snapshot) -> None:
+    def see(self, snapshot: Snapshot) -> None:  # noqa: ARG002
         """Strike when it is time."""
         begun = self._begun
         if begun is None or self.at is not None or self._blow.state == "STOPPING":
             return
-        if snapshot.time >= begun + AFTER:
-            self._strike(snapshot.time)
+        if self._scene().cell.now >= begun + AFTER:
+            self._strike()
 
-    def note(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def note(self, _time: float, kind: str, facts: dict[str, object]) -> None:
         """Note the states, and the fault as the cell names it."""
-        state = self._blow.state
+        state, time = self._blow.state, self._scene().cell.now
         if kind == "fault" and self.fault is None:
             self.fault = (time, str(facts["name"]), str(facts["reason"]))
         if kind != "state":
             return
         if facts["state"] == state and state in ("TOUCHED", "STOPPING"):
-            self._strike(time)
+            self._strike()
         elif facts["state"] == ("FOLD" if state == "STOPPING" else state):
             self._begun = time
 
     happened = note
 
-    def _strike(self, time: float) -> None:
+    def _strike(self) -> None:
         if self.at is None:
-            self.at = time
+            self.at = self._scene().cell.now
             FAULTS[self._blow.fault].strike(self._scene())
 
 
@@ -135,6 +137,7 @@ def _came(
     if striker.at is None:
         return facts
     rates = np.diff(motion[:, 1:], axis=0) / PERIOD
+    whole_steps = np.diff(motion[::STEPS, 1:], axis=0) / (STEPS * PERIOD)
     after = motion[1:, 0] > striker.at
     speed = np.hypot(rates[:, 0], rates[:, 1])
     stopped = facts["verdict"] == "stopped"
@@ -145,7 +148,7 @@ def _came(
         "rest": float(late.max() - striker.at) if stopped and late.size else None,
         "distance": path if stopped else None,
         "resting": bool((speed[-1:] < STILL).all()),
-        "within": _within(motion, rates, place),
+        "within": _within(motion, whole_steps, place),
     }
 
 
@@ -209,7 +212,7 @@ def _configure(folder: Path) -> Path:
     (made / "strips").mkdir(parents=True)
     content = usual.cell().model_dump(mode="json", by_alias=True, exclude_unset=True)
     content["twin"] = content["twin"] | {"camera": {"rate": CAMERA}, "world": {"links": 60}}
-    content["monitors"] = {"turn": 60.0, "state_duration": 20.0}
+    content["monitors"] = {"turn": 15.0, "state_duration": 20.0}
     write_document(made / "cell.yaml", content)
     strip = usual.strip("denim").model_dump(mode="json", by_alias=True, exclude_unset=True)
     write_document(made / "strips" / "denim.yaml", strip | {"length": 0.36, "spread": {}})

@@ -13,6 +13,8 @@ from cell.orchestrator.states import TERMINAL, State
 from drivers.errors import Fault
 from drivers.limits import Workspace
 
+MOVED = 2  # images in a row
+
 
 @dataclass(frozen=True, slots=True)
 class Rules:
@@ -96,6 +98,16 @@ def _low_confidence(snapshot: Snapshot, rules: Rules) -> str | None:
     return (
         f"confidence in the images is {seen:.2f}, below {limits.confidence:.2f} "
         f"for more than {limits.doubt:.1f} s"
+    )
+
+
+def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
+    view, limit = snapshot.view, rules.limits.camera_shift
+    if view.moved < MOVED:
+        return None
+    return (
+        f"the scene appears moved by {1e3 * view.shift:.1f} mm since the preflight, allowed "
+        f"{1e3 * limit:.1f} mm: the camera was touched; fasten it and calibrate again"
     )
 
 
@@ -185,6 +197,7 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("image_frozen", _SEEING, _image_frozen),
     Monitor("image_reader_dead", _SEEING, _reader_dead),
     Monitor("image_reading_overdue", _SEEING, _reading_overdue),
+    Monitor("camera_moved", _FOLDING, _camera_moved),
     Monitor("low_confidence", _FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),
     Monitor("overtime", _ALIVE - _WAITING, _overtime),

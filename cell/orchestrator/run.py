@@ -66,7 +66,7 @@ class Run:
         )
         self._snapshot: Snapshot | None = None
         self._arm_history = ArmHistory()
-        self._vision = Vision(devices.camera, settings.monitors.confidence)
+        self._vision = Vision(devices.camera, settings.monitors)
         self._velocity = STILL
 
     def execute(self) -> Outcome:
@@ -138,7 +138,12 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One cycle of braking; recorded and shown as far as possible."""
+        """One cycle of braking, a whole one also where the loop is late; recorded and shown as far
+        as possible.
+        """
+        now = self._devices.clock.now()
+        if now >= due:
+            due = now + 1.0 / self._context.settings.fold.control_rate
         arm = self._safe_stop.turn(due)
         if arm is not None and self._snapshot is not None:
             view = replace(self._snapshot.view, fresh=False, read=False)

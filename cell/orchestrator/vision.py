@@ -1,9 +1,11 @@
 """Vision of a run: from camera frames to measurement, layer touch, and doubt."""
 
 from dataclasses import dataclass
+from math import nan
 from typing import Protocol, Self
 
 from calibration.calibration import Calibration
+from cell.config.monitor_limits import MonitorLimits
 from cell.config.settings import CellSettings
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.states import State
@@ -13,6 +15,7 @@ from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.sanity import ImageSanity
+from cell.perception.standing import Standing
 from drivers.errors import Fault
 from drivers.protocols import Camera
 from drivers.strip.file import StripFile
@@ -56,9 +59,16 @@ class StripReader:
     since: float | None = None
     dead = ""
 
-    def __init__(self, perception: Perception, touch: LayerTouch, latency: float) -> None:
-        """With the colours found at preflight, in `perception`."""
+    def __init__(
+        self,
+        perception: Perception,
+        touch: LayerTouch,
+        latency: float,
+        standing: Standing | None = None,
+    ) -> None:
+        """With the colours found at preflight, in `perception`, and what stood still then."""
         self._perception, self._touch, self.latency = perception, touch, latency
+        self._standing = standing
         self._seen: Seen | None = None
 
     @classmethod
@@ -71,13 +81,16 @@ class StripReader:
     ) -> Self:
         """A reader of `strip` with its appearance at preflight."""
         perception = Perception(calibration, settings.perception, strip, appearance)
-        return cls(perception, LayerTouch(settings.perception, strip), calibration.latency)
+        standing = Standing.of(appearance, calibration, settings.perception, strip)
+        touch = LayerTouch(settings.perception, strip)
+        return cls(perception, touch, calibration.latency, standing)
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
         """Read `frame` now."""
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.tell(measurement, gripper) if touches else None
-        self._seen = Seen(measurement, touch)
+        shift = nan if self._standing is None else self._standing.shift(frame.image, gripper)
+        self._seen = Seen(measurement, touch, shift)
 
     def take(self) -> Seen | None:
         """What the image showed, once."""
@@ -119,7 +132,8 @@ class View:
     successive images that equal it byte for byte although the gripper moved. `measurement` is the
     last one, and `read` whether it is new on this tick; `touch` the layer_touch once it is seen,
     `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
-    when the image under way was begun, `dead` why none is read any more.
+    when the image under way was begun, `dead` why none is read any more. `shift` [m] is how far the
+    camera seems moved since the preflight, and `moved` the successive images that say so.
     """
 
     frame: Frame | None = None
@@ -131,6 +145,8 @@ class View:
     read: bool = False
     reading_since: float | None = None
     dead: str = ""
+    shift: float = nan
+    moved: int = 0
 
 
 class Vision:
@@ -138,10 +154,11 @@ class Vision:
     the state requires it.
     """
 
-    def __init__(self, camera: Camera, confidence: float) -> None:
-        """Read from `camera`; a measurement below `confidence` is in doubt."""
+    def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
+        """Read from `camera`; `limits` say what is in doubt and what has moved."""
         self._camera = camera
-        self._confidence = confidence
+        self._limits = limits
+        self._shift, self._moved = nan, 0
         self._sanity = ImageSanity()
         self._frame: Frame | None = None
         self._identical = 1
@@ -164,6 +181,8 @@ class Vision:
             read,
             None if reader is None else reader.since,
             "" if reader is None else reader.dead,
+            self._shift,
+            self._moved,
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
@@ -196,10 +215,12 @@ class Vision:
             read = True
             self._measurement, self._touch = seen.measurement, seen.touch
             self._note_doubt(seen.measurement)
+            self._shift = seen.shift
+            self._moved = self._moved + 1 if seen.shift > self._limits.camera_shift else 0
         return read
 
     def _note_doubt(self, measurement: StripMeasurement) -> None:
-        if measurement.confidence >= self._confidence:
+        if measurement.confidence >= self._limits.confidence:
             self._doubtful_since = None
         elif self._doubtful_since is None:
             self._doubtful_since = measurement.stamp

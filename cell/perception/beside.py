@@ -3,8 +3,10 @@
 import ctypes
 import gc
 import json
+import os
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -20,7 +22,7 @@ from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from drivers.clock import take_priority
+from cell.perception.standing import Standing
 from drivers.errors import Fault
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
@@ -28,19 +30,23 @@ from drivers.types import Array, Frame, Pose
 INSPECT, LOOK, TRACK = 0, 1, 2  # what is asked: the checks, a measurement, or one with the touch
 HEADER = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
 MEASURED = 11  # numbers of a measurement beside its profile
+SHIFT = 1
 TOUCH = 6
 MOST_POINTS = 500  # of a profile
 START = 60.0  # s for the process to start, its libraries included
 ENDING = 1.0  # s for it to end
-PRIORITY = 10  # of 1 to 99: the loop goes first
+NICE = (
+    -10
+)  # before what only records or shows, where this user may; never real-time, since it computes
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What one image showed."""
+    """What one image showed; `shift` [m] is how far the camera seems moved, NaN where unknown."""
 
     measurement: StripMeasurement
     touch: SeenTouch | None
+    shift: float = float("nan")
 
 
 class Sight(Protocol):
@@ -74,6 +80,7 @@ class StripSight:
     def __init__(self, subject: Subject) -> None:
         self._subject = subject
         self._perception: Perception | None = None
+        self._standing: Standing | None = None
         self._touch = LayerTouch(subject.settings, subject.strip)
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
@@ -82,15 +89,16 @@ class StripSight:
         seen = inspect(frame, s.calibration, s.settings, s.strip)
         if seen.appearance is not None:
             self._perception = Perception(s.calibration, s.settings, s.strip, seen.appearance)
+            self._standing = Standing.of(seen.appearance, s.calibration, s.settings, s.strip)
         return seen.checks
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
         """The strip in `frame`; raises Fault `no_perception` before an image was accepted."""
-        if self._perception is None:
+        if self._perception is None or self._standing is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
         touch = self._touch.tell(measurement, gripper) if touches else None
-        return Seen(measurement, touch)
+        return Seen(measurement, touch, self._standing.shift(frame.image, gripper))
 
 
 Maker = Callable[[Subject], Sight]
@@ -205,7 +213,7 @@ def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: 
     the shared memory.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when this ends
-    take_priority(PRIORITY)
+    _go_first()
     cv2.setNumThreads(1)
     sight, pixels = made(subject), np.frombuffer(image, np.uint8).reshape(subject.shape())
     pixels.setflags(write=False)
@@ -221,6 +229,17 @@ def serve(subject: Subject, made: Maker, pipe: Connection, image: Any, numbers: 
         pipe.send_bytes(f"!{type(error).__name__}: {error}".encode())
 
 
+def _go_first() -> None:
+    """Take precedence among ordinary processes.
+
+    A process that computes without a pause must not have real-time priority: it would use up what
+    the kernel leaves to all such processes, and for 50 ms in a second none of them runs, the
+    robot's included (sched_rt_runtime_us in the kernel's documentation).
+    """
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICE)
+
+
 def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
     """Measure the image handed over, and the message that says so."""
     request, stamp, arrival, sequence, x, z, pitch, _ = values[:HEADER].tolist()
@@ -233,7 +252,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
 
 
 def _size() -> int:
-    return HEADER + MEASURED + 1 + TOUCH + 2 * MOST_POINTS
+    return HEADER + MEASURED + SHIFT + TOUCH + 1 + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
@@ -241,26 +260,27 @@ def _pack(values: Array, seen: Seen) -> None:
     m, t = seen.measurement, seen.touch
     points = m.profile[:MOST_POINTS]
     one = [m.stamp, m.sequence, m.contact_x, m.contact_confidence, m.profile_confidence, *m.tip]
-    one += [m.gap, m.gap_x, *m.gripper]
+    one += [m.gap, m.gap_x, *m.gripper, seen.shift]
     nothing = [np.nan] * TOUCH
     touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
     touch += [] if t is None else [t.distance]
-    start = HEADER + MEASURED + TOUCH + 1
+    start = HEADER + MEASURED + SHIFT + TOUCH + 1
     values[HEADER:start] = [*one, *touch, len(points)]
     values[start : start + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
     """What the shared numbers (n,) hold."""
-    start = HEADER + MEASURED + TOUCH + 1
+    start = HEADER + MEASURED + SHIFT + TOUCH + 1
     one, touch = values[HEADER:start].tolist(), None
     stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:MEASURED]
     count = int(one[-1])
-    if not np.isnan(one[MEASURED]):
-        touch = SeenTouch(*one[MEASURED : MEASURED + TOUCH])
+    told = one[MEASURED + SHIFT : -1]
+    if not np.isnan(told[0]):
+        touch = SeenTouch(*told)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
     tip = (tip_x, tip_z)
     measurement = StripMeasurement(
         stamp, int(sequence), contact_x, contact, points, profile, tip, gap, gap_x, (x, z)
     )
-    return Seen(measurement, touch)
+    return Seen(measurement, touch, one[MEASURED])

@@ -69,12 +69,14 @@ def _tables(ticks: pa.Table, sights: pa.Table) -> Tables:
 def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     """Ticks of the loop, with each contact in the row nearest to its image's stamp.
 
-    A row whose stamp did not advance contains no new measurement and is left out, and so are
-    columns of computing time, which differ from run to run.
+    A row whose stamp did not advance contains no new measurement and is left out, and so are one
+    of an arm that reported no number, which no reader takes, and columns of computing time, which
+    differ from run to run.
     """
     t = _numbers(ticks, "t")
     latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
-    ticks = ticks.filter(pa.array(t > latest))
+    told = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
+    ticks = ticks.filter(pa.array((t > latest) & told))
     t = _numbers(ticks, "t")
     contact_x, contact_t = place_contacts(
         t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")

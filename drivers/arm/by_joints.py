@@ -13,6 +13,7 @@ from drivers.arm.way import UNHEARD, Course, go_on
 from drivers.franka.kinematics import pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK
+from drivers.types import Array
 
 RETURN = 20.0  # 1/s, how fast an elbow comes back that went on by itself
 Numbers = list[float]
@@ -52,13 +53,13 @@ class ByJoints:
         self._robot = robot
         self._here: Course | None = None
         self._sent: Numbers = []
-        self._pose: Numbers = []  # of the hand's setpoint
-        self._twist, self._jacobian = np.zeros(6), np.zeros((6, 7))
+        self._sent_pose: Array | None = None
+        self._trail: list[Array] = []  # the hand's setpoint (4, 4), and at the two ticks before
         self._time = 0.0
 
     def start_poses(self) -> Any:
         """Start the motion; the elbow is kept where it is now."""
-        self._here, self._pose = None, []
+        self._here, self._sent_pose = None, None
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> PosedState:
@@ -76,15 +77,15 @@ class ByJoints:
             self._here = go_on(self._here, self._sent, state, ticks)
         here = self._here
         off = max(abs(a - b) for a, b in zip(here.place, self._sent, strict=True))
-        in_step = bool(self._pose) and ticks == 1 and off < UNHEARD
-        if not in_step:
+        if self._sent_pose is not None and ticks == 1 and off < UNHEARD:
+            self._trail = [self._sent_pose, *self._trail[:2]]
+        else:
             self._elbow, self._swing = here.place[ELBOW_JOINT], here.rate[ELBOW_JOINT]
-            reached, self._jacobian = pose_and_jacobian(np.array(here.place))
-            self._pose = reached.T.ravel().tolist()
-        twist = self._jacobian @ np.array(here.rate)
-        change = (twist - self._twist) / (TICK * ticks) if ticks else np.zeros(6)
-        self._twist = twist
-        return PosedState(state, list(self._pose), twist.tolist(), change.tolist())
+            self._trail = _trail(here)
+        twist, before = (_twist(self._trail[i], self._trail[i + 1]) for i in range(2))
+        change = (twist - before) / TICK
+        pose: Numbers = self._trail[0].T.ravel().tolist()
+        return PosedState(state, pose, twist.tolist(), change.tolist())
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Send the joints that bring the hand to `pose`, 16 numbers by columns.
@@ -99,7 +100,26 @@ class ByJoints:
         pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing
         self._swing += TICK * RETURN * pull
         self._elbow += TICK * self._swing
-        reached, self._jacobian = pose_and_jacobian(near)
-        step = joint_step(near, reached, self._jacobian, target, self._elbow)
-        self._sent, self._pose = (near + step).tolist(), list(pose)
+        step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
+        self._sent, self._sent_pose = (near + step).tolist(), target
         self._robot.write_joints(motion, self._sent, last=last)
+
+
+def _trail(here: Course) -> list[Array]:
+    """Poses (4, 4) of the hand on a course: now, a tick ago, two ticks ago."""
+    place, rate, change = (np.array(part) for part in here)
+    before = place - TICK * rate
+    ways = (place, before, before - TICK * (rate - TICK * change))
+    return [pose_and_jacobian(joints)[0] for joints in ways]
+
+
+def _twist(now: Array, before: Array) -> Array:
+    """Mean twist (6,) [m/s, rad/s] over a tick between two poses (4, 4).
+
+    A robot takes its rates so, by differences; one by the Jacobian at the end of the tick would be
+    wrong by half of what the Jacobian changes in it, and a command that goes on from there would
+    push on each time that one was lost.
+    """
+    turn = now[:3, :3] @ before[:3, :3].T
+    angle = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+    return np.concatenate([now[:3, 3] - before[:3, 3], np.multiply(0.5, angle)]) / TICK

@@ -1,25 +1,27 @@
 """Check before a motion whether the arm can follow a gripper path: joint limits, margins, rates."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.arm.guard import ReachGuard, Soon
 from drivers.arm.plane import StripPlane
 from drivers.franka.inverse import Unreachable, manipulability, solve
 from drivers.franka.kinematics import HOME, jacobian, pose_and_jacobian
 from drivers.franka.limits import margins, velocity_bounds
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.installation import Installation
-from drivers.types import Array, frozen
+from drivers.types import STILL, Array, Pose, Velocity, frozen
 
 STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
 MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
 SHARE = 0.9  # of a joint's allowed velocity
 NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
+HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 ENOUGH = 5  # problems of one way, after which it is given up
-ELBOWS = tuple(np.linspace(-1.2, 1.2, 9).tolist())  # rad, angles of joint 3 that are tried
+ELBOWS = (-1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2)  # rad of joint 3 that are tried
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,8 @@ def plan_reach(
 
     The elbow angle is constant on the whole path. Both hand orientations and all `elbows` [rad] are
     tried; the one without problems and with the largest margin wins, else the one that gets
-    furthest.
+    furthest. The driver's guard must not brake on it, or not before the lay, whose way depends on
+    where the layers touch.
     """
     ways = [
         way for turned in (False, True) for way in _ways(installation, path, speeds, turned, elbows)
@@ -76,7 +79,15 @@ def plan_reach(
         x, z, pitch = path[0].tolist()
         first = Problem(x, z, pitch, "no posture of the arm brings the hand there")
         return Reach(False, HOME, 0.0, 1, 0, (first,))
-    return max(ways, key=lambda way: (way.allowed, way.followed, way.margin))
+    ways.sort(key=lambda way: (way.allowed, way.followed, way.margin), reverse=True)
+    braked = list[Reach]()
+    for way in ways:
+        stop = _braked(installation, path, speeds, way) if way.allowed else None
+        if stop is None:
+            return way if way.allowed or not braked else max(braked, key=_furthest)
+        late = stop.pitch > HANGING
+        braked.append(way if late else replace(way, problems=(stop,)))
+    return max(braked, key=_furthest)
 
 
 def _ways(
@@ -117,6 +128,25 @@ def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Re
             break
         joints, count = there, count + 1
     return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
+
+
+def _braked(installation: Installation, path: Array, speeds: Array, way: Reach) -> Problem | None:
+    """The first pose on a `way`, from the lift on, at which the guard of the arm's driver would
+    brake; the moves before it brake by themselves.
+    """
+    plane = StripPlane(installation.mounting.transform(), turned=way.turned)
+    guard = ReachGuard(plane, installation.limits, way.start.tolist())
+    poses, times = dense(path, speeds)
+    rates = np.diff(poses, axis=0) / times[1:, None]
+    for (x, z, pitch), rate in zip(poses.tolist(), rates.tolist(), strict=False):
+        reason = guard.objection(Soon(Pose(x, z, pitch), Velocity(*rate), STILL))
+        if reason and pitch > 0.0:
+            return Problem(x, z, pitch, reason)
+    return None
+
+
+def _furthest(way: Reach) -> tuple[bool, float]:
+    return way.allowed, way.margin
 
 
 def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:

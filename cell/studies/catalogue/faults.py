@@ -13,7 +13,7 @@ from cell.studies.kit.folds import cached_calibration
 from cell.studies.study import Ledger, Outcome, Study, Values
 
 SEEDS = 3
-GOOD = ("stopped", "harmless", "not struck")
+GOOD = ("stopped", "harmless")
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
@@ -30,7 +30,8 @@ def measure(case: Values) -> Values:
         came = dict(strike(blow, Path(place), cached_calibration()))
         for key in ("outcome", "message"):
             came[key] = str(came[key]).replace(place, "RUNS")
-    return came | {"noticed": came["verdict"] in GOOD}
+    struck = came["verdict"] != "not struck"
+    return came | {"noticed": came["verdict"] in GOOD if struck else None}
 
 
 def page(outcomes: Sequence[Outcome]) -> str:

@@ -12,6 +12,7 @@ from cell.config.fold import FoldSettings
 from cell.config.places import find_configs
 from cell.config.settings import CellSettings
 from cell.devices.fci import start_joints
+from cell.devices.fold_path import triangle, whole_path
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.phases import lift
 from cell.orchestrator.recorder import NullRecorder
@@ -20,12 +21,13 @@ from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.loop import plane_of
+from drivers.arm.reach import dense
 from drivers.arm.settings import REACHABLE
 from drivers.franka.inverse import solve
 from drivers.franka.kinematics import forward
 from drivers.limits import MotionLimits
 from drivers.motion import TICK, MotionProfile
-from drivers.types import STILL, ArmState, HandState, Pose
+from drivers.types import STILL, ArmState, HandState, Pose, Velocity
 from policies.registry import make_policy
 
 HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
@@ -103,6 +105,22 @@ def test_commands_late_at_its_end_do_not_take_the_arm_out_of_reach(begin: int) -
     lifted(REACHABLE, late=range(begin, begin + 9), watch=judge)
     assert len(objections) > 200
     assert set(objections) == {""}
+
+
+@pytest.mark.parametrize("length", [0.3, 0.36])
+def test_short_strips_begin_where_the_guard_lets_the_lift_pass(length: float) -> None:
+    """The posture with the largest margin of the joints would be braked in the lift."""
+    installation, settings = cell(REACHABLE, 0.1).installation, FoldSettings()
+    joints = start_joints(installation, settings, length, 0.25)
+    plane = plane_of(installation, forward(np.array(joints)).T.ravel().tolist())
+    guard = ReachGuard(plane, REACHABLE, list(joints))
+    poses, times = dense(*whole_path(length, 0.25, settings, REACHABLE, triangle(length)))
+    objections = set[str]()
+    for here, there, time in zip(poses[:-1], poses[1:], times[1:], strict=True):
+        soon = Soon(Pose(*here), Velocity(*((there - here) / time)), STILL)
+        if here[2] < np.pi / 2:  # the guard follows the way there, too
+            objections |= {guard.objection(soon)} if here[2] > 0.0 else {guard.objection(soon)[:0]}
+    assert objections == {""}
 
 
 def guarded() -> ReachGuard:

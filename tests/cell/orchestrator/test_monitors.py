@@ -48,6 +48,7 @@ BROKEN = {
     "image_frozen": showing(identical=LIMITS.identical_images),
     "image_reader_dead": showing(dead="the process for images has ended"),
     "image_reading_overdue": showing(reading_since=9.7),
+    "camera_moved": showing(shift=2e-3, moved=2),
     "low_confidence": showing(doubtful_since=9.0),
     "state_overtime": replace(GOOD, entered=-60.0),
     "overtime": replace(
@@ -79,6 +80,7 @@ WATCHED = {
     "image_frozen": MOVING,
     "image_reader_dead": MOVING,
     "image_reading_overdue": MOVING,
+    "camera_moved": {State.LIFT, State.FOLD},
     "low_confidence": {State.LIFT, State.FOLD},
     "state_overtime": MOVING | {State.PREFLIGHT},
     "overtime": MOVING | {State.PREFLIGHT},

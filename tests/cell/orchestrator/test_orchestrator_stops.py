@@ -279,3 +279,28 @@ def test_images_and_arm_states_of_the_future_are_refused(bench) -> None:
     bench.camera.read = ahead
     assert bench.run().name == "image_stale"
     assert bench.at_rest
+
+
+def test_a_loop_that_is_late_still_brakes_in_whole_cycles(bench, monkeypatch) -> None:
+    """A clock that jumps ahead, as after a stall, does not use up the time to brake."""
+    inner, late = bench.clock, [0.0]
+
+    class Late:
+        def now(self) -> float:
+            return inner.now() + late[0]
+
+        def wait_until(self, time: float) -> None:
+            inner.wait_until(time - late[0])
+
+    def stalls(record, begin):
+        for _ in range(50):
+            yield Drive(AWAY)
+        late[0] = 30.0
+        raise Fault("stalled", "nobody foresaw this")
+
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases(FOLD=stalls))
+    arm = bench.arm
+    bench.clock = Late()
+    assert bench.run().name == "stalled"
+    assert bench.at_rest
+    assert arm.commands[-1] == Hold()

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cell.config.monitor_limits import MonitorLimits
 from cell.config.places import BESIDE, Configs
 from cell.orchestrator.arm_history import ArmHistory
 from cell.orchestrator.phases import _inspect
@@ -126,7 +127,7 @@ def test_a_fold_is_judged_and_then_read_by_the_process(beside) -> None:
     awaited(send)
     checks, reader = end[0]
     assert checks[0].passed
-    history, vision = ArmHistory(), Vision(OneFrame(), 0.3)
+    history, vision = ArmHistory(), Vision(OneFrame(), MonitorLimits())
     history.add(arm)
     first = vision.look(State.FOLD, 1.6, history, reader)
     assert first.fresh

@@ -1,0 +1,130 @@
+"""How far the camera has moved since the image of the preflight, by what stands still in it."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+
+from calibration.calibration import Calibration
+from calibration.landmarks import ALIKE, peak
+from cell.perception.appearance import Appearance
+from cell.perception.region import HIGH, without_hand, zones
+from cell.perception.region import whole as all_of
+from cell.perception.settings import PerceptionSettings
+from drivers.strip.file import StripFile
+from drivers.types import Array, Image, Pose
+
+SIDE = 32  # px, of a patch
+REACH = 12  # px by which it is looked for around its place
+MOST, LEAST = 16, 2  # patches that are remembered, and that must be found for a shift to be told
+ALONG = 1.0  # px by which most of them must have moved alike
+SURE = 0.3  # px, standard deviation of a patch's place by its structure and the noise
+SOFT = 1.5  # px over which noise is averaged
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """Patches on the desk and about it that nothing hides for long: `corners` (n, 2), column and
+    row [px] of their first pixels, `patches`, their grey levels (SIDE, SIDE), and `weights` (n,),
+    the inverse variances [1/px^2] of their places.
+    """
+
+    corners: Array
+    patches: tuple[Image, ...]
+    weights: Array
+    calibration: Calibration
+
+    @classmethod
+    def of(
+        cls,
+        appearance: Appearance,
+        calibration: Calibration,
+        settings: PerceptionSettings,
+        strip: StripFile,
+    ) -> Self:
+        """The patches whose places are surest, below the waiting hand and where no strip can be."""
+        grey = _grey(appearance.scene.background.image)
+        unsure = _deviation(grey, appearance.scene.sensor)
+        strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
+        unsure[cv2.dilate(strip_zone, np.ones((SIDE, SIDE), np.uint8)) > 0] = np.inf
+        edge, middle = SIDE // 2 + REACH, strip.length / 2
+        top = calibration.to_image(np.array([[middle, HIGH]]))[0, 1]
+        unsure[: max(int(top), 0) + edge], unsure[-edge:] = np.inf, np.inf
+        unsure[:, :edge], unsure[:, -edge:] = np.inf, np.inf
+        corners, weights = list[tuple[int, int]](), list[float]()
+        while len(corners) < MOST and unsure.min() <= SURE:
+            v, u = np.unravel_index(int(unsure.argmin()), unsure.shape)
+            corners.append((int(u) - SIDE // 2, int(v) - SIDE // 2))
+            weights.append(float(unsure[v, u]) ** -2)
+            unsure[max(v - SIDE, 0) : v + SIDE, max(u - SIDE, 0) : u + SIDE] = np.inf
+        soft = _soft(grey)
+        patches = tuple(soft[v : v + SIDE, u : u + SIDE].copy() for u, v in corners)
+        places = np.array(corners, dtype=np.float64).reshape(-1, 2)
+        return cls(places, patches, np.array(weights), calibration)
+
+    def shift(self, image: Image, gripper: Pose) -> float:
+        """How far the scene appears moved in `image` (height, width, 3), in the plane of the near
+        edge [m]; NaN where too little of it is found again.
+
+        The median over patches by their weights, where most of these have moved alike, so that a
+        shadow on some of them says nothing; brightness does not count. `gripper` is the measured
+        pose at the image's stamp.
+        """
+        clear = without_hand(all_of(image), self.calibration, gripper)
+        moved = np.full(self.corners.shape, NAN)
+        for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
+            if clear[v : v + SIDE, u : u + SIDE].all():
+                window = image[v - REACH : v + SIDE + REACH, u - REACH : u + SIDE + REACH]
+                moved[i] = _find(_soft(_grey(window)), self.patches[i])
+        found = np.isfinite(moved[:, 0])
+        if np.count_nonzero(found) < LEAST:
+            return NAN
+        way, weights = moved[found], self.weights[found]
+        common = np.array([_median(part, weights) for part in way.T])
+        alike = np.hypot(*(way - common).T) <= ALONG
+        if np.count_nonzero(alike) < LEAST or 2 * weights[alike].sum() <= weights.sum():
+            return NAN
+        here = self.corners[found][:1]
+        to_plane = self.calibration.to_plane
+        return float(np.hypot(*(to_plane(here + common) - to_plane(here))[0]))
+
+
+def _deviation(grey: Image, noise: float) -> Array:
+    """Standard deviation (h, w) [px] of the place of a patch about each pixel in its less sure
+    direction, by the Cramer-Rao bound; `noise` [grey levels] is that of two pixels' difference.
+    """
+    seen = grey.astype(np.float32)
+    dx, dz = cv2.Scharr(seen, -1, 1, 0, scale=1 / 32), cv2.Scharr(seen, -1, 0, 1, scale=1 / 32)
+    xx, xz, zz = (
+        cv2.boxFilter(product, -1, (SIDE, SIDE), normalize=False)
+        for product in (dx * dx, dx * dz, dz * dz)
+    )
+    least = (xx + zz) / 2 - np.hypot((xx - zz) / 2, xz)
+    flat = float(np.median(least))  # what noise alone leaves
+    return np.asarray(noise / np.sqrt(np.maximum(least - flat, 1e-6)), dtype=np.float64)
+
+
+def _median(values: Array, weights: Array) -> float:
+    """Weighted median of `values` (n,)."""
+    order = np.argsort(values)
+    share = np.cumsum(weights[order])
+    return float(values[order[np.searchsorted(share, share[-1] / 2)]])
+
+
+def _find(window: Image, patch: Image) -> Array:
+    """Shift (2,) [px] at which the `patch` is found in a `window` REACH larger, else NaN."""
+    scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
+    _, best, _, (u, v) = cv2.minMaxLoc(scores)
+    if not best >= ALIKE or not (0 < u < 2 * REACH and 0 < v < 2 * REACH):
+        return np.full(2, NAN)
+    return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - REACH
+
+
+def _soft(grey: Image) -> Image:
+    return np.asarray(cv2.GaussianBlur(grey, (0, 0), SOFT), dtype=np.uint8)
+
+
+def _grey(image: Image) -> Image:
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)

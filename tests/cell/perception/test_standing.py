@@ -1,0 +1,68 @@
+"""A camera that moves in a fold is told from the scene, whatever its light; nothing else is."""
+
+import cv2
+import numpy as np
+import pytest
+
+from cell.perception.preflight import inspect
+from cell.perception.settings import PerceptionSettings
+from cell.perception.standing import LEAST, Standing
+from drivers.strip.describe import load_strip
+from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.renderer import Renderer
+from drivers.twin.scene import Scene
+from drivers.twin.settings import CameraSettings
+from drivers.types import Array, Frame, Image, Pose
+from tests.support.seen_folds import STRIPS
+from tests.support.twin_calibration import twin_calibration
+
+CAMERA = CameraSettings()
+CALIBRATION, SETTINGS = twin_calibration(CAMERA), PerceptionSettings()
+DENIM = load_strip(STRIPS / "denim.yaml")
+WAITING, ABOVE = Pose(0.65, 0.25, 0.0), Pose(0.3, 0.3, np.pi / 2)
+
+
+def picture(points: Array, gripper: Pose, seed: int) -> Image:
+    arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    scene = Scene(0.0, points, arc, gripper, 0.04, holds_strip=False, strip=True)
+    return Renderer(CAMERA, StripLook.of(DENIM), seed).render([scene], seed)
+
+
+@pytest.fixture(scope="module")
+def standing() -> Standing:
+    arc = np.linspace(0, DENIM.length, 61)
+    flat = picture(np.column_stack([arc, 0 * arc]), WAITING, 0)
+    seen = inspect(Frame(0.0, 0.0, "test", 0, flat), CALIBRATION, SETTINGS, DENIM)
+    return Standing.of(seen.appearance, CALIBRATION, SETTINGS, DENIM)
+
+
+@pytest.fixture(scope="module")
+def lifted() -> Image:
+    desk, hanging = np.linspace(0, 0.3, 31), np.linspace(0.01, 0.3, 30)
+    points = np.concatenate([[(x, 0.0) for x in desk], [(0.3, z) for z in hanging]])
+    return picture(points, ABOVE, 1)
+
+
+def moved(image: Image, x: float, z: float) -> Image:
+    """`image` as of a camera that was moved so that all appears `x`, `z` [m] elsewhere."""
+    here, there = CALIBRATION.to_image(np.array([(0.2, 0.0), (0.2 + x, z)]))
+    warp = np.column_stack([np.eye(2), there - here])
+    size = image.shape[1::-1]
+    return np.asarray(cv2.warpAffine(image, warp, size, borderMode=cv2.BORDER_REPLICATE))
+
+
+def test_a_lifted_strip_and_other_light_move_nothing(standing: Standing, lifted: Image) -> None:
+    assert len(standing.patches) >= LEAST
+    assert standing.shift(lifted, ABOVE) < 3e-4
+    assert standing.shift(lifted // 2, ABOVE) < 3e-4
+
+
+@pytest.mark.parametrize(("x", "z"), [(0.002, 0.0), (-0.0015, 0.001), (0.0, 0.004)])
+def test_a_moved_camera_is_told(standing: Standing, lifted: Image, x: float, z: float) -> None:
+    shift = standing.shift(moved(lifted, x, z), ABOVE)
+    assert shift == pytest.approx(np.hypot(x, z), abs=4e-4)
+
+
+def test_where_nothing_is_found_again_nothing_is_told(standing: Standing, lifted: Image) -> None:
+    assert np.isnan(standing.shift(np.full_like(lifted, 255), ABOVE))
+    assert np.isnan(standing.shift(moved(lifted, 0.03, 0.0), ABOVE))
