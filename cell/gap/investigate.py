@@ -29,6 +29,7 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
+from cell.gap.selection.posterior import posterior
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
@@ -75,13 +76,16 @@ def investigate(
     progress("judge", 0.8)
     choice = chosen(subject, simulate, fits)
     judged = judge(subject, choice, simulate, whole, rng)
+    sets = posterior(choice.fits, screened.probed, choice.by)
     progress("show on held-out runs", 0.9)
     unseen = scattered(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     there = bool(choice.accepted.model.effects) or fitted.gap
     advised = advice(subject, screened, choice, judged, simulate) if there else Advised()
-    found = Findings(subject, tuple(held_out), fitted, screened, choice, judged, shown, advised)
+    found = Findings(
+        subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
+    )
     which = kind(found)
     if is_told(found, which):
         law = described(subject, choice, simulate, rng)

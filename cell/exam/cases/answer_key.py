@@ -69,7 +69,9 @@ def sources() -> Sources:
 def _digest(places: list[Path]) -> str:
     h = hashlib.sha256()
     for place in places:
-        files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        files = (
+            [place] if place.is_file() else sorted([*place.rglob("*.py"), *place.rglob("*.yaml")])
+        )
         for path in files:
             h.update(str(path.relative_to(place.parent)).encode() + path.read_bytes())
     return h.hexdigest()[:16]

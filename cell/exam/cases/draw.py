@@ -46,7 +46,7 @@ RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.a
 
 
 @dataclass(frozen=True, slots=True)
-class _Draw:
+class Draw:
     """Case `i` of the exam of `seed`, the one with this `number` of its kind; not drawn yet."""
 
     tier: Tier
@@ -75,10 +75,10 @@ def cases(
     `progress` is told of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
-    draws = [_Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
+    draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
     found: list[Case] = []
     with workers(jobs) as pool:
-        for case in pool.map(_Draw.case, draws):
+        for case in pool.map(Draw.case, draws):
             found.append(case)
             if len(found) * 10 // count > (len(found) - 1) * 10 // count:
                 progress(len(found), count, "cases drawn")

@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, MARGIN, bounded, margin, removed
+from cell.gap.selection.likelihood import LEVEL, bounded, margin, removed
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
@@ -16,9 +16,7 @@ from cell.gap.verdict.schema import Kind, Unexplained
 MOST = 0.6  # of the excess gap: a named model has removed more, where more than noise is left
 CLEAR, HALF = 1.0, 0.5  # excess gap on held-out runs of which a named model takes its share
 WITHIN = 0.3  # excess gap on held-out runs that is noise
-SURE = 0.97  # no confidence is stated above this: a cause may lie outside the library
-ALONE, ONE = 0.6, 0.9  # most confidence in what one run tells; its share of the gain, from which on
-LARGE = 700.0  # nats whose exponential is still a number
+ONE = 0.9  # of the gain, from which on a model rests on one run
 
 
 def kind(found: Findings) -> Kind:
@@ -117,23 +115,6 @@ def drifting(found: Findings) -> list[str]:
         *names,
         *(t.effect for t in found.judged.phases if not t.holds and t.effect not in names),
     ]
-
-
-def confidence(found: Findings) -> float:
-    """Weight of the model of all that was earned, and of its rivals, among the models of its size
-    and the base; of what it is ahead of the others a part may be feigned.
-    """
-    judged, by = found.judged, found.by
-    whole = found.accepted
-    size = len(whole.model.effects)
-    own = {whole.model.names, *(r.model.model.names for r in judged.rivals)}
-    among = [m for m in found.choice.fits.models if len(m.model.effects) in (0, size)]
-    others = [m for m in among if m.model.names not in own]
-    base = found.choice.fits.base
-    feigned = by.ahead(margin(whole, base, by).gain) - MARGIN
-    ahead = [margin(whole, m, by).gain - feigned for m in others]
-    most = SURE if lone_run(found) is None else ALONE
-    return min(most, 1.0 / (1.0 + sum(float(np.exp(-min(a, LARGE))) for a in ahead)))
 
 
 def lone_run(found: Findings) -> Run | None:
