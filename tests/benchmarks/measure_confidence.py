@@ -4,10 +4,10 @@ python -m tests.benchmarks.measure_confidence measure LEDGER --seed 7301 --cases
 python -m tests.benchmarks.measure_confidence fit LEDGER...
 python -m tests.benchmarks.measure_confidence judge LEDGER...
 
-`measure` draws cases from the state, of one effect and now and then of two, makes their runs and fits
-them. Of two in five the effect is withheld from the library, with what looks like it: whatever is
-named is wrong. A line a case is kept in LEDGER: it goes on where it stopped. `fit` writes the
-calibration of these verdicts into the package and says how well it foretells those that it was not
+`measure` draws cases from the state, of one effect and now and then of two, makes their runs and
+fits them. Of two in five the effect is withheld from the library, with what looks like it: whatever
+is named is wrong. A line a case is kept in LEDGER: it goes on where it stopped. `fit` writes the
+calibration of these verdicts into the package and says how well it does on those that it was not
 fitted to; `judge` holds what the package states against verdicts, of an exam's ledger as well.
 """
 
@@ -66,16 +66,20 @@ def measure(ledger: Path, seed: int, cases: int, first: int) -> None:
     kept, engine = Journal(ledger), sources().engine
     done = {line["outcome"]["case"] for line in kept.lines}
     for number in range(first, first + cases):
-        kind = "pair" if number % PAIRS == PAIRS - 1 else "single"
-        case = Draw(
-            "state", kind, number, number // PAIRS if kind == "pair" else number, seed
-        ).case()
+        case = drawn(seed, number)
         if case.name in done:
             continue
         line = {"of": engine, **_measured(case, withheld(case, number))}
         kept.append(line)
         sys.stdout.write(f"{said(line)}\n")
         sys.stdout.flush()
+
+
+def drawn(seed: int, number: int) -> Case:
+    """Case `number`: of one effect, or of two."""
+    if number % PAIRS == PAIRS - 1:
+        return Draw("state", "pair", number, number // PAIRS, seed).case()
+    return Draw("state", "single", number, number, seed).case()
 
 
 def withheld(case: Case, number: int) -> list[str]:
@@ -175,8 +179,8 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
     return (
         f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong; "
         f"expected calibration error {calibration_error(stated, FIFTHS):.3f}, log loss "
-        f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} wrong "
-        "names are stated under 0.7."
+        f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} "
+        "wrong names are stated under 0.7."
     )
 
 

@@ -79,7 +79,7 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
-    """Correlation of residuals (n,) of each run with the next in their series, wild ones bounded."""
+    """Correlation of neighbours in time among residuals (n,) of runs, wild ones bounded."""
     power, products = _autocovariance(runs, [np.clip(r, -WILD, WILD) for r in residuals], lags=1)
     return float(products[0]) / power if power > 0.0 else 0.0
 

@@ -1,10 +1,11 @@
 """Which sets of effects are probable: evidence of the linearised fits, with stated priors.
 
-Residuals at the prior mean are normal. Their covariance is that of noise and floor, of the unknowns
-under their priors (`Parameter.spread`), of every other effect of the library at an immaterial amount
-(George and McCulloch 1993, J. Am. Stat. Assoc. 88, 881: a spike that is no point), and of what a law
-gets wrong of what it explains, smooth in time (Kennedy and O'Hagan 2001, J. R. Stat. Soc. B 63, 425).
-The integral over the unknowns is Laplace's (MacKay 2003, Information Theory, chapter 28).
+Residuals at the prior mean are normal. Their covariance is that of noise and floor, of the
+unknowns under their priors (`Parameter.spread`), of every other effect of the library at an
+immaterial amount (a spike that is no point: George and McCulloch 1993, J. Am. Stat. Assoc. 88,
+881), and of what a law gets wrong of what it explains, smooth in time (Kennedy and O'Hagan 2001,
+J. R. Stat. Soc. B 63, 425). The integral over the unknowns is Laplace's (MacKay 2003, Information
+Theory, chapter 28).
 """
 
 from collections.abc import Callable, Sequence

@@ -1,8 +1,8 @@
-"""The probability that a name is right: a logistic function of a few signs, calibrated on verdicts.
+"""The probability that a name is right: a logistic function of a few signs, calibrated.
 
-The posterior speaks of the library's laws as they are. What no law accounts for, and how much of the
-gap on held-out runs is closed, say whether to believe it; how much they say was measured on verdicts
-held against the truth, a part of them with the true effect withheld from the library
+The posterior speaks of the library's laws as they are. What no law accounts for, and how much of
+the gap on held-out runs is closed, say whether to believe it; how much they say was measured on
+verdicts held against the truth, a part of them with the true effect withheld from the library
 (`python -m tests.benchmarks.measure_confidence`; Platt 1999, Probabilities for SV machines).
 """
 
@@ -62,11 +62,10 @@ class Calibration(Settings):
 
     def probability(self, found: Signs) -> float:
         """Probability that a name with these signs is right."""
-        values = asdict(found)
-        parts = [
-            w.weight * np.clip(values[name], w.low, w.high) for name, w in self.weights.items()
-        ]
-        return float(special.expit(self.intercept + sum(parts)))
+        odds, values = self.intercept, asdict(found)
+        for name, w in self.weights.items():
+            odds += w.weight * float(np.clip(values[name], w.low, w.high))
+        return float(special.expit(odds))
 
 
 @cache
