@@ -107,7 +107,7 @@ def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
         why = f"{steps.left} steps are left, to see how late the images are"
         cell.watch(_news(points, pose, why, Stage.LATENCY))
         yield from _step(steps, pose)
-        steps.arrived()
+        steps.record_arrival()
     cell.watch(replace(_news(points, None, "seen", Stage.LATENCY), steps=steps))
     if cell.touches is not None and cell.touches.homography is not None:
         cell.latency = steps.verdict(cell.lens, cell.touches.homography)

@@ -37,9 +37,9 @@ from cell.perception.preflight import inspect
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
-from policies.foretelling import Foretelling
 from policies.path import lift_pitch
 from policies.policy import Observation
+from policies.prediction import Predicting
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
@@ -135,24 +135,24 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
-        _note_foretold(cell, record, snapshot)
+        _note_predicted(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
-def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
+def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
     """Store and record the policy's prediction; log when predictions stop or begin."""
-    if not isinstance(cell.policy, Foretelling):
+    if not isinstance(cell.policy, Predicting):
         return
-    before, cell.foretold = cell.foretold, cell.policy.foretold()
-    if cell.foretold is None:
+    before, cell.predicted = cell.predicted, cell.policy.prediction()
+    if cell.predicted is None:
         return
-    record.event(snapshot.time, "foretold", **asdict(cell.foretold))
-    if cell.foretold.blind != (before is not None and before.blind):
-        kind = "policy_blind" if cell.foretold.blind else "policy_sees"
-        record.event(snapshot.time, kind, path="shifted" if cell.foretold.blind else "its own")
+    record.event(snapshot.time, "foretold", **asdict(cell.predicted))
+    if cell.predicted.blind != (before is not None and before.blind):
+        kind = "policy_blind" if cell.predicted.blind else "policy_sees"
+        record.event(snapshot.time, kind, path="shifted" if cell.predicted.blind else "its own")
 
 
 def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:

@@ -19,7 +19,7 @@ from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
 from cell.orchestrator.watchdog import at_most
 from drivers.types import STILL
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
 
@@ -194,7 +194,7 @@ class Run:
             hand=self._devices.hand.state(),
             view=view,
             velocity=self._velocity,
-            foretold=self._foretold,
+            predicted=self._predicted,
         )
         return self._snapshot
 
@@ -223,8 +223,8 @@ class Run:
         self._command = command
 
     @property
-    def _foretold(self) -> Foretold | None:
-        return self._context.foretold if isinstance(self._context, FoldContext) else None
+    def _predicted(self) -> FoldPrediction | None:
+        return self._context.predicted if isinstance(self._context, FoldContext) else None
 
     def _outcome(self, duration: float) -> Outcome:
         if self._stopped is not None:
@@ -237,7 +237,7 @@ class Run:
             edge_offset = None if laid is None else laid.seen
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(name, reason, code, touch, edge_offset, duration, self._foretold)
+        return Outcome(name, reason, code, touch, edge_offset, duration, self._predicted)
 
 
 def _reached(context: Context) -> tuple[str, str, int]:

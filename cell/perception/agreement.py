@@ -10,7 +10,7 @@ from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.foretelling import Estimate, Foretold
+from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
 RESIDUAL = 0.00075  # m, largest of folds that behave like the model
@@ -55,23 +55,25 @@ class Agreement:
         return f"its yarns rub as {friction:.0f} 1/m, up to {FRICTION:.0f} 1/m are usual"
 
 
-def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    """How a rod like `strip`, with the parameters `foretold`, agrees with a measured `fold`.
+def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
+    """How a rod like `strip`, with the parameters `predicted`, agrees with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
     error of their stamps; what remains is neither. None where too little was measured, or where the
     rod cannot follow.
     """
-    return _fit_strip(strip, foretold, fold) if fold.usable else None
+    return _fit_strip(strip, predicted, fold) if fold.usable else None
 
 
-def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    seen = fold.binned(fold.profile)
-    middle = _parameters(foretold)
-    sigma = np.maximum(_sigmas(foretold), LEAST)
+def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
+    seen = fold.bin_curves(fold.profile)
+    middle = _parameters(predicted)
+    sigma = np.maximum(_sigmas(predicted), LEAST)
     at, residual = middle, np.nan
     for _ in range(PASSES):
-        curves = simulated([_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold)
+        curves = simulate_profiles(
+            [_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold
+        )
         if curves is None:
             return None
         design, off = _design(curves, fold.spacing), seen - curves[0]
@@ -85,7 +87,7 @@ def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agre
     return Agreement(residual, ROUGH * float(np.expm1(at[2])))
 
 
-def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
+def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None where one
     fails.
     """
@@ -104,7 +106,7 @@ def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     for i in range(len(models)):
         arcs = np.broadcast_to(arc[i], (len(times), arc.shape[1]))
         curves = profiles(shown.shapes[:, i], arcs, contact[:, i], grip)
-        found.append(fold.binned((1.0 - part) * curves[j] + part * curves[j + 1]))
+        found.append(fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1]))
     return np.array(found)
 
 
@@ -142,17 +144,17 @@ def _model(strip: StripFile, at: Array) -> StripModel:
     return describe(strip.model_copy(update={**changed, "effects": effects}))
 
 
-def _parameters(foretold: Foretold) -> Array:
-    friction = np.log1p(foretold.yield_curvature.value / ROUGH)
-    lengths = foretold.bending_length.value, foretold.retardation_time.value
+def _parameters(predicted: FoldPrediction) -> Array:
+    friction = np.log1p(predicted.yield_curvature.value / ROUGH)
+    lengths = predicted.bending_length.value, predicted.retardation_time.value
     return np.array([*np.log(lengths), friction])
 
 
-def _sigmas(foretold: Foretold) -> Array:
+def _sigmas(predicted: FoldPrediction) -> Array:
     def half(estimate: Estimate) -> float:
         return 0.5 * float(np.log(estimate.high / estimate.low))
 
-    friction = foretold.yield_curvature
+    friction = predicted.yield_curvature
     low, high = (np.log1p(value / ROUGH) for value in (friction.low, friction.high))
-    times = half(foretold.bending_length), half(foretold.retardation_time)
+    times = half(predicted.bending_length), half(predicted.retardation_time)
     return np.array([*times, 0.5 * (high - low)])

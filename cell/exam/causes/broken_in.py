@@ -27,7 +27,7 @@ class BrokenIn(Cause):
         if self.factor == 1 or model.index < self.first:
             return model
         same = np.full(len(model.mechanics.rigidity), self.factor)
-        return replace(model, mechanics=model.mechanics.stiffened(same))
+        return replace(model, mechanics=model.mechanics.scale_rigidity(same))
 
 
 CAUSE = BrokenIn

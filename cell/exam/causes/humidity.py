@@ -28,7 +28,7 @@ class Humidity(Cause):
         if self.spread == 0:
             return model
         factor = float(np.exp(self.spread * rng.standard_normal()))
-        mechanics = model.mechanics.stiffened(np.full(len(model.mechanics.rigidity), factor))
+        mechanics = model.mechanics.scale_rigidity(np.full(len(model.mechanics.rigidity), factor))
         viscosity = mechanics.viscosity / np.sqrt(factor)
         return replace(model, mechanics=replace(mechanics, viscosity=viscosity))
 

@@ -28,7 +28,7 @@ class SmoothGradient(Cause):
         mechanics = model.mechanics
         share = mechanics.cells / mechanics.length - 0.5
         factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
-        return replace(model, mechanics=mechanics.stiffened(factor))
+        return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 CAUSE = SmoothGradient

@@ -31,7 +31,7 @@ class SoftSeam(Cause):
         mechanics = model.mechanics
         away = (mechanics.cells - self.position) / self.width
         factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
-        return replace(model, mechanics=mechanics.stiffened(factor))
+        return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 CAUSE = SoftSeam

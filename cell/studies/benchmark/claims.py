@@ -36,7 +36,7 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
         yield _within(folds["feedback"], count, "feedback", paper.WORST["feedback"])
     for policy, (word, sign) in SIDES.items():
         if policy in folds:
-            yield _sided(folds[policy], count, policy, word, sign)
+            yield _sign_claim(folds[policy], count, policy, word, sign)
     if folds.keys() >= set(THREE):
         yield _best(folds)
     if "planned" in folds:
@@ -63,7 +63,9 @@ def _worst(folds: tuple[ImageFold, ...], count: int) -> str:
     return text + (f"; {missing} of {count} strips without a touch" if missing else "")
 
 
-def _sided(folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float) -> Claim:
+def _sign_claim(
+    folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float
+) -> Claim:
     d = _d(folds)
     agreeing = int(np.sum(sign * d > 0))
     mean = millimetres(float(np.nanmean(d)) if np.isfinite(d).any() else None, signed=True)

@@ -155,7 +155,7 @@ def _parts(results: Results) -> Iterator[str]:
     )
     yield from _displacements(results)
     yield from _range(results)
-    yield from _hidden(results)
+    yield from _hidden_effects(results)
     yield from _model(results)
     yield from _motions(results)
     refused = [(r.part, r.reason) for r in results.results if isinstance(r, Refused)]
@@ -219,11 +219,13 @@ def _range(results: Results) -> Iterator[str]:
     )
 
 
-def _hidden(results: Results) -> Iterator[str]:
-    policies = [policy for policy in results.asked.policies if results.hidden(policy)]
+def _hidden_effects(results: Results) -> Iterator[str]:
+    policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
     if not policies:
         return
-    found = {(r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden(p)}
+    found = {
+        (r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden_folds(p)
+    }
     effects = dict.fromkeys(effect for _, effect in found)
     told = [
         (effect.replace("_", " ") or "none", *(found.get((p, effect), NO_VALUE) for p in policies))

@@ -34,7 +34,7 @@ LAWS = {
 }
 
 
-def seamed(rng: np.random.Generator) -> StripFile:
+def add_seam(rng: np.random.Generator) -> StripFile:
     """A strip with a seam."""
     return plain(rng, seam=effect("seam", rng))
 
@@ -43,7 +43,7 @@ DRAWN: dict[str, Callable[[np.random.Generator], StripFile]] = {
     "friction 20-60": rough(20.0, 60.0),
     "friction 90": rough(90.0, 90.1),
     "stretch 3 N": stretchy,
-    "seam": seamed,
+    "seam": add_seam,
     **dict.fromkeys(LAWS, plain),
 }
 CONDITIONS = (*USUAL, "friction 90", "stretch 3 N", *LAWS)

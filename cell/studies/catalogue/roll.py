@@ -52,8 +52,8 @@ def measure(case: Values) -> Values:
         return {"d": None}
     poses, dt, rest = np.array(engine.poses)[1:, 0], engine.times[1], max(strip.thickness, 0.001)
     end = (SHORT - touch.displacement, rest)
-    short, _, _ = _laid(strip, poses, dt, end, touch)
-    offset, tip, height = _laid(strip, poses, dt, None, touch)
+    short, _, _ = _lay(strip, poses, dt, end, touch)
+    offset, tip, height = _lay(strip, poses, dt, None, touch)
     straight = strip.length - 2 * tip
     rubbing = strip.effects.get("bending_hysteresis", {}).get("yield_curvature", 0.0)
     return {
@@ -79,7 +79,7 @@ def _lay_poses(path: Path) -> Array:
     return np.array(poses)
 
 
-def _laid(
+def _lay(
     strip: StripFile, poses: Array, dt: float, end: tuple[float, float] | None, touch: Touch
 ) -> tuple[float, float, float]:
     """Final offset of the edges, x of the loop's end and its height [m] after a lay to `end`, or

@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import folded_unknown
+from cell.studies.kit.folds import fold_unknown
 from cell.studies.kit.poor_images import dropping
-from cell.studies.kit.predicted import QUANTITIES, compared
+from cell.studies.kit.predicted import QUANTITIES, compare
 from cell.studies.study import Study, Values
 from drivers.strip.file import StripFile
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain
@@ -46,8 +46,8 @@ def measure(case: Values) -> Values:
     measured, share = case["known"] != "length alone", 0.5 if case["known"] == "half dropped" else 0
     with TemporaryDirectory() as place:
         opened = dropping(share, case["noise"])
-        result = folded_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
-        found = dict(compared(result))
+        result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
+        found = dict(compare(result))
     length, time, _ = truth(strip)
     if "believed_length" in found:
         found |= {

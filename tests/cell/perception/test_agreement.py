@@ -17,8 +17,8 @@ from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from policies.foretelling import Estimate, Foretold
 from policies.path import triangular
+from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
 STRIP = StripFile(
@@ -36,7 +36,7 @@ def about(value: float, spread: float) -> Estimate:
     return Estimate(value, value / spread, value * spread)
 
 
-BELIEF = Foretold(
+BELIEF = FoldPrediction(
     displacement=0.0,
     sigma=0.001,
     bending_length=about(0.019, 1.01),
