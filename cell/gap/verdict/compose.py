@@ -130,7 +130,7 @@ def _gap(found: Findings) -> Gap:
 
 
 def _posterior(found: Findings) -> Probable:
-    """The most probable sets; what is named may differ, where sets cannot be told apart."""
+    """The most probable sets; what is named may differ among sets of one class."""
     sets, after = found.posterior, found.shown.after
     own = {found.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
     ahead = sets.ahead(lambda names: names in own)

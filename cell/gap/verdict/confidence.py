@@ -24,10 +24,9 @@ CALIBRATION = Path(__file__).with_name("confidence.yaml")
 class Signs:
     """What speaks for a name or against it.
 
-    `ahead` [nats] is the lead of what is named, those that it cannot be told from counted in, over
-    the best other set; `left` the rms on held-out runs in units of noise and floor, `correlation`
-    that of neighbours in time there; `unseen` the excess gap of the base there, `closed` the share
-    of it that is gone.
+    `ahead` [nats] is the lead of what is named, with its class, over the best other set; `left` the
+    rms on held-out runs in units of noise and floor, `correlation` that of neighbours in time
+    there; `unseen` the excess gap of the base there, `closed` the share of it that is gone.
     """
 
     ahead: float
