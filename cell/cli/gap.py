@@ -12,6 +12,7 @@ import typer
 
 from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import near, plan
+from cell.cli.gap_rehearse import rehearse
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ gap = typer.Typer(
 )
 gap.command()(plan)
 gap.command()(exam)
+gap.command()(rehearse)
 
 RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 Strip = Annotated[

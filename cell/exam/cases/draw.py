@@ -157,7 +157,7 @@ def _showing(
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACED):
-            path = _path(effect, find_configs(None).strip(strip), rng)
+            path = path_of(effect, find_configs(None).strip(strip), rng)
             share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
             if share is not None:
                 return strip, path.at(share)
@@ -202,7 +202,7 @@ def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> 
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
-        path = _path(effect, strip, rng)
+        path = path_of(effect, strip, rng)
         share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
         if share is not None:
             effects[effect.name] = path.at(share)
@@ -246,7 +246,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
     return Ruler.along(plant, led, sigma)
 
 
-def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
+def path_of(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
     """An effect with the numbers that shape it drawn, growing to a side drawn too."""
     others: Values = {}
     for p in effect.parameters[1:]:
