@@ -141,16 +141,15 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     about = projection(stated, robustly=False)
     library = [probe(stated, c) for c in subject.scope.candidates]
     shown: dict[str, Array] = {}
-    for p in run_all(subject.simulate, library):
-        left = _largest(about, p)
-        name = p.candidate.name
+    for probed in run_all(subject.simulate, library):
+        left, name = _largest(about, probed), probed.candidate.name
         if np.linalg.norm(left) >= SHOWN:
             shown[name] = left / np.linalg.norm(left)
             continue
         yield Finding(
             level="fair", what="identifiable", run="",
             words=f"{name}: even the largest that is tried would show by "
-            f"{np.linalg.norm(left):.1f} sigma", remedy=p.candidate.revealed_by,
+            f"{np.linalg.norm(left):.1f} sigma", remedy=probed.candidate.revealed_by,
         )  # fmt: skip
     for (one, a), (other, b) in combinations(shown.items(), 2):
         if abs(float(a @ b)) > ALIKE:

@@ -5,7 +5,7 @@ python -m tests.benchmarks.measure_confidence fit LEDGER...
 python -m tests.benchmarks.measure_confidence judge LEDGER...
 
 `measure` draws cases from the state, of one effect and now and then of two, makes their runs and
-fits them. Of two in five the effect is withheld from the library, with what looks like it: whatever
+fits them. From two in five (`--withheld`) the effect is withheld, with what looks like it: whatever
 is named is wrong. A line a case is kept in LEDGER: it goes on where it stopped. `fit` writes the
 calibration of these verdicts into the package and says how well it does on those that it was not
 fitted to; `judge` holds what the package states against verdicts, of an exam's ledger as well.
@@ -14,7 +14,7 @@ fitted to; `judge` holds what the package states against verdicts, of an exam's 
 import argparse
 import hashlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -39,17 +39,16 @@ from drivers.strip.describe import load_strip
 from drivers.strip.effects import registry
 from drivers.types import Array
 
-PAIRS, WITHHELD = 8, (1, 3)  # one case in so many hides two; of five, these are withheld
-FIFTHS = 5
-RANGES = {  # within which a sign counts: beyond, a lead is "excluded" and a misfit a misfit
-    "ahead": (0.0, 30.0),
-    "left": (0.5, 2.0),
-    "correlation": (0.0, 0.6),
-    "closed": (0.0, 1.0),
+PAIRS = 8  # one case in so many hides two
+FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect first
+OUTSIDE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
+WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
+    "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
+    "left": Weight(weight=-2.0, low=0.5, high=2.0),
+    "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
+    "closed": Weight(weight=1.0, low=0.0, high=1.0),
 }
-FIRM = 2.0  # one sigma of the prior of what a sign weighs over its whole range [log-odds]
-DOUBT = 1.5  # the same, of its mean, in the sense in which the sign speaks
-SENSE = {"ahead": 1.0, "left": -1.0, "correlation": -1.0, "closed": 1.0}
+FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
 
 
 class Name(NamedTuple):
@@ -61,15 +60,15 @@ class Name(NamedTuple):
     case: str
 
 
-def measure(ledger: Path, seed: int, cases: int, first: int) -> None:
+def measure(asked: argparse.Namespace) -> None:
     """Fit the cases that LEDGER does not hold."""
-    kept, engine = Journal(ledger), sources().engine
+    kept, engine = Journal(asked.ledgers[0]), sources().engine
     done = {line["outcome"]["case"] for line in kept.lines}
-    for number in range(first, first + cases):
-        case = drawn(seed, number)
+    for number in range(asked.first, asked.first + asked.cases):
+        case = drawn(asked.seed, number)
         if case.name in done:
             continue
-        line = {"of": engine, **_measured(case, withheld(case, number))}
+        line = {"of": engine, **_measured(case, withheld(case, number, asked.withheld))}
         kept.append(line)
         sys.stdout.write(f"{said(line)}\n")
         sys.stdout.flush()
@@ -82,11 +81,11 @@ def drawn(seed: int, number: int) -> Case:
     return Draw("state", "single", number, number, seed).case()
 
 
-def withheld(case: Case, number: int) -> list[str]:
-    """What the library lacks in a case: one hidden effect and what no run tells from it, or
-    nothing.
+def withheld(case: Case, number: int, many: int) -> list[str]:
+    """What the library lacks in `many` cases of five: one hidden effect and what no run tells from
+    it; nothing in the others.
     """
-    if number % 5 not in WITHHELD:
+    if number % FIFTHS not in LACKING[:many]:
         return []
     hidden = sorted(case.effects)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
@@ -112,59 +111,69 @@ def said(line: dict[str, Any]) -> str:
     return f"{o['case']}: {', '.join(o['hidden'])}{without}: {o['verdict']}, {named}: {o['result']}"
 
 
-def names(ledgers: Sequence[Path]) -> Iterator[Name]:
-    """The verdicts with a name in ledgers, of this measurement or of an exam."""
-    for path in ledgers:
-        for line in Journal(path).lines:
-            outcome, without = line.get("outcome"), line.get("without", [])
-            if outcome and outcome["verdict"] == "named" and outcome.get("signs"):
-                right = outcome["result"] in RIGHT and not without
-                yield Name(Signs(**outcome["signs"]), right, bool(without), outcome["case"])
+def names(ledgers: Sequence[Path]) -> tuple[list[Name], float]:
+    """The verdicts with a name in ledgers, of this measurement or of an exam, and the share of all
+    cases from which the effect was withheld.
+    """
+    lines = [line for path in ledgers for line in Journal(path).lines if line.get("outcome")]
+    found = []
+    for line in lines:
+        outcome, without = line["outcome"], bool(line.get("without"))
+        if outcome["verdict"] == "named" and outcome.get("signs"):
+            right = outcome["result"] in RIGHT and not without
+            found.append(Name(Signs(**outcome["signs"]), right, without, outcome["case"]))
+    return found, sum(bool(line.get("without")) for line in lines) / len(lines)
 
 
-def fitted(found: Sequence[Name], source: str) -> Calibration:
+def shares(found: Sequence[Name], without: float) -> Array:
+    """What each verdict counts (n,), so that OUTSIDE of all cases lack the effect and not the share
+    `without` that was withheld.
+    """
+    lacking, whole = OUTSIDE / without if without else 1.0, (1.0 - OUTSIDE) / (1.0 - without)
+    return np.array([lacking if name.withheld else whole for name in found])
+
+
+def fitted(found: Sequence[Name], counts: Array, source: str) -> Calibration:
     """The calibration that is most probable given these verdicts.
 
     Logistic regression with normal priors of what each sign weighs: few verdicts are wrong.
     """
-    columns = np.array([_shares(name.signs) for name in found])
+    columns = np.array(
+        [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
+    )
     right = np.array([name.right for name in found], dtype=float)
-    prior = np.array([DOUBT * SENSE[sign] for sign in RANGES])
+    prior = np.array([w.weight for w in WEIGHTS.values()])
 
     def loss(x: Array) -> float:
         odds = x[0] + columns @ x[1:]
-        nats = np.sum(np.logaddexp(0.0, odds) - right * odds)
+        nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    x = optimize.minimize(loss, np.zeros(1 + len(RANGES)), method="BFGS").x
-    weights, intercept = {}, float(x[0])
-    for (sign, (low, high)), value in zip(RANGES.items(), x[1:], strict=True):
-        weights[sign] = Weight(weight=float(value) / (high - low), low=low, high=high)
-        intercept -= float(value) * low / (high - low)
-    return Calibration(intercept=intercept, weights=weights, source=source)
+    intercept, *weights = optimize.minimize(loss, np.zeros(1 + len(WEIGHTS)), method="BFGS").x
+    moved = {
+        sign: w.model_copy(update={"weight": float(value)})
+        for (sign, w), value in zip(WEIGHTS.items(), weights, strict=True)
+    }
+    return Calibration(intercept=float(intercept), weights=moved, source=source)
 
 
-def _shares(seen: Signs) -> Array:
-    """Where the signs lie within their ranges (k,), 0 to 1."""
-    return np.array(
-        [np.clip((getattr(seen, sign) - low) / (high - low), 0.0, 1.0)
-         for sign, (low, high) in RANGES.items()]
-    )  # fmt: skip
-
-
-def left_out(found: Sequence[Name]) -> list[tuple[float, bool]]:
+def left_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
     """What the calibration of all other cases states of each verdict, and whether it is right."""
     stated = []
     for name in found:
+        kept = np.array([other.case != name.case for other in found])
         others = [other for other in found if other.case != name.case]
-        stated.append((fitted(others, "-").probability(name.signs), name.right))
+        by = fitted(others, counts[kept], "-")
+        stated.append((by.probability(name.signs), name.right))
     return stated
 
 
-def log_loss(stated: Sequence[tuple[float, bool]]) -> float:
-    """Mean nats lost by stating these probabilities of these outcomes."""
+def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
+    """Mean nats lost by stating these probabilities of these outcomes, each as often as it counts
+    (n,).
+    """
     p = np.array([p if right else 1.0 - p for p, right in stated])
-    return float(-np.mean(np.log(np.clip(p, 1e-9, 1.0))))
+    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
 
 
 def reliable(stated: Sequence[tuple[float, bool]]) -> str:
@@ -186,24 +195,26 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
 
 def calibrate(ledgers: Sequence[Path]) -> str:
     """Write the calibration of all these verdicts; what it states of those that were left out."""
-    found = list(names(ledgers))
-    stated = left_out(found)
+    found, without = names(ledgers)
+    counts = shares(found, without)
+    stated = left_out(found, counts)
+    rate = float(np.average([name.right for name in found], weights=counts))
+    plain = log_loss([(rate, name.right) for name in found], counts)
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in ledgers)).hexdigest()[:12]
-    wrong = sum(not name.right for name in found)
     source = (
-        f"{len(found)} verdicts that name, {wrong} of them wrong, "
-        f"{sum(name.withheld for name in found)} with the effect withheld, of "
-        f"{', '.join(path.name for path in ledgers)} (sha256 {digest}); left out one by one: "
-        f"log loss {log_loss(stated):.3f} nats, calibration error in fifths "
-        f"{calibration_error(stated, FIFTHS):.3f}"
+        f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
+        f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
+        f"so in {100 * OUTSIDE:.0f} % of all cases; from {', '.join(p.name for p in ledgers)} "
+        f"(sha256 {digest}). Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        f"of one probability for all {plain:.3f}"
     )
-    write_document(CALIBRATION, fitted(found, source).model_dump())
-    return f"{CALIBRATION}\n\nLeft out one by one:\n\n{reliable(stated)}"
+    write_document(CALIBRATION, fitted(found, counts, source).model_dump())
+    return f"{CALIBRATION}: {source}"
 
 
 def judge(ledgers: Sequence[Path]) -> str:
     """What the package states of the verdicts, by whether the effect was in the library."""
-    found, by = list(names(ledgers)), calibration()
+    (found, _), by = names(ledgers), calibration()
     parts = []
     for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):
         mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in kept]
@@ -216,7 +227,7 @@ def main() -> None:
     """Do what is asked, and print what came of it."""
     asked = _arguments()
     if asked.what == "measure":
-        measure(asked.ledgers[0], asked.seed, asked.cases, asked.first)
+        measure(asked)
         return
     sys.stdout.write((calibrate if asked.what == "fit" else judge)(asked.ledgers) + "\n")
 
@@ -228,6 +239,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=7301)
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--withheld", type=int, default=2, help="of five cases, without the effect")
     return parser.parse_args()
 
 

@@ -43,11 +43,20 @@ class Signs:
 
 
 class Weight(Settings):
-    """How much a sign weighs in the log-odds, per unit, between its values `low` and `high`."""
+    """How much a sign weighs in the log-odds where it is `high`, in which it is nothing at `low`;
+    between them in proportion to it or, `by_order`, to the logarithm of one more than it.
+    """
 
     weight: float
     low: float
     high: float
+    by_order: bool = False
+
+    def share(self, value: float) -> float:
+        """Where `value` lies between `low` and `high`, 0 to 1."""
+        ends = np.array([np.clip(value, self.low, self.high), self.low, self.high])
+        at, low, high = np.log1p(ends) if self.by_order else ends
+        return float((at - low) / (high - low))
 
 
 class Calibration(Settings):
@@ -61,10 +70,9 @@ class Calibration(Settings):
 
     def probability(self, found: Signs) -> float:
         """Probability that a name with these signs is right."""
-        odds, values = self.intercept, asdict(found)
-        for name, w in self.weights.items():
-            odds += w.weight * float(np.clip(values[name], w.low, w.high))
-        return float(special.expit(odds))
+        values = asdict(found)
+        parts = [w.weight * w.share(values[name]) for name, w in self.weights.items()]
+        return float(special.expit(self.intercept + sum(parts)))
 
 
 @cache

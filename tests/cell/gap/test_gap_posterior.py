@@ -112,11 +112,18 @@ def test_a_verdict_states_what_its_signs_are_worth() -> None:
 
 
 def test_nothing_is_stated_beyond_what_was_calibrated() -> None:
-    weights = {"ahead": Weight(weight=0.1, low=0.0, high=20.0)}
+    weights = {
+        "ahead": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
+        "left": Weight(weight=-1.0, low=1.0, high=3.0),
+    }
     by = Calibration(intercept=-1.0, weights=weights, source="by hand")
-    stated = [by.probability(Signs(ahead, 1.0, 0.0, 2.0, 1.0)) for ahead in (10.0, 20.0, 900.0)]
-    assert stated[0] == pytest.approx(0.5)
-    assert stated[1] == stated[2] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+    stated = [by.probability(Signs(n, 1.0, 0.0, 2.0, 1.0)) for n in (-3.0, 9.0, 99.0, 900.0)]
+    assert stated[0] == pytest.approx(1.0 / (1.0 + np.e))
+    assert stated[1] == pytest.approx(0.5)
+    assert stated[2] == stated[3] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+    assert by.probability(Signs(99.0, 2.0, 0.0, 2.0, 1.0)) == pytest.approx(
+        1.0 / (1.0 + np.exp(-0.5))
+    )
 
 
 def test_the_base_is_believed_where_nothing_is_hidden() -> None:
