@@ -26,8 +26,7 @@ class Stepping:
     After so many `steps` it ends. A Jacobian is kept where a step wins a `trusted` share; within a
     `mendable` one the step itself mends it, once. Less than `stalled` with fresh Jacobians, twice:
     the objective is no longer smooth. A step that was too long is tried in the shares `parabola` of
-    its length, bent by its curvature with relative `damping`. Source: set by hand on pendulums and
-    strips.
+    its length, bent by its curvature with relative `damping`. Source: set by hand.
     """
 
     steps: int = 20

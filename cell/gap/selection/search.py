@@ -26,7 +26,7 @@ from drivers.types import Array
 @dataclass(frozen=True, slots=True)
 class Budget:
     """How much is fitted: numbers of models, of steps, and shares of the best one's gain. Source:
-    set by hand in sight of exams from the state.
+    set by hand.
 
     So many `singles` and `pairs` are refitted, and so many models with one effect `further`, beside
     so many of the best (`beam`), from so many effects `looked` at there. Of `sifted` pairs those
