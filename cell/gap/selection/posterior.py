@@ -9,7 +9,7 @@ Theory, chapter 28).
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -131,7 +131,8 @@ class _About:
         explained = np.concatenate(self.base.residuals) - residual
         whole, logdet = self._whiten(columns, share * explained)
         r, responses = whole[:, 0], whole[:, 1:]
-        limits = normal_equations.bounds(fit.model, fit.evidence)
+        own = slice(len(fit.model.base), len(fit.model.parameters))
+        limits = _proper(normal_equations.bounds(fit.model, fit.evidence), own)
         z = normal_equations.layout(fit.model, fit.evidence).packed(fit.point)
         known = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
         away = np.concatenate([z - limits.mean, np.zeros(len(known) - len(z))])
@@ -141,7 +142,6 @@ class _About:
         lower = np.linalg.cholesky(curvature * unit[:, None] * unit + 1e-10 * np.eye(len(unit)))
         inverse = cho_solve((lower, True), np.eye(len(unit))) * unit[:, None] * unit
         step = -inverse @ pull
-        own = slice(len(fit.model.base), len(fit.model.parameters))
         nats = -0.5 * float(r @ r + known @ away**2 + pull @ step) - 0.5 * logdet
         nats -= float(np.log(np.diag(lower) / unit).sum())
         nats += 0.5 * float(np.log(limits.precision[own]).sum())
@@ -198,6 +198,16 @@ def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
     unit = np.concatenate([mine / its for mine, its in scales])
     return np.concatenate(fit.residuals) * unit, stacked(fit) * unit[:, None]
+
+
+def _proper(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:
+    """Limits in which every unknown of `own` has a prior: one of which nothing was known before has
+    a quarter of its range for a standard deviation.
+    """
+    precision = limits.precision.copy()
+    wide = 0.25 * (limits.high[own] - limits.low[own])
+    precision[own] = np.where(precision[own] > 0.0, precision[own], wide**-2)
+    return replace(limits, precision=precision)
 
 
 def _truncation(limits: normal_equations.Bounds, mean: Array, variance: Array, own: slice) -> float:
