@@ -182,9 +182,12 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    seen = _laid_offset(cell, (yield from _look_again(cell, frame, pose)))
+    loop = _loop(cell, (yield from _look_again(cell, frame, pose)))
+    length, thickness = cell.strip.length, cell.strip.thickness
+    seen = None if loop is None else edge_offset(length, thickness, loop)
     cell.laid = LaidFold(released=-pose.x, seen=seen)
-    record.event(snapshot.time, "edges_seen", edge_offset=seen)
+    facts = {} if loop is None else {"loop": loop._asdict()}
+    record.event(snapshot.time, "edges_seen", edge_offset=seen, **facts)
     return Event.RELEASED
 
 
@@ -201,17 +204,14 @@ def _look_again(
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _laid_offset(cell: FoldContext, seen: StripMeasurement | None) -> float | None:
-    """Offset of the edges [m] in the image of the laid strip, None where no fold is visible:
-    what is seen must be as long as the strip, which one that sprang open is not.
+def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+    """The loop in the image of the laid strip, None where no fold is visible: what is seen must be
+    as long as the strip, which one that sprang open is not.
     """
     if seen is None:
         return None
-    loop = Loop.seen_in(seen)
     missing = abs(laid_length(seen) - cell.strip.length)
-    if loop is None or not missing <= 2.0 * cell.settings.perception.length_error:
-        return None
-    return edge_offset(cell.strip.length, cell.strip.thickness, loop)
+    return Loop.seen_in(seen) if missing <= 2.0 * cell.settings.perception.length_error else None
 
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:

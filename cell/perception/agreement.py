@@ -1,10 +1,15 @@
 """Whether a strip behaved like the model: a rod of the estimated strip against the images."""
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from cell.perception.measured_fold import MeasuredFold
+from drivers.settings import Settings, load
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
@@ -13,8 +18,7 @@ from drivers.types import Array
 from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
-RESIDUAL = 0.00075  # m, largest of folds that behave like the model
-FRICTION = 75.0  # 1/m, largest yield curvature of such folds
+LIMITS = Path(__file__).with_suffix(".yaml")
 DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, segments of the rod
 PASSES = 3  # of Gauss-Newton
 ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
@@ -23,6 +27,27 @@ LEAST = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
 NOISE = 0.0005  # m, of a point's median over a bin
 SHIFT, LATE = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
 UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
+
+
+class AgreementLimits(Settings):
+    """Largest `residual` [m] and `yield_curvature` [1/m] of a fold that behaves like the model.
+
+    Written by `cell study agreement`: what `share` of such folds stay below.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    residual: float
+    yield_curvature: float
+    share: float
+    folds: int
+    source: str
+    belongs_to: str
+
+
+@cache
+def agreement_limits() -> AgreementLimits:
+    """The limits of this version."""
+    return load(LIMITS, AgreementLimits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +62,8 @@ class Agreement:
     @property
     def like_model(self) -> bool:
         """Whether the fold could be one of a strip that the policy was trained for."""
-        return self.residual <= RESIDUAL and self.yield_curvature <= FRICTION
+        most = agreement_limits()
+        return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
     def sentence(self) -> str:
         """Text for the operator: what is wrong, and what to do."""
@@ -49,10 +75,12 @@ class Agreement:
         )
 
     def _why(self) -> str:
-        off, friction = 1e3 * self.residual, self.yield_curvature
-        if self.residual > RESIDUAL:
-            return f"its profile is {off:.1f} mm off, up to {1e3 * RESIDUAL:.1f} mm are usual"
-        return f"its yarns rub as {friction:.0f} 1/m, up to {FRICTION:.0f} 1/m are usual"
+        most, off, friction = agreement_limits(), 1e3 * self.residual, self.yield_curvature
+        if self.residual > most.residual:
+            return f"its profile is {off:.1f} mm off, up to {1e3 * most.residual:.1f} mm are usual"
+        return (
+            f"its yarns rub as {friction:.0f} 1/m, up to {most.yield_curvature:.0f} 1/m are usual"
+        )
 
 
 def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:

@@ -52,7 +52,7 @@ class Mutant:
     new: str
     tests: tuple[str, ...]
 
-    def applied(self, text: str) -> str:
+    def apply_to(self, text: str) -> str:
         """The file's text with the bug; Unusable where it does not apply."""
         if text.count(self.old) != 1:
             raise Unusable(

@@ -40,7 +40,7 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
     if folds.keys() >= set(THREE):
         yield _best(folds)
     if "planned" in folds:
-        yield _within(folds["planned"], count, "methods told the properties", paper.KNOWN)
+        yield _within(folds["planned"], count, "methods that know the properties", paper.KNOWN)
     again = {p: results.repeats(p) for p in THREE if p in folds}
     if any(len(f) > 1 for f in again.values()):
         yield _repeatable(again)
@@ -79,19 +79,19 @@ def _sign_claim(
 
 def _best(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     means = {p: float(np.mean(np.nan_to_num(np.abs(_d(folds[p])), nan=np.inf))) for p in THREE}
-    told = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
+    values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
     held = means["feedback"] == least and np.isfinite(least)
-    return Claim("feedback outperforms triangular and circular", f"mean |d| {told}", bool(held))
+    return Claim("feedback outperforms triangular and circular", f"mean |d| {values}", bool(held))
 
 
 def _repeatable(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
     spreads = {policy: spread(folds) for policy, folds in again.items()}
-    told = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
+    values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
     limit = paper.REPEATABILITY
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
-        f"{max(len(f) for f in again.values())} folds: {told}",
+        f"{max(len(f) for f in again.values())} folds: {values}",
         bool(np.all(np.array(list(spreads.values())) <= limit + 5e-5)),
     )
 

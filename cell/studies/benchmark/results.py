@@ -54,8 +54,8 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """A policy over strips of the paper's range with one `effect` of textile size that it is not
-    told of, none where empty: `displacement` [m] in the rod, None without a touch.
+    """A policy over strips of the paper's range with one `effect` of textile size that it does not
+    know, none where empty: `displacement` [m] in the rod, None without a touch.
     """
 
     kind: Literal["effect"] = "effect"
