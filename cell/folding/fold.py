@@ -33,7 +33,7 @@ from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
-from cell.orchestrator.safe_stop import suppressed
+from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.beside import Beside, Maker, StripSight, Subject
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.frames import Keep
@@ -190,10 +190,10 @@ def conduct(
     except CellError as error:
         outcome = Outcome.of(StopReason.by(error), devices.clock.now())
     finally:
-        suppressed(devices.close)
+        run_suppressed(devices.close)
     timing = devices.arm_timing()
     if timing:
-        suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
+        run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     content = result_content(outcome)
     try:
         outcome = reviewed(outcome, recorder)
@@ -205,7 +205,7 @@ def conduct(
     except Fault as fault:
         outcome = outcome.but(StopReason.by(fault))
     finally:
-        suppressed(recorder.close)
+        run_suppressed(recorder.close)
     return outcome
 
 

@@ -23,7 +23,7 @@ class Humidity(Cause):
 
     spread: float = Field(ge=0, le=1)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """The strip in the air of this run."""
         if self.spread == 0:
             return model

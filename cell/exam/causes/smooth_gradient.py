@@ -21,7 +21,7 @@ class SmoothGradient(Cause):
 
     slope: float = Field(gt=-2, lt=2)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip with its profile of stiffness."""
         if self.slope == 0:
             return model

@@ -14,10 +14,10 @@ SHIVER = (1.0, 5.0)  # Hz
 
 def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
     """`count` motions over a strip of `length` [m]; the same for the same seed."""
-    return [_reported(length, generator(seed, i)) for i in range(count)]
+    return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 
-def _reported(length: float, rng: np.random.Generator) -> GripperPath:
+def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
     line, travel = hand_path(length, rng)
     t: Array = STEP * np.arange(len(travel), dtype=float)
     share = travel / line.x[-1]
