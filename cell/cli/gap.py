@@ -12,6 +12,7 @@ import typer
 
 from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import near, plan
+from cell.cli.gap_rehearse import rehearse
 from cell.cli.options import Configs, Json
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ gap = typer.Typer(
 )
 gap.command()(plan)
 gap.command()(exam)
+gap.command()(rehearse)
 
 RunFolders = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")]
 Strip = Annotated[
@@ -31,6 +33,9 @@ Strip = Annotated[
 ]
 Model = Annotated[
     Path | None, typer.Option("--model", help="The mechanism file, in place of a strip.")
+]
+Jobs = Annotated[
+    int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
 ]
 Fitted = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that a fit wrote.")]
 
@@ -47,9 +52,10 @@ def fit(
     without: Annotated[
         list[str] | None, typer.Option(help="An effect withheld from the library; repeatable.")
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
-    ] = None,
+    unchecked: Annotated[
+        bool, typer.Option("--unchecked", help="Fit recordings that `cell gap check` refuses.")
+    ] = False,
+    jobs: Jobs = None,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
@@ -63,8 +69,9 @@ def fit(
     threads = min(jobs or cores, cores)
     with _progress(quiet=as_json) as shown:
         verdict = judge(
-            runs, file, out, hold_out or (), shown, threads, write_overlay, without or ()
-        )
+            runs, file, out, hold_out or (), shown, threads, write_overlay, without or (),
+            unchecked=unchecked,
+        )  # fmt: skip
     if as_json:
         sys.stdout.write(verdict.to_json())
         return
@@ -73,6 +80,40 @@ def fit(
     option = f"--model {model}" if model is not None else f"--strip {file}"
     following = f"next: {_next(verdict, out, option, law=law)}"
     sys.stdout.write("\n".join([*_summary(verdict), *files, following]) + "\n")
+
+
+@gap.command()
+def check(
+    runs: RunFolders,
+    out: Annotated[Path, typer.Option("--out", help="Folder for check.json and check.html.")],
+    strip: Strip = None,
+    model: Model = None,
+    jobs: Jobs = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Look at recordings before anything is fitted: samples, clocks, copies, what they can say.
+
+    Exit code 2 where `cell gap fit` refuses them.
+    """
+    from cell.gap.check import check as look
+    from cell.gap.report.check_page import check_page
+    from cell.gap.verdict.schema import write_text
+    from drivers.errors import ConfigurationError
+    from drivers.files import writing
+
+    file, cores = _one_of(strip, model, configs), os.cpu_count() or 1
+    found = look(runs, file, min(jobs or cores, cores))
+    with writing(f"--out {out}"):
+        out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "check.json", found.to_json())
+    write_text(out / "check.html", check_page(found, file.stem))
+    if as_json:
+        sys.stdout.write(found.to_json())
+    else:
+        lines = [f"  {f.level}  {f.run or 'all'}: {f.what}: {f.words}" for f in found.findings]
+        sys.stdout.write("\n".join([found.level, *lines, f"  {out / 'check.html'}"]) + "\n")
+    sys.exit(ConfigurationError.exit_code if found.level == "bad" else 0)
 
 
 @gap.command()

@@ -10,13 +10,15 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
+from cell.gap.check import inputs_digest, refuse
 from cell.gap.fitting.cache import SimulationCache
 from cell.gap.investigate import Progress, investigate
+from cell.gap.opening import open_subject
 from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.copies import counted_once, note
 from cell.gap.subject.run_folders import RunFolder, find_runs
-from cell.gap.subject.subject import EditsModel, Subject
+from cell.gap.subject.subject import EditsModel
 from cell.gap.verdict.accept import (
     BASE_PATCH,
     CELL_PATCH,
@@ -32,14 +34,11 @@ from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict, write_text
 from cell.gap.verdict.stated import deviations
 from drivers.errors import ConfigurationError
-from drivers.settings import read_yaml
 from drivers.yaml_edit import dump_text
 
 Overlay = Callable[[Findings, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-READ = ("run.yaml", "result.yaml", "ticks.parquet", "profile.parquet", "angles.parquet",
-        "signals.parquet")  # fmt: skip
 VERSION = "28"  # of the engine: another one starts anew
 
 
@@ -56,12 +55,13 @@ def fit(
     jobs: int = 1,
     overlay: Overlay | None = None,
     without: Sequence[str] = (),
+    unchecked: bool = False,
 ) -> Verdict:
     """The verdict on measured `runs` of the strip or pendulum in `file`, written into `out`.
 
-    Effects `without` are withheld from the library. Interrupted, it goes on where it stopped when
-    called again with the same inputs. Raises ConfigurationError, and leaves no verdict, for bad
-    input.
+    Effects `without` are withheld from the library; `unchecked` recordings are taken as they are.
+    Interrupted, it goes on where it stopped when called again with the same inputs. Raises
+    ConfigurationError, and leaves no verdict, for bad input.
     """
     began = time.monotonic()
     _clear(out)
@@ -69,6 +69,8 @@ def fit(
     hold.check([run.name for run in found_runs], hold_out)
     found_runs, copies = counted_once(found_runs)
     hold_out = [copies.get(name, name) for name in hold_out]
+    if not unchecked:
+        refuse(found_runs)
     subject = open_subject(file, found_runs, jobs, without)
     key = _key(file, found_runs, [*hold_out, *without])
     _make(out)
@@ -88,31 +90,6 @@ def fit(
     tape.erase()
     progress("done", 1.0)
     return verdict
-
-
-def open_subject(
-    file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
-) -> Subject:
-    """The subject that `file` describes, with its measured runs; effects `without` are withheld.
-
-    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
-    """
-    kind = read_yaml(file).get("kind", "strip")
-    if kind == "pendulum":
-        from cell.gap.subject.pendulum.subject import open_pendulum
-
-        if without:
-            raise ConfigurationError("--without: withholds effects of a strip, not of a pendulum")
-        return open_pendulum(file, runs, jobs)
-    if kind == "strip":
-        from cell.gap.subject.strip.subject import open_strip
-
-        return open_strip(file, runs, jobs, without)
-    if kind == "mechanism":
-        from cell.gap.subject.mechanism.subject import open_mechanism
-
-        return open_mechanism(file, runs, jobs, without)
-    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")
 
 
 def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
@@ -148,15 +125,8 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:
     """Hash of everything that the simulations depend on."""
-    h = hashlib.sha256(VERSION.encode())
-    h.update(file.read_bytes())
-    model = file.parent / str(read_yaml(file).get("model", "."))
-    h.update(model.read_bytes() if model.is_file() else b"")
-    for run in runs:
-        for path in (run.path / name for name in READ):
-            h.update(path.name.encode() + (path.read_bytes() if path.is_file() else b"absent"))
-    h.update("\0".join(held).encode())
-    return h.hexdigest()[:16]
+    given = "\0".join([VERSION, inputs_digest(file, runs), *held])
+    return hashlib.sha256(given.encode()).hexdigest()[:16]
 
 
 def _clear(out: Path) -> None:

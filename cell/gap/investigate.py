@@ -29,6 +29,7 @@ from cell.gap.selection.likelihood import (
     likelihood_scale,
     margin,
 )
+from cell.gap.selection.posterior import posterior
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
@@ -75,13 +76,16 @@ def investigate(
     progress("judge", 0.8)
     choice = chosen(subject, simulate, fits)
     judged = judge(subject, choice, simulate, whole, rng)
+    sets = posterior(choice.fits, screened.probed, choice.by)
     progress("show on held-out runs", 0.9)
     unseen = scattered(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     there = bool(choice.accepted.model.effects) or fitted.gap
     advised = advice(subject, screened, choice, judged, simulate) if there else Advised()
-    found = Findings(subject, tuple(held_out), fitted, screened, choice, judged, shown, advised)
+    found = Findings(
+        subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
+    )
     which = kind(found)
     if is_told(found, which):
         law = described(subject, choice, simulate, rng)
@@ -196,7 +200,7 @@ def _refit_singles(
         return fits
     singles = [
         Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
-        for s in screened.singles[: search.SINGLES]
+        for s in screened.singles[: search.BUDGET.singles]
     ]
     fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
     fits = fits.merged(search.other_sign(simulate, fits, singles))
@@ -230,13 +234,15 @@ def _refit_further(
     if not unnamed and not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit other single effects", 0.4)
-    others = [s for s in screened.singles[: search.LOOKED] if fits.of(frozenset(s.names)) is None]
-    fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.FURTHER))
+    others = [
+        s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
+    ]
+    fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further))
     if exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
-    screened_pairs = ranked_pairs(screened.known, search.SIFTED)
-    pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.PAIRS)
+    screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
+    pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
     fits = more(tried(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
     if pair and not exhausted(fits) and _leaves_more(fits, anywhere=False):

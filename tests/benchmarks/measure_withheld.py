@@ -26,7 +26,7 @@ from cell.exam.cases.answer_key import KEYS, opened
 from cell.exam.runs.from_model import make_runs
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import RECORD
-from cell.gap.verdict.offered_law import NOTHING
+from cell.gap.verdict.offered_law import OFFER
 from drivers.strip.effects import registry
 
 
@@ -76,7 +76,7 @@ def _summed(found: Sequence[Outcome]) -> None:
     median = f"{100 * np.median(shrinks):.0f} %" if shrinks else "-"
     without = [f for f in found if f.shrink is None]
     named = sum(f.named for f in without)
-    blind = sum(f.gap < NOTHING and not f.named for f in without)
+    blind = sum(f.gap < OFFER.nothing and not f.named for f in without)
     sys.stdout.write(
         f"offered in {len(shrinks)} of {len(found)}, gap shrunk by {median} in the median; without "
         f"a law: other effects named in {named}, no gap on held-out runs in {blind}\n"

@@ -69,7 +69,8 @@ def sources() -> Sources:
 def _digest(places: list[Path]) -> str:
     h = hashlib.sha256()
     for place in places:
-        files = [place] if place.is_file() else sorted(place.rglob("*.py"))
+        found = (path for kind in ("*.py", "*.yaml") for path in place.rglob(kind))
+        files = [place] if place.is_file() else sorted(found)
         for path in files:
             h.update(str(path.relative_to(place.parent)).encode() + path.read_bytes())
     return h.hexdigest()[:16]

@@ -46,7 +46,7 @@ RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.a
 
 
 @dataclass(frozen=True, slots=True)
-class _Draw:
+class Draw:
     """Case `i` of the exam of `seed`, the one with this `number` of its kind; not drawn yet."""
 
     tier: Tier
@@ -75,10 +75,10 @@ def cases(
     `progress` is told of every tenth of them. Raises Fault where none can be that strong.
     """
     kinds = [only] * count if only else _kinds(tier, count)
-    draws = [_Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
+    draws = [Draw(tier, kind, i, kinds[:i].count(kind), seed) for i, kind in enumerate(kinds)]
     found: list[Case] = []
     with workers(jobs) as pool:
-        for case in pool.map(_Draw.case, draws):
+        for case in pool.map(Draw.case, draws):
             found.append(case)
             if len(found) * 10 // count > (len(found) - 1) * 10 // count:
                 progress(len(found), count, "cases drawn")
@@ -157,7 +157,7 @@ def _showing(
     others = [str(name) for name in rng.permutation(find_configs(None).strip_names())]
     for strip in [case.strip, *others]:
         for _ in range(PLACED):
-            path = _path(effect, find_configs(None).strip(strip), rng)
+            path = path_of(effect, find_configs(None).strip(strip), rng)
             share = _ruler_of(case.model_copy(update={"strip": strip})).share(path, target)
             if share is not None:
                 return strip, path.at(share)
@@ -204,7 +204,7 @@ def draw_effects(
     effects: dict[str, Values] = {}
     for _ in range(TRIES):
         effect = registry()[str(rng.choice(sorted(registry())))]
-        path = _path(effect, strip, rng)
+        path = path_of(effect, strip, rng)
         share = None if effect.name in effects else ruler.share(path, STRENGTHS[level])
         if share is not None:
             effects[effect.name] = path.at(share)
@@ -248,7 +248,7 @@ def _ruler_of_cell(plant: StripFile, hand: int | None) -> Ruler:
     return Ruler.along(plant, led, sigma)
 
 
-def _path(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
+def path_of(effect: Effect, strip: StripFile, rng: np.random.Generator) -> Path:
     """An effect with the numbers that shape it drawn, growing to a side drawn too."""
     others: Values = {}
     for p in effect.parameters[1:]:

@@ -1,10 +1,12 @@
 """A verdict against what was hidden: pure functions, the only ones that see both."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from itertools import product
 from typing import Literal
 
 from cell.exam.case import Case, Kind, Strength, Tier
+from cell.gap.verdict.confidence import Signs
 from cell.gap.verdict.schema import Interval, NamedEffect, Verdict
 from cell.gap.verdict.schema import Kind as VerdictKind
 from drivers.settings import Settings
@@ -43,7 +45,8 @@ class Checked(Settings):
 class Outcome(Settings):
     """What came of a case. `named` and `classes` are what was said, `realised` is the excess gap
     that was left after the base was refitted, `rival` the strongest model that was not accepted,
-    with its nats over the base, `reason` what the verdict says remains.
+    with its nats over the base, `reason` what the verdict says remains, `signs` what its confidence
+    rests on.
     """
 
     case: str
@@ -65,6 +68,7 @@ class Outcome(Settings):
     reason: str
     runtime: float
     simulations: int
+    signs: dict[str, float] | None = None
 
     @property
     def right(self) -> bool:
@@ -90,7 +94,7 @@ def score(verdict: Verdict, case: Case, strip: StripFile) -> Outcome:
         realised=verdict.gap.before["excess"], shrink=verdict.gap.shrink,
         base=tuple(_base(verdict, case, strip)), parameters=tuple(_parameters(verdict, case)),
         rival=rival, reason=reason.description if reason else "",
-        runtime=verdict.runtime, simulations=verdict.simulations,
+        runtime=verdict.runtime, simulations=verdict.simulations, signs=_signs(verdict),
     )  # fmt: skip
 
 
@@ -198,6 +202,12 @@ def _checked(
         name=name, truth=truth, value=found.value, low=found.low, high=found.high,
         error=error, switch=switch,
     )  # fmt: skip
+
+
+def _signs(verdict: Verdict) -> dict[str, float] | None:
+    if verdict.posterior is None or verdict.posterior.ahead is None:
+        return None
+    return asdict(Signs.of(verdict.posterior, verdict.gap))
 
 
 def _rival(verdict: Verdict, named: tuple[str, ...]) -> str:

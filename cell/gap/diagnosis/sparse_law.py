@@ -17,9 +17,19 @@ from cell.gap.selection.likelihood import MARGIN
 from cell.gap.selection.screening import Probed
 from drivers.types import Array
 
-TERMS = 3
-HALVES = 40
-OFTEN = 0.7
+
+@dataclass(frozen=True, slots=True)
+class Steady:
+    """A law has at most so many `terms`; it is steady where they are the same in the share `often`
+    of so many `halves` of the runs, drawn at random. Source: set by hand.
+    """
+
+    terms: int = 3
+    halves: int = 40
+    often: float = 0.7
+
+
+STEADY = Steady()
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +94,7 @@ def _forward(form: normal_equations.Normal, worth: float) -> list[int]:
     """Terms that gain more than the margin each, greedily."""
     chosen: list[int] = []
     reached = 0.0
-    while len(chosen) < TERMS:
+    while len(chosen) < STEADY.terms:
         gains = [
             _amounts(form, [*chosen, i])[1] if i not in chosen else -np.inf
             for i in range(len(form.gradient))
@@ -114,11 +124,11 @@ def _stable(
     owner = np.repeat(np.arange(runs), [len(r) for r in estimate.residuals])
     left = about.left(responses)
     agreed = 0
-    for _ in range(HALVES):
+    for _ in range(STEADY.halves):
         half = np.isin(owner, rng.permutation(runs)[: max(1, runs // 2)])
         form = normal_equations.Normal(
             responses[half].T @ about.residual[half], responses[half].T @ left[half]
         )
         again, _ = _amounts(form, chosen)
         agreed += bool((np.sign(again) == np.sign(amounts)).all())
-    return agreed >= OFTEN * HALVES
+    return agreed >= STEADY.often * STEADY.halves

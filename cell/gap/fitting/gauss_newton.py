@@ -15,14 +15,29 @@ from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
-STEPS = 20
 ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
-TRUSTED = (0.7, 1.4)  # of the promised decrease: the Jacobian is kept
-MENDABLE = (0.3, 2.5)  # the same: the step itself tells enough to go on by, once
-STALLED = 0.1  # of what fresh Jacobians promise: twice less, and the objective is no longer smooth
 TINY = 1e-300
-PARABOLA = (1.0, 0.5, 0.25, 0.1, 0.02)  # shares of a step that was too long
-DAMPING = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Stepping:
+    """How a fit steps; shares are of the decrease of the objective that a step promised.
+
+    After so many `steps` it ends. A Jacobian is kept where a step wins a `trusted` share; within a
+    `mendable` one the step itself mends it, once. Less than `stalled` with fresh Jacobians, twice:
+    the objective is no longer smooth. A step that was too long is tried in the shares `parabola` of
+    its length, bent by its curvature with relative `damping`. Source: set by hand.
+    """
+
+    steps: int = 20
+    trusted: tuple[float, float] = (0.7, 1.4)
+    mendable: tuple[float, float] = (0.3, 2.5)
+    stalled: float = 0.1
+    parabola: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.02)
+    damping: float = 1e-3
+
+
+STEPPING = Stepping()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +77,7 @@ def refit(
     start: Point,
     jacobians: tuple[Array, ...] | None = None,
     enough: float = ENOUGH,
-    steps: int = STEPS,
+    steps: int = STEPPING.steps,
 ) -> Task[Estimate]:
     """Estimate of `model` from `start`; yields simulations.
 
@@ -93,9 +108,9 @@ def refit(
         kept = won / promised
         if won <= 0.0 and fresh:
             break
-        stalled = stalled + 1 if fresh and kept < STALLED else 0
-        trusted = TRUSTED[0] < kept < TRUSTED[1]
-        mended = not trusted and not mended and MENDABLE[0] < kept < MENDABLE[1]
+        stalled = stalled + 1 if fresh and kept < STEPPING.stalled else 0
+        trusted = STEPPING.trusted[0] < kept < STEPPING.trusted[1]
+        mended = not trusted and not mended and STEPPING.mendable[0] < kept < STEPPING.mendable[1]
         fresh = not trusted and not mended
         if mended:
             jacobians = _mended(search, trial.z - z, raw, trial.raw)
@@ -151,8 +166,8 @@ def _tried(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_
     if full.objective < search.now:
         return full
     bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
-    points = [z + f * step + f * f * bend for f in PARABOLA]
-    trials = yield from _evaluated(search, [*points, z + PARABOLA[-1] * step])
+    points = [z + f * step + f * f * bend for f in STEPPING.parabola]
+    trials = yield from _evaluated(search, [*points, z + STEPPING.parabola[-1] * step])
     return min(trials, key=lambda trial: trial.objective)
 
 
@@ -172,7 +187,7 @@ def _bend(
     gradient = np.zeros_like(z)
     for i, (d, jacobian) in enumerate(zip(beyond, search.jacobians, strict=True)):
         gradient[place.columns(i)] += jacobian.T @ d / search.scale**2
-    damped = search.curvature + DAMPING * np.diag(np.diag(search.curvature))
+    damped = search.curvature + STEPPING.damping * np.diag(np.diag(search.curvature))
     limits = normal_equations.bounds(search.model, search.evidence)
     inside = np.clip(z + step, limits.low, limits.high)
     return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)

@@ -14,10 +14,25 @@ from cell.gap.fitting.projection import stacked
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
-SMALLEST, LARGEST = 0.03, 5.0  # of the usual spread, between which one is sought
-BEGIN = 0.5  # of the usual spread, where one is sought from
-LEAST = 0.1  # of the stated variance, of what any fit leaves
-COMMON = 10.0  # times its usual spread, that the common part of a quantity may have
+
+@dataclass(frozen=True, slots=True)
+class Sought:
+    """Where a spread from run to run is sought, in units of the `usual` one. Source: set by
+    hand; `tests/benchmarks/measure_spreads.py` holds what comes of it against true spreads.
+
+    Between `smallest` and `largest`, from `begin`; the common part of a quantity may be so many
+    times its usual spread (`common`). Any fit leaves at least the share `least` of the stated
+    variance.
+    """
+
+    smallest: float = 0.03
+    largest: float = 5.0
+    begin: float = 0.5
+    least: float = 0.1
+    common: float = 10.0
+
+
+SOUGHT = Sought()
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +88,8 @@ class Marginal:
         """
         if not len(active):
             return self.loss(np.zeros(0), []), np.zeros(0)
-        begin = np.log(np.concatenate([start, np.full(len(active) - len(start), BEGIN)]))
-        limits = [(np.log(SMALLEST), np.log(LARGEST))] * len(active)
+        begin = np.log(np.concatenate([start, np.full(len(active) - len(start), SOUGHT.begin)]))
+        limits = [(np.log(SOUGHT.smallest), np.log(SOUGHT.largest))] * len(active)
         found = optimize.minimize(
             lambda x: self._loss(np.exp(x), active), begin, jac=True, method="L-BFGS-B",
             bounds=limits,
@@ -108,7 +123,7 @@ def _equations(
     common part of each random quantity, the random ones' own priors left out.
     """
     r = np.concatenate(estimate.residuals)
-    worth = max(LEAST, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
+    worth = max(SOUGHT.least, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
     weight = np.sqrt(robust.weights(r / estimate.scale) / worth) / estimate.scale
     columns = stacked(estimate)
     z = normal_equations.layout(estimate.model, estimate.evidence).packed(estimate.point)
@@ -117,7 +132,7 @@ def _equations(
     target = r - columns @ np.where(owner >= 0, z, 0.0)
     pull = prior * (z - start)
     common = np.stack([columns[:, owner == k].sum(axis=1) for k in range(len(usual))], axis=1)
-    more = (COMMON * usual) ** -2
+    more = (SOUGHT.common * usual) ** -2
     whole = np.concatenate([columns, common], axis=1) * weight[:, None]
     curvature = whole.T @ whole + np.diag(np.concatenate([prior, more]))
     curvature += np.diag(1e-9 * np.diag(curvature) + 1e-12)

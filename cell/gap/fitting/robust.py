@@ -78,6 +78,12 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     return float(total * min(1.0, power / room))
 
 
+def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
+    """Correlation of neighbours in time among residuals (n,) of runs, wild ones bounded."""
+    power, products = _autocovariance(runs, [np.clip(r, -WILD, WILD) for r in residuals], lags=1)
+    return float(products[0]) / power if power > 0.0 else 0.0
+
+
 def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     return [(r, s) for r in residuals]

@@ -13,15 +13,29 @@ from typing import Self
 import numpy as np
 
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.marginal import LARGEST, SMALLEST, Marginal
+from cell.gap.fitting.marginal import SOUGHT, Marginal
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
-WORTH = 3.0  # nats that a quantity must gain to count as scattered
-TIE = 2.0  # nats by which a quantity must beat those that scatter more commonly, named first
-GRID = np.geomspace(SMALLEST, LARGEST, 41)  # shares of the usual spread, to be averaged over
+GRID = np.geomspace(SOUGHT.smallest, SOUGHT.largest, 41)  # shares of the usual, averaged over
 NOTHING = np.zeros(0)
-REFUTED = 1 / 3  # Bayes factor below which a common quantity does not scatter here
+
+
+@dataclass(frozen=True, slots=True)
+class Believed:
+    """When a quantity counts as different from run to run. Source: set by hand;
+    `tests/benchmarks/measure_spreads.py` holds what comes of it against true spreads.
+
+    One must gain `worth` nats, and beat those that scatter more commonly, named first, by `tie`; a
+    common one does not scatter here where its Bayes factor is below `refuted`.
+    """
+
+    worth: float = 3.0
+    tie: float = 2.0
+    refuted: float = 1 / 3
+
+
+BELIEVED = Believed()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +62,8 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
     """The quantities that differ from run to run in `estimate`, the common ones first.
 
     Common ones scatter in every laboratory: they stay unless the runs refute them. Others are
-    taken in one by one while each gains WORTH nats beside those, since a slack that differs looks
-    much like a grip that does.
+    taken in one by one while each gains enough beside those, since a slack that differs looks much
+    like a grip that does.
     """
     known = _random(estimate)
     if not known or len(estimate.evidence.runs) < 2:
@@ -90,8 +104,8 @@ class _Chosen:
 
 
 def _with_others(found: _Chosen, known: int) -> _Chosen:
-    """`found` with those of all `known` quantities that gain WORTH nats, in their order where two
-    gain about as much.
+    """`found` with those of all `known` quantities that gain enough, in their order where two gain
+    about as much.
     """
     while len(found.active) < known:
         trials = [
@@ -99,8 +113,8 @@ def _with_others(found: _Chosen, known: int) -> _Chosen:
             for k in range(known) if k not in found.active
         ]  # fmt: skip
         lowest = min(trial.loss for trial in trials)
-        best = next(trial for trial in trials if trial.loss < lowest + TIE)
-        if found.loss - best.loss < WORTH:
+        best = next(trial for trial in trials if trial.loss < lowest + BELIEVED.tie)
+        if found.loss - best.loss < BELIEVED.worth:
             break
         found = best
     return found
@@ -110,11 +124,11 @@ def _unrefuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
     """`found` without the common quantities that the runs speak against.
 
     The spread of such a one, averaged over what laboratories have, explains the runs worse by a
-    factor of REFUTED than none (Bayes factor: Kass and Raftery 1995).
+    factor of three than none (Bayes factor: Kass and Raftery 1995).
     """
     kept = [
         k for i, k in enumerate(found.active)
-        if not parameters[k].common or _bayes_factor(found, i) > REFUTED
+        if not parameters[k].common or _bayes_factor(found, i) > BELIEVED.refuted
     ]  # fmt: skip
     return found if len(kept) == len(found.active) else _Chosen.of(found.model, kept)
 

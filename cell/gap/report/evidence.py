@@ -11,6 +11,9 @@ from cell.gap.verdict.compose import SEEN
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Compared, Verdict
 
+LISTED = 4  # sets of effects of which the page speaks
+EXCLUDED = 1e-4  # probability below which a set counts as excluded: its size says nothing
+
 
 def where(found: Findings) -> str:
     """A sentence and a map of the places where the refitted base exceeds noise, as HTML."""
@@ -61,7 +64,28 @@ def candidates(found: Findings, verdict: Verdict) -> str:
     table = f"<details><summary>All numbers</summary>{same}{numbers}</details>"
     silent = [p.candidate.name for p in found.screened.probed if p.dead]
     dead = f"<p class='note'>Changes nothing in these runs: {', '.join(silent)}.</p>"
-    return f"<p class='note'>{note}</p>{bars}{_steps(found)}{dead if silent else ''}{table}"
+    parts = (f"<p class='note'>{note}</p>", bars, _steps(found), _probable(verdict))
+    return f"{''.join(parts)}{dead if silent else ''}{table}"
+
+
+def _probable(verdict: Verdict) -> str:
+    """The most probable sets of effects, in a sentence."""
+    if verdict.posterior is None or len(verdict.posterior.models) < 2:
+        return ""
+    first, *others = verdict.posterior.models[:LISTED]
+    others = [m for m in others if m.p > EXCLUDED]
+    rest = [f"{_set(m.names)} {probability(m.p)}" for m in others]
+    also = f"; besides {', '.join(rest)}" if rest else "; all others are excluded"
+    text = (
+        f"Of the sets of effects that were fitted, by their evidence: {_set(first.names)} "
+        f"{number(first.p, 2)}{also}. On held-out runs {number(verdict.posterior.left, 2)} times "
+        "noise and floor are left. A cause outside the library is not among them."
+    )
+    return f"<p class='note'>{escape(text)}</p>"
+
+
+def _set(names: Sequence[str]) -> str:
+    return " + ".join(names) or "the base alone"
 
 
 def _row(row: Compared, best: bool) -> str:

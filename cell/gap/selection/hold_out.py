@@ -1,7 +1,7 @@
-"""Which runs only judge: one condition in EVERY, and a repeat of one that alone tells an effect."""
+"""Which runs only judge: one condition in four, and a repeat of one that alone tells an effect."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,14 +15,27 @@ from cell.gap.subject.subject import Subject
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-EVERY = 4  # conditions, of which one is held out
-HANGS = 0.5  # of what all runs would tell of an effect: no other run can stand in for that
-ALONE = 0.9  # the same, of a condition that alone tells of an effect
-SHOWN = 1.0  # nat that all runs must tell of an effect, for it to have a say
+
+@dataclass(frozen=True, slots=True)
+class Sparing:
+    """Which runs may be held out. Source: set by hand.
+
+    One condition in `every`, unless the others lose the share `needed` of what all runs say of an
+    effect, or `alone` for a condition of which a repeat is held out; an effect of which all runs
+    say less than `shown` [nats] has no voice.
+    """
+
+    every: int = 4
+    needed: float = 0.5
+    alone: float = 0.9
+    shown: float = 1.0
+
+
+SPARING = Sparing()
 
 
 def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -> list[str]:
-    """Names of the runs that only judge: those asked for, or one condition in EVERY.
+    """Names of the runs that only judge: those asked for, or one condition in four.
 
     A condition that tells most of what the runs can tell of some effect is fitted: held out, it
     would hide that effect. Where it alone tells of one, the last of its repeats judges what the
@@ -34,13 +47,13 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
         return list(dict.fromkeys(wanted))
     groups = folds(subject.runs, most=len(names))
     told, held = Informativeness(subject, simulate), list[int]()
-    for first in range(1, len(groups), EVERY):
+    for first in range(1, len(groups), SPARING.every):
         for group in (*groups[first:], *groups[:first]):
-            if not set(group) & set(held) and told.lost([*held, *group]) < HANGS:
+            if not set(group) & set(held) and told.lost([*held, *group]) < SPARING.needed:
                 held += group
                 break
     for group in groups:
-        if len(group) > 1 and not set(group) & set(held) and told.lost(group) >= ALONE:
+        if len(group) > 1 and not set(group) & set(held) and told.lost(group) >= SPARING.alone:
             held += group[-1:]
     second = (i for group in groups[1:2] for i in group)
     return [names[i] for i in held or second]
@@ -72,7 +85,7 @@ class Informativeness:
     def lost(self, without: Sequence[int]) -> float:
         """Largest share that is lost, of any effect, without the runs of these numbers."""
         kept = [i for i in range(len(self._responses)) if i not in without]
-        shown = self._all > SHOWN
+        shown = self._all > SPARING.shown
         if not kept or not shown.any():
             return float(not kept)
         return float((1.0 - self._told(kept)[shown] / self._all[shown]).max())

@@ -17,12 +17,28 @@ from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
 Columns = NDArray[np.int64]
-FARTHEST = 3.0  # times a probe to which its response is extrapolated
-WORTH = 0.3  # of the best mix's gain, from which a probe as it is is a start
-ALIKE = 1e-10  # share of its square by which a response must differ from another
-STEEP = 0.3  # of what a probe does for its size: an effect that does less near null has a threshold
-DEAD = 1e-6  # whitened response below which an effect changes nothing
 TINY = 1e-300
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far a screen trusts responses to probes. Source: set by hand.
+
+    A response is extrapolated to so many times its probe (`farthest`); a probe as it is is a start
+    where it gains the share `worth` of the best mix. Two responses differ by at least the share
+    `alike` of their square. An effect that near null does less than the share `steep` of what it
+    does farther off, for its size, has a threshold; one of a whitened response below `dead` changes
+    nothing.
+    """
+
+    farthest: float = 3.0
+    worth: float = 0.3
+    alike: float = 1e-10
+    steep: float = 0.3
+    dead: float = 1e-6
+
+
+REACH = Reach()
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +62,7 @@ class Probed:
     @property
     def dead(self) -> bool:
         """Whether it changes nothing in these runs."""
-        return all(np.abs(d).max(initial=0.0) < DEAD for d in self.responses)
+        return all(np.abs(d).max(initial=0.0) < REACH.dead for d in self.responses)
 
 
 def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
@@ -160,7 +176,7 @@ def _most_together(form: normal_equations.Normal, groups: Sequence[Columns]) -> 
         across = curvature[:, at] @ inverse
         left = gradient - across @ gradient[at]
         spare = np.diag(curvature) - (across * curvature[:, at]).sum(axis=1)
-        known = spare > ALIKE * np.diag(curvature)
+        known = spare > REACH.alike * np.diag(curvature)
         more = 0.5 * left**2 * known / np.where(known, spare, 1.0)
         most[a] = more[first]
         for b in (b for b in wide if b > a):
@@ -191,14 +207,14 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     most, tried, probes = 0.0, None, None
     bounds = known.most(members)
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
-        if -bound <= best.gain and -bound <= max(most, WORTH * best.gain):
+        if -bound <= best.gain and -bound <= max(most, REACH.worth * best.gain):
             break
         found, whole, values = _mixed(known, members, choice)
         if found.gain > best.gain:
             best, probes = found, values
         if whole > most and all(choice):
             most, tried = whole, values
-    if most <= WORTH * best.gain:
+    if most <= REACH.worth * best.gain:
         tried = probes if any(_has_threshold(p) for p in members) else None
     mirrored = _other_sign(known, members[0], best) if len(members) == 1 else None
     return replace(best, tried=tried, mirrored=mirrored, secants=secants)
@@ -210,7 +226,7 @@ def _has_threshold(p: Probed) -> bool:
         float(np.linalg.norm(response[:, 0])) / max(abs(group[0][0] - p.candidate.null[0]), TINY)
         for group, response in zip(p.groups, p.responses, strict=True)
     )
-    return bool(near < STEEP * max(far, default=0.0))
+    return bool(near < REACH.steep * max(far, default=0.0))
 
 
 def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None:
@@ -234,7 +250,7 @@ def _mixed(
     chosen = list(zip(members, choice, strict=True))
     at = np.concatenate([known.columns[p.candidate.name, group] for p, group in chosen])
     reach = [
-        _reach(p.candidate, vector) if group == 0 else FARTHEST
+        _reach(p.candidate, vector) if group == 0 else REACH.farthest
         for p, group in chosen
         for vector in p.groups[group]
     ]
@@ -260,7 +276,7 @@ def _reach(candidate: Candidate, vector: Array) -> float:
         for p, d in zip(candidate.parameters, moved, strict=True)
         if d != 0.0
     ]
-    return min(ends, default=FARTHEST)
+    return min(ends, default=REACH.farthest)
 
 
 def _mirrored(candidate: Candidate, vector: Array) -> bool:

@@ -1,7 +1,7 @@
 """Which models are fitted, and from where: single effects, pairs jointly, three at most."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,15 +22,35 @@ from cell.gap.selection.screening import Probed, probe, ranked, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-SINGLES, PAIRS, FURTHER = 5, 3, 4  # models refitted: alone, joint pairs, beside the best
-BEAM = 3  # models beside which others are looked for
-LOOKED = 12  # further effects that are screened anew beside each of them
-SIFTED, SIFTING = 8, 2  # pairs of which those few are chosen by a fit of so many steps
-GUESS = 1 / 3  # of what is believed of a finer parameter, where its fit begins too
-BEGUN = 4  # steps of a fit after which the best of several goes on alone
-HOPE = 0.5  # of what the best start gained in SIFTING steps: the others are given up
-SHAPELY = 0.5  # of what an effect must gain, that its shape parameters must
-FINISHED = 0.1  # of what the best model gained when begun: the others are not fitted to the end
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """How much is fitted: numbers of models, of steps, and shares of the best one's gain. Source:
+    set by hand.
+
+    So many `singles` and `pairs` are refitted, and so many models with one effect `further`, beside
+    so many of the best (`beam`), from so many effects `looked` at there. Of `sifted` pairs those
+    few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
+    then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
+    finer parameter begins also at the share `guess` of what is believed of it, and has to gain the
+    share `shapely` of what an effect has to.
+    """
+
+    singles: int = 5
+    pairs: int = 3
+    further: int = 4
+    beam: int = 3
+    looked: int = 12
+    sifted: int = 8
+    sifting: int = 2
+    begun: int = 4
+    hope: float = 0.5
+    finished: float = 0.1
+    guess: float = 1 / 3
+    shapely: float = 0.5
+
+
+BUDGET = Budget()
 
 
 def fit_scores(
@@ -53,7 +73,7 @@ def fit_scores(
         tasks.append(_promising(base, *starts(base, s, candidates), least))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
     most = _most([base, *(m.estimate for m in models), *begun])
-    worth = [_gained(base, e, most) >= FINISHED * _gained(base, most, most) for e in begun]
+    worth = [_gained(base, e, most) >= BUDGET.finished * _gained(base, most, most) for e in begun]
     going = [_finished(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
     done = iter(run_all(simulate, going))
     found = [next(done) if going_on else e for e, going_on in zip(begun, worth, strict=True)]
@@ -83,7 +103,7 @@ def shortlist(
 
 def _begun(model: Model, evidence: Evidence, points: Sequence[Start]) -> Task[Estimate]:
     """The best of the first few steps from each start."""
-    fits = [refit(model, evidence, p, known, ROUGHLY, SIFTING) for p, known in points]
+    fits = [refit(model, evidence, p, known, ROUGHLY, BUDGET.sifting) for p, known in points]
     return best((yield from side_by_side(fits)))
 
 
@@ -119,11 +139,14 @@ def _promising(
     farthest; None where that is not as far as the fit `least` of the same model.
     """
     known = base.evidence
-    begun = [refit(model, known, p, first, ROUGHLY, SIFTING) for p, first in points]
+    begun = [refit(model, known, p, first, ROUGHLY, BUDGET.sifting) for p, first in points]
     tried = yield from side_by_side(begun)
     far = _farthest(base, tried, least) or ([best(tried)] if least is base else [])
     if len(far) > 1 or (far and least is not base):
-        more = [refit(model, known, e.point, e.jacobians, ROUGHLY, BEGUN - SIFTING) for e in far]
+        more = [
+            refit(model, known, e.point, e.jacobians, ROUGHLY, BUDGET.begun - BUDGET.sifting)
+            for e in far
+        ]
         far = [*far, *(yield from side_by_side(more))]
     if not far or (least is not base and best([least, *far]) is least):
         return None
@@ -131,12 +154,12 @@ def _promising(
 
 
 def _farthest(base: Estimate, begun: Sequence[Estimate], least: Estimate) -> list[Estimate]:
-    """Those that gained over the base at least HOPE of what the best of them, or `least`, did."""
+    """Those that gained over the base a good part of what the best of them, or `least`, did."""
     every = [*begun, least]
     scale = min(e.scale for e in every)
     gains = [judged(base, scale) - judged(e, scale) for e in every]
     most = max(gains)
-    return [e for e, g in zip(begun, gains, strict=False) if g >= min(HOPE * most, most)]
+    return [e for e, g in zip(begun, gains, strict=False) if g >= min(BUDGET.hope * most, most)]
 
 
 def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[Validated]:
@@ -183,13 +206,13 @@ def _bent(model: Model) -> Model:
 
 
 def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:
-    """The values with the finer parameters at their start, and off it by GUESS of what is
+    """The values with the finer parameters at their start, and off it by a share of what is
     believed of them: at the start itself some do nothing yet.
     """
     whole = {e.name: e.completed(effects[e.name]) for e in model.effects}
     moved = {}
     for e in model.effects:
-        added = np.array([GUESS * p.spread for p in e.parameters])
+        added = np.array([BUDGET.guess * p.spread for p in e.parameters])
         added[: len(effects[e.name])] = 0.0
         moved[e.name] = whole[e.name] + added
     return [whole, moved]
@@ -198,7 +221,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
 def _better(new: Validated, plain: Validated, by: LikelihoodScale) -> bool:
     """Whether shape parameters are earned; a shape claims less than an effect does."""
     ahead = margin(new, plain, by)
-    return ahead.gain > SHAPELY * by.least and ahead.p < LEVEL
+    return ahead.gain > BUDGET.shapely * by.least and ahead.p < LEVEL
 
 
 def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[Candidate]:
@@ -220,18 +243,18 @@ def extended(
     `probed`, mean little where another one is strong, and only say which are looked at. Only the
     best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
-    beam = 1 if exhausted(fits) else BEAM
+    beam = 1 if exhausted(fits) else BUDGET.beam
     found: dict[tuple[str, ...], Score] = {}
     for fit in [m.estimate for m in fits.worth(size)[:beam]]:
         about = projection(fit)
         others = [p for p in probed if p.candidate.name not in fit.model.names]
-        looked = {s.names[0] for s in ranked(table(about, others))[:LOOKED]}
+        looked = {s.names[0] for s in ranked(table(about, others))[: BUDGET.looked]}
         again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
-        for s in ranked(table(about, again))[:FURTHER]:
+        for s in ranked(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
     scores, base = list(found.values()), fits.base.estimate
-    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, FURTHER)
+    return scores if beam == 1 else shortlist(simulate, base, scores, candidates, BUDGET.further)
 
 
 def singles_with_scatter(
@@ -271,7 +294,7 @@ def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:
         return None
     values, _ = accepted.model.split(accepted.shared)
     start = Point(values, accepted.point.local)
-    begun = run_one(simulate, refit(base.model, base.evidence, start, None, ROUGHLY, BEGUN))
+    begun = run_one(simulate, refit(base.model, base.evidence, start, None, ROUGHLY, BUDGET.begun))
     if best([base, begun]) is base:
         return None
     again = run_one(simulate, refit(base.model, base.evidence, begun.point, begun.jacobians))

@@ -6,14 +6,15 @@ import numpy as np
 from scipy import special
 
 from cell.gap.diagnosis import held_out_gap
-from cell.gap.fitting import common_errors
+from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
-from cell.gap.selection.likelihood import holm, margin
+from cell.gap.selection.likelihood import bounded, holm, margin, mean_square
 from cell.gap.subject.subject import Candidate, Parameter
-from cell.gap.verdict.decide import confidence, kind, unexplained
+from cell.gap.verdict.confidence import confidence
+from cell.gap.verdict.decide import kind, unexplained
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     Compared,
@@ -21,6 +22,8 @@ from cell.gap.verdict.schema import (
     Interval,
     Measured,
     NamedEffect,
+    Probable,
+    ProbableSet,
     Recommended,
     Verdict,
     WhereBin,
@@ -28,26 +31,28 @@ from cell.gap.verdict.schema import (
 
 SEEN = 0.05  # family-wise probability below which a place is listed
 PLACES = 24
+SETS = 20  # of effects, the most probable, that are listed
 TELLING = 1.0  # sigma below which an experiment is not worth its minutes
 
 
 def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     """The verdict of an investigation."""
-    which = kind(found)
+    which, sets, gap = kind(found), _posterior(found), _gap(found)
     return Verdict(
         verdict=which,
-        effects=_named(found) if which == "named" else [],
+        effects=_named(found, confidence(sets, gap)) if which == "named" else [],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
         unexplained=unexplained(found, which),
         base=_base(found),
         where=_where(found),
-        gap=_gap(found),
+        gap=gap,
         candidates=_candidates(found),
         advice=_advice(found),
         detectable={k: v for k, v in found.screened.detectable.items() if v is not None},
         held_out=list(found.held_out),
         runtime=runtime,
         simulations=simulations,
+        posterior=sets,
     )
 
 
@@ -87,9 +92,8 @@ def _sized(found: Findings) -> dict[str, list[Measured]]:
     return intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
 
 
-def _named(found: Findings) -> list[NamedEffect]:
+def _named(found: Findings, sure: float) -> list[NamedEffect]:
     values = _sized(found)
-    sure = confidence(found)
     return [
         NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
         for e in found.sure
@@ -122,6 +126,20 @@ def _gap(found: Findings) -> Gap:
         shrink=shown.shrink.value,
         shrink_low=shown.shrink.low,
         shrink_high=shown.shrink.high,
+    )
+
+
+def _posterior(found: Findings) -> Probable:
+    """The most probable sets; what is named may differ among sets of one class."""
+    sets, after = found.posterior, found.shown.after
+    own = {found.accepted.model.names, *(r.model.model.names for r in found.judged.rivals)}
+    ahead = sets.ahead(lambda names: names in own)
+    return Probable(
+        models=[ProbableSet(names=sorted(m.names), p=m.p) for m in sets.models[:SETS]],
+        inclusion=sets.inclusion,
+        left=float(np.sqrt(mean_square(bounded(after.residuals, 1.0)))),
+        correlation=robust.correlation(after.evidence.runs, after.residuals),
+        ahead=ahead if np.isfinite(ahead) else None,
     )
 
 

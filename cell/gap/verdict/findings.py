@@ -17,6 +17,7 @@ from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import Undetermined
 from cell.gap.selection.choice import Choice
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale
+from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import Alternative
 from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, Table
@@ -145,6 +146,7 @@ class Findings:
     fitted: Fitted
     screened: Screened
     choice: Choice
+    posterior: Posterior
     judged: Judged
     shown: Shown
     advised: Advised

@@ -19,11 +19,25 @@ from cell.gap.selection.likelihood import LikelihoodScale, margin
 from cell.gap.selection.screening import probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 
-LEAST = 0.3  # share of the excess gap on held-out runs that a law must close, to be offered
-NOTHING = 0.3  # excess gap that is none to close
-LONGEST = 3  # terms of a law
-SINGLES, PAIRS = 5, 3  # laws of one and of two terms that are refitted
-OFTEN = 0.7  # of the halves of the runs, in which each term of a law keeps its sign
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """When a law is offered. Source: set by hand in sight of effects withheld from the library.
+
+    It closes the share `least` of the excess gap on held-out runs, where that is over `nothing`, by
+    at most `longest` terms, each of which keeps its sign in the share `often` of halves of the
+    runs; so many laws of one term (`singles`) and of two (`pairs`) are refitted.
+    """
+
+    least: float = 0.3
+    nothing: float = 0.3
+    longest: int = 3
+    singles: int = 5
+    pairs: int = 3
+    often: float = 0.7
+
+
+OFFER = Offer()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +70,11 @@ class Names:
     @property
     def longest(self) -> int:
         """Terms of the longest law that may stand beside them."""
-        return len(self.model.model.effects) - 1 if self.sure and self.leaves_nothing else LONGEST
+        return (
+            len(self.model.model.effects) - 1
+            if self.sure and self.leaves_nothing
+            else OFFER.longest
+        )
 
     def leave_room(self, law: Validated) -> bool:
         """Whether the law may stand beside them."""
@@ -79,15 +97,15 @@ def offered_law(
     None where no term gains on runs left out, no law is stable, no run that was held out shows a
     gap that it closes, or `names` leave no room for it.
     """
-    if float(held_out_gap.excess(held_out_gap.run_squares(before))) < NOTHING:
+    if float(held_out_gap.excess(held_out_gap.run_squares(before))) < OFFER.nothing:
         return None
-    longest = LONGEST if names is None else names.longest
+    longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
     for law in _earned(_fitted(subject, simulate, base, longest)):
         if (names is None or names.leave_room(law)) and _stable(law.estimate):
             shrink = _closed(simulate, law.estimate, before, rng)
-            if shrink.value >= LEAST:
+            if shrink.value >= OFFER.least:
                 return _offer(law.estimate, shrink.value)
     return None
 
@@ -100,9 +118,9 @@ def _fitted(subject: Subject, simulate: Simulate, base: Validated, longest: int)
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
     known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = ranked(known)[:SINGLES]
+    scores = ranked(known)[: OFFER.singles]
     if longest > 1:
-        scores += ranked_pairs(known, PAIRS)
+        scores += ranked_pairs(known, OFFER.pairs)
     fits = Fits((base,)).merged(search.fit_scores(simulate, fit, scores, terms))
     for size in range(1, longest):
         if fits.of_size(size) and not exhausted(fits):
@@ -124,7 +142,7 @@ def _stable(estimate: Estimate) -> bool:
     signs = np.sign(estimate.shared[first:])
     halves = list(combinations(range(runs), max(1, runs // 2)))
     again = [np.sign(on_runs(estimate, half)[0][first:]) for half in halves]
-    return bool((np.mean(np.array(again) == signs, axis=0) >= OFTEN).all())
+    return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
 
 
 def _closed(

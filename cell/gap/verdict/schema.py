@@ -100,6 +100,28 @@ class Recommended(Entry):
     minutes: float
 
 
+class ProbableSet(Entry):
+    """Effects that are there together, with no other of the library, with probability `p`."""
+
+    names: list[str]
+    p: float
+
+
+class Probable(Entry):
+    """The posterior over the sets of effects that were fitted, the most probable first.
+
+    `left` is the rms that no law accounts for on held-out runs, in units of noise and floor, and
+    `correlation` that of neighbours in time in it; `ahead` [nats] is the lead of what was accepted
+    over the best set that is not of its class, None where no other was fitted.
+    """
+
+    models: list[ProbableSet]
+    inclusion: dict[str, float]
+    left: float
+    correlation: float
+    ahead: float | None
+
+
 class Verdict(Entry):
     """verdict.json."""
 
@@ -117,6 +139,7 @@ class Verdict(Entry):
     held_out: list[str]
     runtime: float
     simulations: int
+    posterior: Probable | None = None
     notes: list[str] = Field(default_factory=list)
     deviates: list[Deviation] = Field(default_factory=list)
 

@@ -14,7 +14,7 @@ from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
-from cell.gap.verdict.offered_law import LONGEST, Names
+from cell.gap.verdict.offered_law import OFFER, Names
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import describe, load_strip
 from drivers.strip.effects import registry
@@ -107,8 +107,8 @@ def test_beside_a_sure_name_that_leaves_nothing_only_a_shorter_law_is_looked_for
     one = found.choice.accepted
     assert len(one.model.effects) == 1
     assert Names(one, found.choice.by, sure=True, leaves_nothing=True).longest == 0
-    assert Names(one, found.choice.by, sure=True).longest == LONGEST
-    assert Names(one, found.choice.by, sure=False, leaves_nothing=True).longest == LONGEST
+    assert Names(one, found.choice.by, sure=True).longest == OFFER.longest
+    assert Names(one, found.choice.by, sure=False, leaves_nothing=True).longest == OFFER.longest
 
 
 @pytest.mark.parametrize("name", TERMS)

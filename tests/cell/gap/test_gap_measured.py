@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.held_out_gap import rms, unseen
-from cell.gap.fit import fit, open_subject
+from cell.gap.fit import fit
 from cell.gap.fitting.gauss_newton import refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.tasks import run_one
+from cell.gap.opening import open_subject
 from cell.gap.subject.run_folders import find_runs
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "pendulum"

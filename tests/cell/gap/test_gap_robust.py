@@ -165,5 +165,6 @@ def test_a_fit_that_only_creeps_up_to_a_wall_ends(monkeypatch: pytest.MonkeyPatc
 
     slope, simulations = walled()
     assert WALL - 0.01 < slope <= WALL
-    monkeypatch.setattr(gauss_newton, "STALLED", -np.inf)
+    never = replace(gauss_newton.STEPPING, stalled=-np.inf)
+    monkeypatch.setattr(gauss_newton, "STEPPING", never)
     assert simulations < 0.9 * walled()[1]

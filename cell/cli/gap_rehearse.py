@@ -1,0 +1,58 @@
+"""`cell gap rehearse`."""
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cell.cli.options import Cluster, Configs, Json, engine
+
+INTERRUPTED = 130  # exit code
+LIMIT = 3600.0  # s of a copy
+
+
+def rehearse(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    strip: Annotated[str, typer.Option(help="Strip by name, or a path to its .yaml file.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder of plan, outcomes and page.")],
+    excess: Annotated[
+        float, typer.Option(min=0.3, max=20.0, help="Gap that a hidden effect leaves, in noise.")
+    ] = 2.5,
+    empty: Annotated[int, typer.Option(min=0, help="Copies with nothing hidden.")] = 5,
+    jobs: Annotated[int, typer.Option(min=1, help="Copies side by side.")] = 1,
+    cluster: Cluster = None,
+    configs: Configs = None,
+    as_json: Json = False,
+) -> None:
+    """Hide each effect in turn in simulated copies of these runs: which would have been named?
+
+    What is finished is kept in OUT: the same command goes on where it stopped.
+    """
+    from rich.console import Console
+
+    from cell.campaign.progress import Meter
+    from cell.cli.gap_plan import near
+    from cell.config.places import find_configs
+    from cell.exam.rehearse import line, plan, write_page
+    from cell.exam.rehearse import rehearse as carry_out
+
+    named = Path(strip)
+    file = (
+        named if named.exists() or named.suffix else near(find_configs(configs).strip_path(strip))
+    )
+    wide = min(jobs, os.cpu_count() or 1)
+    chosen = engine(wide, cluster, LIMIT)
+    made = plan(runs, file, out, excess, empty, wide)
+    try:
+        with Meter(Console(stderr=True), line, quiet=as_json) as meter:
+            records = carry_out(made, out, chosen, meter)
+    except KeyboardInterrupt:
+        sys.stderr.write(f"interrupted; what is finished is kept in {out}\n")
+        sys.exit(INTERRUPTED)
+    page = write_page(made, records, out)
+    if as_json:
+        sys.stdout.write((out / "rehearsal.json").read_text(encoding="utf-8") + "\n")
+        return
+    sys.stdout.write(page.read_text(encoding="utf-8"))

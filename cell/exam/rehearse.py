@@ -1,0 +1,280 @@
+"""Could these runs have shown it? Each effect hidden in turn in simulated copies of measured runs.
+
+A copy has the paths, the noise and the scatter of the runs and the strip as they were fitted; one
+effect is hidden in it, as large as it must be to matter, or none. What the workflow says of the
+copies is what it could have said of the runs.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import mean
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from cell.campaign.journal import Record
+from cell.campaign.run import Engine, Watcher, carry_out
+from cell.exam.cases.answer_key import sources
+from cell.exam.cases.draw import path_of
+from cell.exam.cases.strength import Ruler
+from cell.exam.report.page import table
+from cell.exam.scoring.score import twins
+from cell.gap.check import inputs_digest
+from cell.gap.fit import fit
+from cell.gap.fitting.model import Model, evidence
+from cell.gap.fitting.spreads import spreads
+from cell.gap.fitting.starts import refit_base
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.strip.runs import MeasuredRun, read_runs
+from cell.gap.subject.strip.scatter import RUN_EFFECTS
+from cell.gap.subject.strip.subject import Strip
+from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
+from cell.record.header import Sigma
+from drivers.errors import ConfigurationError
+from drivers.files import replace_file, writing
+from drivers.settings import Settings, parse, read_json
+from drivers.strip.describe import describe, load_strip
+from drivers.strip.effects import registry
+from drivers.strip.file import StripFile
+from drivers.strip.model import StripModel
+from drivers.strip.rod.motions import GripperPath
+from drivers.types import frozen
+
+PLAN, JOURNAL, PAGE = "plan.json", "journal", "rehearsal.md"
+NOTHING = "nothing"
+COST = 30.0  # s of one core, about
+SEGMENTS, STEP = 240, 0.002  # of the copies' rod: finer than either grain of the model
+STILL, ROW = 0.6, 0.01  # s that a copy stays at the end of its path, in rows of so much
+
+
+class Hidden(Settings):
+    """One copy: the effect that is hidden in it with its `values`, none for nothing, its `seed`."""
+
+    key: str
+    effect: str
+    values: dict[str, float]
+    seed: int
+
+
+class Plan(Settings):
+    """What is rehearsed, for the runs and the file of the digest `inputs`: the strip as it was
+    refitted, by how much its runs differ, each copy, and effects that cannot leave such a gap.
+    """
+
+    inputs: str
+    file: str
+    runs: tuple[str, ...]
+    base: dict[str, float]
+    scatter: dict[str, float]
+    copies: tuple[Hidden, ...]
+    unseen: tuple[str, ...]
+
+
+def plan(
+    paths: Sequence[Path], file: Path, folder: Path, excess: float, empty: int, jobs: int
+) -> Plan:
+    """The plan that `folder` holds for these inputs, else a new one: every effect of the library so
+    large that it leaves an excess gap of `excess`, and `empty` copies with nothing hidden.
+
+    Raises ConfigurationError for what is no strip, and where the folder holds another plan.
+    """
+    folders = find_runs(paths)
+    asked = f"{inputs_digest(file, folders)}-{excess:g}-{empty}"
+    known = folder / PLAN
+    if known.is_file():
+        held = parse(read_json(known), Plan, str(known))
+        if held.inputs != asked:
+            raise ConfigurationError(f"--out: {folder} holds another rehearsal; name a new folder")
+        return held
+    strip = load_strip(file)
+    measured = read_runs(folders, strip)
+    subject = Strip(strip, measured, jobs)
+    model, known_runs = Model(subject.scope.base), evidence(subject.runs)
+    base = refit_base(subject.simulate, model, known_runs, np.random.default_rng(0))
+    values = {p.name: float(v) for p, v in zip(model.base, base.shared, strict=True)}
+    plant = as_fitted(strip, values)
+    copies, unseen = sizes(plant, [run for run in measured if run.usable], excess)
+    copies += [
+        Hidden(key=f"{NOTHING}-{i}", effect=NOTHING, values={}, seed=i) for i in range(empty)
+    ]
+    made = Plan(
+        inputs=asked,
+        file=str(file.resolve()),
+        runs=tuple(str(run.path) for run in folders),
+        base=values,
+        scatter={s.name: s.value for s in spreads(base)},
+        copies=tuple(copies),
+        unseen=tuple(unseen),
+    )
+    with writing(f"--out: {folder}"):
+        folder.mkdir(parents=True, exist_ok=True)
+        replace_file(known, made.model_dump_json(indent=1).encode())
+    return made
+
+
+def as_fitted(strip: StripFile, values: Mapping[str, float]) -> StripFile:
+    """The strip with the refitted values that its file states by themselves."""
+    own = {name: value for name, value in values.items() if name in StripFile.model_fields}
+    return strip.model_copy(update=own)
+
+
+def way(run: MeasuredRun) -> GripperPath:
+    """The measured path of a run, which stays at its end for a while: a copy may fold later."""
+    t, poses = run.measured.t, run.measured.poses
+    more = t[-1] + ROW * np.arange(1, round(STILL / ROW) + 1)
+    rest = np.repeat(poses[-1:], len(more), axis=0)
+    moved = np.concatenate([t, more]) - t[0]
+    return GripperPath(frozen(moved), frozen(np.vstack([poses, rest])), run.measured.hanging)
+
+
+def sizes(
+    plant: StripFile, runs: Sequence[MeasuredRun], excess: float
+) -> tuple[list[Hidden], list[str]]:
+    """Every effect that can leave the gap `excess` on these paths, in its size, and the others."""
+    ruler = Ruler.along(plant, [way(run) for run in runs], runs[0].measured.sigma)
+    copies, unseen = [], []
+    for number, (name, effect) in enumerate(sorted(registry().items())):
+        if name in plant.effects:
+            continue
+        path = path_of(effect, plant, np.random.default_rng([number]))
+        share = ruler.share(path, excess)
+        if share is None:
+            unseen.append(name)
+        else:
+            copies.append(Hidden(key=name, effect=name, values=path.at(share), seed=number))
+    return copies, unseen
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """A copy as a part of a campaign."""
+
+    plan: Plan
+    hidden: Hidden
+    of: str
+    cost: float = COST
+
+    @property
+    def key(self) -> str:
+        """What is hidden, with its number."""
+        return self.hidden.key
+
+    def measure(self) -> Mapping[str, Any]:
+        """What the workflow says of the copy."""
+        file = Path(self.plan.file)
+        with TemporaryDirectory(ignore_cleanup_errors=True) as name:
+            place = Path(name)
+            write_copy(self.plan, self.hidden, place / "runs")
+            verdict = fit([place / "runs"], file, place / "out")
+        return {
+            "hidden": self.hidden.effect,
+            "values": self.hidden.values,
+            "verdict": verdict.verdict,
+            "named": [effect.name for effect in verdict.effects],
+            "classes": verdict.ambiguous,
+            "confidence": min((effect.confidence for effect in verdict.effects), default=None),
+        }
+
+
+def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
+    """Run folders of a copy."""
+    strip, rng = load_strip(Path(made.file)), np.random.default_rng([hidden.seed, 1])
+    plant = as_fitted(strip, made.base)
+    runs = [run for run in read_runs(find_runs([Path(p) for p in made.runs]), strip) if run.usable]
+    effects = {hidden.effect: hidden.values} if hidden.effect != NOTHING else {}
+    models = [
+        differing(describe(plant, effects, run.measured.index), made.scatter, rng) for run in runs
+    ]
+    folds = rod_folds(models, [way(run) for run in runs], SEGMENTS, STEP)
+    for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
+        copy = replace(fold, index=run.measured.index, condition=run.condition)
+        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured.sigma), rng)
+
+
+def differing(
+    model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
+) -> StripModel:
+    """The model of one run, in which everything that differs from run to run is drawn anew."""
+    for effect in RUN_EFFECTS:
+        if effect.name in scatter:
+            model = effect.changed(model, float(rng.normal(0.0, scatter[effect.name])))
+    return model
+
+
+def instruments(sigma: Sigma) -> Instruments:
+    """Instruments with the noise that a run states."""
+    stated = {k: v for k, v in sigma.model_dump(exclude_none=True).items() if k != "force"}
+    return Instruments(**stated)
+
+
+def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:
+    """A record a copy, those that `folder` holds included; see `carry_out` for what it raises."""
+    of = hashlib.sha256(f"{made.model_dump_json()}{sources().engine}".encode()).hexdigest()[:16]
+    parts = [Copy(made, hidden, of) for hidden in made.copies]
+    return [r for _, r in carry_out(parts, folder / JOURNAL, engine, watcher)]
+
+
+def right(outcome: Mapping[str, Any]) -> bool:
+    """Whether what was hidden was named, or stands in a class that was; of nothing, no gap."""
+    name = outcome["hidden"]
+    if name == NOTHING:
+        return bool(outcome["verdict"] == "no_gap")
+    likes = {name, *twins(name)}
+    within = {n for group in outcome["classes"] for n in group}
+    return bool(outcome["named"] and set(outcome["named"]) <= likes) or bool(likes & within)
+
+
+def line(record: Record) -> str:
+    """What came of a copy, in a few words."""
+    if record.outcome is None:
+        return f": failed: {record.reason}"
+    return f": {_words(record.outcome)}"
+
+
+def _words(outcome: Mapping[str, Any]) -> str:
+    if not outcome["named"]:
+        groups = "; ".join(" or ".join(group) for group in outcome["classes"])
+        return groups or str(outcome["verdict"]).replace("_", " ")
+    return f"{', '.join(outcome['named'])}, confidence {outcome['confidence']:.2f}"
+
+
+def page(made: Plan, records: Sequence[Record]) -> str:
+    """The rehearsal in Markdown: what could have been named, and what is named for nothing."""
+    found = [r.outcome for r in records if r.outcome is not None]
+    hidden = [o for o in found if o["hidden"] != NOTHING]
+    empty = [o for o in found if o["hidden"] == NOTHING]
+    rows = [(o["hidden"], _size(o["values"]), _words(o), "yes" if right(o) else "**no**")
+            for o in hidden]  # fmt: skip
+    return "\n\n".join([f"# Rehearsal of {len(made.runs)} runs", *_summary(made, hidden, empty),
+                        table(("hidden", "size", "said", "right"), rows)]) + "\n"  # fmt: skip
+
+
+def _summary(
+    made: Plan, hidden: Sequence[Mapping[str, Any]], empty: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    good, alarms = sum(map(right, hidden)), sum(bool(o["named"]) for o in empty)
+    sure = [o["confidence"] for o in hidden if o["named"] and right(o)]
+    yield (
+        f"Of {len(hidden)} effects, each hidden so large that it matters, {good} would have been "
+        f"named or held in a class" + (f", at a confidence of {mean(sure):.2f}" if sure else "")
+        + f". With nothing hidden, {alarms} of {len(empty)} copies were given a name."
+    )  # fmt: skip
+    if made.unseen:
+        yield f"At no believable size do these runs show: {', '.join(made.unseen)}."
+    yield f"Inputs {made.inputs}; of other runs it says nothing."
+
+
+def _size(values: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3g}" for name, value in values.items())
+
+
+def write_page(made: Plan, records: Sequence[Record], folder: Path) -> Path:
+    """Write the page and all outcomes as JSON; the page's path."""
+    outcomes = [dict(r.outcome) for r in records if r.outcome is not None]
+    replace_file(folder / "rehearsal.json", json.dumps(outcomes, indent=1).encode())
+    replace_file(folder / PAGE, page(made, records).encode())
+    return folder / PAGE

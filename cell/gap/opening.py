@@ -1,0 +1,34 @@
+"""The subject that a file describes, with its measured runs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cell.gap.subject.run_folders import RunFolder
+from cell.gap.subject.subject import Subject
+from drivers.errors import ConfigurationError
+from drivers.settings import read_yaml
+
+
+def open_subject(
+    file: Path, runs: Sequence[RunFolder], jobs: int, without: Sequence[str] = ()
+) -> Subject:
+    """The subject that `file` describes, with its measured runs; effects `without` are withheld.
+
+    Raises ConfigurationError for a file of another kind, or an effect that cannot be withheld.
+    """
+    kind = read_yaml(file).get("kind", "strip")
+    if kind == "pendulum":
+        from cell.gap.subject.pendulum.subject import open_pendulum
+
+        if without:
+            raise ConfigurationError("--without: withholds effects of a strip, not of a pendulum")
+        return open_pendulum(file, runs, jobs)
+    if kind == "strip":
+        from cell.gap.subject.strip.subject import open_strip
+
+        return open_strip(file, runs, jobs, without)
+    if kind == "mechanism":
+        from cell.gap.subject.mechanism.subject import open_mechanism
+
+        return open_mechanism(file, runs, jobs, without)
+    raise ConfigurationError(f"{file}: kind: is {kind!r}; allowed: strip, pendulum, mechanism")

@@ -1,0 +1,124 @@
+"""What is wrong with recordings is said before anything is fitted to them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from cell.cli.app import app
+from cell.gap.check import check, identifiable, recordings
+from cell.gap.diagnosis.recorded import clock, complaints, images, values
+from cell.gap.fit import fit
+from cell.gap.subject.run_folders import RunFolder, find_runs
+from drivers.errors import ConfigurationError
+from tests.cell.gap.test_gap_engine import Curves, nothing
+from tests.support.gap_strip_cases import STRIP, folds, written
+
+T = np.arange(0.0, 4.0, 0.01)
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    written(tmp_path / "runs", folds(["normal", "fast"]))
+    return tmp_path / "runs"
+
+
+def changed(folder: Path, **columns: np.ndarray) -> None:
+    """The rows of a run with other values in some columns."""
+    path = sorted(folder.iterdir())[0] / "ticks.parquet"
+    table = pq.read_table(path)
+    for name, values_ in columns.items():
+        there = table.column_names.index(name)
+        table = table.set_column(there, name, pa.array(values_))
+    pq.write_table(table, path)
+
+
+def column(folder: Path, name: str) -> np.ndarray:
+    return pq.read_table(sorted(folder.iterdir())[0] / "ticks.parquet")[name].to_numpy().copy()
+
+
+@pytest.mark.parametrize(
+    ("kept", "levels"),
+    [(slice(None), []), (np.r_[0:200, 230:400], ["fair"]), (np.r_[0:100, 300:400], ["bad"])],
+)
+def test_lost_rows_are_counted(kept: slice, levels: list[str]) -> None:
+    assert [c.level for c in clock(T[kept])] == levels
+
+
+def test_uneven_steps_are_a_matter_of_the_clock() -> None:
+    t = np.cumsum(np.tile([0.004, 0.016], 200))
+    assert [c.what for c in clock(t)] == ["clock"]
+
+
+def test_images_that_are_missing_are_counted_once_for_all_their_points() -> None:
+    stamps = np.repeat(np.delete(np.arange(0.0, 3.0, 0.1), [7, 8, 9, 11, 12, 13]), 12)
+    (found,) = images(stamps)
+    assert (found.what, found.words) == ("lost images", "20 % of the images are missing")
+
+
+def test_a_reading_that_stands_still_while_its_command_moves_is_stuck() -> None:
+    x = 0.5 * T
+    x[100:150] = x[100]
+    assert [c.what for c in values("x", T, x, 0.5 * T)] == ["stuck reading"]
+    assert not list(values("x", T, x, np.full_like(T, 0.2)))
+    assert not list(values("x", T, x))
+
+
+def test_a_reading_that_is_cut_off_is_said_and_one_that_rests_is_not() -> None:
+    wave = np.sin(6.0 * T)
+    assert [c.what for c in values("a", T, np.minimum(wave, 0.8))] == ["saturation"]
+    assert not list(values("a", T, wave))
+    assert not list(values("a", T, np.clip(T - 1.0, 0.0, 2.0)))
+
+
+def test_columns_that_hold_numbers_in_some_rows_alone_are_not_blamed() -> None:
+    sparse = np.full_like(T, np.nan)
+    assert not list(complaints({"ticks.parquet": {"t": T, "contact_x": sparse}}))
+    (found,) = complaints({"signals.parquet": {"t": T, "elbow": sparse}})
+    assert (found.level, found.what) == ("fair", "lost samples")
+
+
+def test_runs_of_the_cell_are_in_order(runs: Path) -> None:
+    assert not recordings(find_runs([runs]))
+    assert not recordings([RunFolder(runs / "nowhere", "nowhere")])
+
+
+def test_a_fit_refuses_a_stuck_reading_unless_asked(runs: Path, tmp_path: Path) -> None:
+    x = column(runs, "x")
+    x[120:200] = x[120]
+    changed(runs, x=x, x_cmd=np.linspace(0.6, 0.0, len(x)))
+    with pytest.raises(ConfigurationError, match=r"00-normal: stuck reading: .*; mend the reading"):
+        fit([runs], STRIP, tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out" / "verdict.json").exists()
+    found = CliRunner().invoke(
+        app, ["gap", "check", str(runs), "--strip", str(STRIP), "--out", str(tmp_path), "--json"]
+    )
+    assert found.exit_code == ConfigurationError.exit_code
+    written_check = json.loads((tmp_path / "check.json").read_text())
+    assert json.loads(found.stdout) == written_check
+    assert [f["what"] for f in written_check["findings"] if f["level"] == "bad"] == [
+        "stuck reading"
+    ]
+    assert "mend the reading" in (tmp_path / "check.html").read_text()
+
+
+def test_a_check_belongs_to_its_inputs_and_says_what_cannot_be_read(runs: Path) -> None:
+    before = check([runs], STRIP)
+    changed(runs, z=column(runs, "z") + 1e-6)
+    assert check([runs], STRIP).inputs != before.inputs
+    changed(runs, t=column(runs, "t")[::-1])
+    broken = check([runs], STRIP)
+    assert broken.level == "bad"
+    assert [f.what for f in broken.findings if f.level == "bad"] == ["unreadable"]
+
+
+def test_what_runs_cannot_say_is_listed() -> None:
+    found = [f.words for f in identifiable(Curves(nothing, names=("bump", "twin", "dead")))]
+    assert found == [
+        "dead: even the largest that is tried would show by 0.0 sigma",
+        "bump and twin show alike: these runs cannot separate them",
+    ]

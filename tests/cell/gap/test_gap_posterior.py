@@ -1,0 +1,132 @@
+"""Which sets of effects are probable, and what is stated of a name."""
+
+import numpy as np
+import pytest
+from scipy import integrate, stats
+
+from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.tasks import run_all
+from cell.gap.selection.fits import Fits
+from cell.gap.selection.likelihood import LikelihoodScale
+from cell.gap.selection.posterior import Beliefs, Posterior, posterior
+from cell.gap.selection.screening import probe
+from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
+from drivers.types import Array
+from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, judged, nothing
+from tests.cell.gap.test_gap_robust import validated
+
+PLAIN = LikelihoodScale(1.0, 1.0)
+EXACT = Beliefs(immaterial=0.0, shares=(0.0,))
+
+
+def sets(subject: Curves, *names: tuple[str, ...], beliefs: Beliefs = EXACT) -> Posterior:
+    fits = Fits(tuple(validated(fitted(subject, n), subject) for n in ((), *names)))
+    base = fits.base.estimate
+    probed = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
+    return posterior(fits, probed, PLAIN, beliefs)
+
+
+def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
+    """Residual (N,), Jacobian (N, size) and prior spreads (size,) of a model that is linear."""
+    fit = fitted(subject, names)
+    every = [*fit.model.parameters, *(p for run in fit.evidence.runs for p in run.local)]
+    z = np.concatenate([fit.shared, *fit.point.local])
+    jacobian = stacked(fit)
+    away = jacobian @ (np.array([p.start for p in every]) - z)
+    return np.concatenate(fit.residuals) + away, jacobian, np.array([p.spread for p in every])
+
+
+def density(subject: Curves, names: tuple[str, ...]) -> float:
+    """Log density of the runs under a linear model with normal priors."""
+    r, jacobian, spread = at_prior_mean(subject, names)
+    whole = np.eye(len(r)) + (jacobian * spread**2) @ jacobian.T
+    return float(stats.multivariate_normal(cov=whole).logpdf(r))
+
+
+def nats(found: Posterior, *names: str) -> float:
+    return next(m.nats for m in found.models if m.names == frozenset(names))
+
+
+def test_evidence_of_a_linear_model_is_the_density_of_its_runs() -> None:
+    subject = Curves(hidden(bump, 0.008), repeats=1, seed=1)
+    found, chance = sets(subject, ("bump",)), np.log((1 / 3) / (2 / 3))
+    exact = density(subject, ("bump",)) - density(subject, ()) + chance
+    assert nats(found, "bump") - nats(found) == pytest.approx(exact, abs=0.01)
+    assert sum(m.p for m in found.models) == pytest.approx(1.0)
+    assert found.ahead(lambda names: "bump" in names) == pytest.approx(exact, abs=0.01)
+
+
+@pytest.mark.parametrize("size", [0.003, -0.003])
+def test_an_effect_of_one_sign_is_integrated_over_that_sign(size: float) -> None:
+    subject = Curves(hidden(bump, size), repeats=1, seed=1, signed=False)
+    r, jacobian, spread = at_prior_mean(subject, ("bump",))
+    others, own = np.delete(jacobian, 2, 1), jacobian[:, 2]
+    whole = np.eye(len(r)) + (others * np.delete(spread, 2) ** 2) @ others.T
+    around = stats.multivariate_normal(cov=whole)
+    base = float(around.logpdf(r))
+    share, _ = integrate.quad(
+        lambda a: 2.0 * stats.norm.pdf(a) * np.exp(around.logpdf(r + own * a) - base), 0.0, 0.03
+    )
+    found = sets(subject, ("bump",))
+    assert nats(found, "bump") - nats(found) == pytest.approx(np.log(share / 2), abs=0.02)
+
+
+def test_twins_share_what_one_of_them_has() -> None:
+    subject = Curves(hidden(bump, 0.05), names=("bump", "twin", "wave"))
+    found = sets(subject, ("bump",), ("twin",), ("wave",))
+    assert found.inclusion["bump"] == pytest.approx(0.5, abs=0.01)
+    assert found.inclusion["twin"] == pytest.approx(0.5, abs=0.01)
+    assert found.inclusion["wave"] < 1e-3
+    assert found.ahead(lambda names: bool(names & {"bump", "twin"})) > 100.0
+
+
+def test_what_the_floor_allows_is_no_effect() -> None:
+    """An amount that the model's own error can make speaks for no effect."""
+    subject = Curves(hidden(bump, 0.006), repeats=1, seed=1)
+    for run in subject.runs:
+        run.samples.floor[:] = 0.02
+    exact = sets(subject, ("bump",))
+    wary = sets(subject, ("bump",), beliefs=Beliefs(immaterial=0.5, shares=(0.0,)))
+    assert wary.inclusion["bump"] < exact.inclusion["bump"]
+
+
+def test_a_law_that_may_be_wrong_leaves_room_for_what_it_leaves() -> None:
+    """A rival that only mends what a nearly true law gets wrong loses its lead."""
+    subject = Curves(lambda t, s, i: 0.3 * bump(t - 0.01, s, i), repeats=1, seed=1)
+    sure = sets(subject, ("bump",), ("bump", "wave"))
+    wary = sets(subject, ("bump",), ("bump", "wave"), beliefs=Beliefs(immaterial=0.0))
+    lead = [nats(f, "bump", "wave") - nats(f, "bump") for f in (sure, wary)]
+    assert lead[1] < 0.5 * lead[0]
+
+
+def test_a_verdict_states_what_its_signs_are_worth() -> None:
+    _, verdict = judged(Curves(hidden(bump, 0.05)))
+    assert verdict.posterior is not None
+    assert verdict.posterior.models[0].names == ["bump"]
+    assert sum(m.p for m in verdict.posterior.models) == pytest.approx(1.0)
+    (effect,) = verdict.effects
+    found = Signs.of(verdict.posterior, verdict.gap)
+    assert effect.confidence == calibration().probability(found)
+    assert found.left == pytest.approx(1.0, abs=0.2)
+    assert abs(found.correlation) < 0.3
+
+
+def test_nothing_is_stated_beyond_what_was_calibrated() -> None:
+    weights = {
+        "ahead": Weight(weight=2.0, low=0.0, high=99.0, by_order=True),
+        "left": Weight(weight=-1.0, low=1.0, high=3.0),
+    }
+    by = Calibration(intercept=-1.0, weights=weights, source="by hand")
+    stated = [by.probability(Signs(n, 1.0, 0.0, 2.0, 1.0)) for n in (-3.0, 9.0, 99.0, 900.0)]
+    assert stated[0] == pytest.approx(1.0 / (1.0 + np.e))
+    assert stated[1] == pytest.approx(0.5)
+    assert stated[2] == stated[3] == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+    assert by.probability(Signs(99.0, 2.0, 0.0, 2.0, 1.0)) == pytest.approx(
+        1.0 / (1.0 + np.exp(-0.5))
+    )
+
+
+def test_the_base_is_believed_where_nothing_is_hidden() -> None:
+    found = sets(Curves(nothing), ("bump",), ("wave",))
+    assert not found.models[0].names
+    assert found.models[0].p > 0.9
