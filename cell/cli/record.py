@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, busy
 from drivers.errors import ConfigurationError
 
 Run = Annotated[Path, typer.Argument(help="A run folder.")]
@@ -42,7 +42,8 @@ def report(
     from cell.report.page import write_report
     from cell.report.verdict import verdict
 
-    page = write_report(run)
+    with busy("writing the page"):
+        page = write_report(run)
     found = Salvage.of(run)
     for problem in found.problems:
         sys.stderr.write(f"cell: {problem}\n")
@@ -64,7 +65,8 @@ def _calibration(path: Path, *, as_json: bool) -> None:
 def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
     from cell.report.compare import write_comparison
 
-    page = write_comparison(runs, out)
+    with busy("comparing the runs"):
+        page = write_comparison(runs, out)
     if as_json:
         line = {"runs": [str(run) for run in runs], "report": str(page)}
         sys.stdout.write(json.dumps(line) + "\n")
@@ -106,7 +108,8 @@ def viz(run: Run) -> None:
     from cell.record.salvage import Salvage
     from cell.report.viz.recording import viz_from_run
 
-    path = viz_from_run(run)
+    with busy("writing the recording"):
+        path = viz_from_run(run)
     for problem in Salvage.of(run).problems:
         sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")

@@ -22,6 +22,7 @@ def fold(request, *_more, **_named):
 cell.folding.fold.fold = fold
 cell.calibrating.calibrate.calibration_of = lambda *_: None
 from cell.__main__ import main
+from cell.cli.options import busy
 main()
 """
 
@@ -98,3 +99,14 @@ def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -
     (tmp_path / "it.py").write_text(script)
     assert clean(shell(f"{sys.executable} it.py >&- 2>&-", tmp_path))
     assert (tmp_path / "record").read_text() == ""
+
+
+def test_what_takes_long_is_said_on_a_terminal_alone(monkeypatch, capsys) -> None:
+    with busy("writing the page"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with busy("writing the page"):
+        pass
+    assert "writing the page" in capsys.readouterr().err

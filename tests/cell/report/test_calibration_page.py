@@ -1,11 +1,12 @@
 """The page of a calibration: how good it is, and what speaks against it."""
 
 import re
+from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
 
-from calibration.calibration import changed, save_calibration
+from calibration.calibration import save_calibration
 from cell.cli.app import app
 from cell.report.calibration_page import calibration_report
 from tests.cell.report.test_report import outline, words
@@ -30,7 +31,7 @@ def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
 
 
 def test_what_the_wizard_refused_is_said(calibration):
-    taken = changed(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
+    taken = replace(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
     text = calibration_report(taken, "calibration.yaml")
     assert "verdict bad" in text
     assert "The wizard refused it: two halves differ by 2.1 mm" in words(text)
