@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from cell.cli.options import busy
+
 CELL = [sys.executable, "-m", "cell"]
 FOLD = """
 import sys
@@ -22,7 +24,6 @@ def fold(request, *_more, **_named):
 cell.folding.fold.fold = fold
 cell.calibrating.calibrate.calibration_of = lambda *_: None
 from cell.__main__ import main
-from cell.cli.options import busy
 main()
 """
 
