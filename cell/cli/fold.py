@@ -14,6 +14,7 @@ from cell.cli.options import (
     Configs,
     Json,
     Runs,
+    busy,
     check_names,
     policy_names,
     strip_names,
@@ -353,6 +354,7 @@ def _rehearse(request: "Request", *, as_json: bool) -> int:
 def _predict(request: "Request", *, as_json: bool) -> None:
     from cell.folding.prediction import predict
 
-    prediction = predict(request)
+    with busy("predicting the fold"):
+        prediction = predict(request)
     text = json.dumps(prediction.line(), allow_nan=False) if as_json else prediction.text()
     sys.stdout.write(text + "\n")

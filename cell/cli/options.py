@@ -1,5 +1,7 @@
 """Options that several commands share."""
 
+import sys
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,6 +12,8 @@ from cell.config.drivers import arm_names, camera_names
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from cell.campaign.run import Engine
 
 
@@ -82,6 +86,18 @@ Cluster = Annotated[
     str | None,
     typer.Option("--cluster", help="Measure on the Dask cluster at this address instead."),
 ]
+
+
+@contextmanager
+def busy(text: str) -> "Iterator[None]":
+    """Say on a terminal what a command is doing that prints nothing until it is done."""
+    from rich.console import Console
+
+    if not sys.stderr.isatty():
+        yield
+        return
+    with Console(stderr=True).status(text):
+        yield
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":

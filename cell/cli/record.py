@@ -8,32 +8,42 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, busy
 from drivers.errors import ConfigurationError
 
 Run = Annotated[Path, typer.Argument(help="A run folder.")]
 
 
 def report(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN...", help="Run folders, or the file of a calibration."),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(help="Page that compares several runs [default: compare.html beside them]."),
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write report.html for a run, finished or not; several runs are compared on one page."""
+    """Write report.html for a run, finished or not; several runs are compared on one page.
+
+    The file of a calibration has a page of its own beside it.
+    """
     if len(runs) > 1:
         _compare(runs, out or runs[0].resolve().parent / "compare.html", as_json=as_json)
         return
     if out is not None:
         raise ConfigurationError("--out: goes with several runs; one has its page in its folder")
     run = runs[0]
+    if run.is_file():
+        _calibration(run, as_json=as_json)
+        return
     from cell.record.salvage import Salvage
     from cell.report.page import write_report
     from cell.report.verdict import verdict
 
-    page = write_report(run)
+    with busy("writing the page"):
+        page = write_report(run)
     found = Salvage.of(run)
     for problem in found.problems:
         sys.stderr.write(f"cell: {problem}\n")
@@ -44,10 +54,19 @@ def report(
     sys.stdout.write(f"{sentence}\n  {page}\n")
 
 
+def _calibration(path: Path, *, as_json: bool) -> None:
+    from cell.report.calibration_page import write_calibration_report
+
+    page = write_calibration_report(path)
+    line = {"calibration": str(path), "report": str(page)}
+    sys.stdout.write(f"{json.dumps(line) if as_json else page}\n")
+
+
 def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
     from cell.report.compare import write_comparison
 
-    page = write_comparison(runs, out)
+    with busy("comparing the runs"):
+        page = write_comparison(runs, out)
     if as_json:
         line = {"runs": [str(run) for run in runs], "report": str(page)}
         sys.stdout.write(json.dumps(line) + "\n")
@@ -89,7 +108,8 @@ def viz(run: Run) -> None:
     from cell.record.salvage import Salvage
     from cell.report.viz.recording import viz_from_run
 
-    path = viz_from_run(run)
+    with busy("writing the recording"):
+        path = viz_from_run(run)
     for problem in Salvage.of(run).problems:
         sys.stderr.write(f"cell: {problem}\n")
     sys.stdout.write(f"{path}\n  open it with: rerun {path}\n")

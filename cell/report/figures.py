@@ -18,6 +18,7 @@ from cell.report.drawing import (
     as_svg,
     canvas,
 )
+from cell.report.overlay import fold_tips
 from drivers.types import Array
 
 CURVES = 26
@@ -158,14 +159,18 @@ def _along(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.plot(
         ticks.t[seen], 1e3 * ticks.contact_x[seen], ".", color=BLUE, ms=2.2, label="contact x"
     )
-    axes.plot(sights.stamp, 1e3 * sights.tip_x, color=GREEN, lw=1, label="fold tip x")
+    axes.plot(
+        sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 0], color=GREEN, lw=1, label="fold tip x"
+    )
     axes.set_ylabel("along the strip  [mm]")
     axes.legend(**LEGEND)
 
 
 def _above(axes: Any, ticks: Ticks, sights: Sights) -> None:
     axes.plot(ticks.t, 1e3 * ticks.z, color=INK, label="gripper z")
-    axes.plot(sights.stamp, 1e3 * sights.tip_z, color=GREEN, lw=1, label="fold tip z")
+    axes.plot(
+        sights.stamp, 1e3 * fold_tips(sights, ticks)[:, 1], color=GREEN, lw=1, label="fold tip z"
+    )
     axes.plot(sights.stamp, 1e3 * sights.gap, color=ORANGE, lw=1, label="gap of the layers")
     axes.set_ylabel("above the desk  [mm]")
     axes.legend(**LEGEND)

@@ -17,6 +17,7 @@ from drivers.types import Array, Image
 
 WIDTH, SHOWN = 640, 6
 MARGIN = 0.06  # m around the motion
+FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
 LYING = (-0.05, 0.7, -0.03, 0.06)  # m from x, share of the reach to x, m from and to z: a laid fold
 PROFILE_BGR, CONTACT_BGR, TIP_BGR = (40, 110, 255), (255, 120, 30), (255, 255, 255)
 
@@ -52,6 +53,7 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
     kept = [note for note in run.frame_index() if note.file is not None]
     chosen = np.unique(np.linspace(0, len(kept) - 1, min(SHOWN, len(kept))).round().astype(int))
     calibration, sights, curves = run.calibration(), run.sights(), dict(run.profile.curves())
+    tips = fold_tips(sights, run.ticks)
     pictures = []
     for note in (kept[i] for i in chosen):
         image = _read(note)
@@ -59,7 +61,7 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
             continue
         if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
-            image = window.cut(_with_sight(image, note, calibration, sights, curves))
+            image = window.cut(_with_sight(image, note, calibration, sights, tips, curves))
         whole = frame_file(Path(), note.sequence).as_posix()
         pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights), whole))
     return tuple(pictures)
@@ -106,6 +108,15 @@ def window_on(ticks: Ticks, calibration: Calibration) -> Window:
     return Window(top, top + int(size[1]), left, left + int(size[0]))
 
 
+def fold_tips(sights: Sights, ticks: Ticks) -> Array:
+    """x, z (n, 2) [m] of the fold's tip in each image; NaN while the strip is not folded."""
+    tips = np.stack([sights.tip_x, sights.tip_z], axis=1)
+    if ticks.t.size == 0:
+        return tips
+    folded = sights.tip_x > np.interp(sights.stamp, ticks.t, ticks.x) + FOLDED
+    return np.where(folded[:, None], tips, np.nan)
+
+
 def draw_sight(
     image: Image, calibration: Calibration, curve: Array, contact_x: float, tip: Array
 ) -> Image:
@@ -149,15 +160,15 @@ def _with_sight(
     note: FrameNote,
     calibration: Calibration,
     sights: Sights,
+    tips: Array,
     curves: dict[float, Array],
 ) -> Image:
     rows = np.flatnonzero(sights.sequence == note.sequence)
     if rows.size == 0:
         return image
     row = int(rows[0])
-    tip = np.array([sights.tip_x[row], sights.tip_z[row]])
     curve = curves.get(float(sights.stamp[row]), np.empty((0, 2)))
-    return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tip)
+    return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tips[row])
 
 
 def _caption(note: FrameNote, run: Run, sights: Sights) -> str:

@@ -47,7 +47,7 @@ FILES = (
     (RECORDING, "the fold in Rerun: rerun run.rrd"),
     (FILM, "the film of the camera, in step with frames/index.jsonl"),
     (OVERLAY, "the film with what was read in it"),
-    (CALIBRATION, "the camera's calibration"),
+    (CALIBRATION, "the camera's calibration; cell report calibration.yaml draws it"),
     (TICKS, "gripper, contact and force over time"),
     (PROFILE, "the strip in every image"),
     (RUN, "settings and versions"),

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from cell.cli.options import busy
+
 CELL = [sys.executable, "-m", "cell"]
 FOLD = """
 import sys
@@ -98,3 +100,14 @@ def test_what_is_printed_never_lands_in_a_file_that_was_opened_later(tmp_path) -
     (tmp_path / "it.py").write_text(script)
     assert clean(shell(f"{sys.executable} it.py >&- 2>&-", tmp_path))
     assert (tmp_path / "record").read_text() == ""
+
+
+def test_what_takes_long_is_said_on_a_terminal_alone(monkeypatch, capsys) -> None:
+    with busy("writing the page"):
+        pass
+    assert capsys.readouterr().err == ""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with busy("writing the page"):
+        pass
+    assert "writing the page" in capsys.readouterr().err

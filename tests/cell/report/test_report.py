@@ -1,5 +1,6 @@
 import re
 import shutil
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 
@@ -14,7 +15,7 @@ from cell.report.drawing import page_svg
 from cell.report.facts import advice
 from cell.report.figures import strip_figure
 from cell.report.markup import definitions, table
-from cell.report.overlay import key_pictures, window_on
+from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
@@ -81,6 +82,16 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
         assert all(a.startswith(("data:", "#", *BESIDE)) for a in parsed.addresses)
         assert "@import" not in text
         assert "url(http" not in text
+
+
+def test_tip_is_shown_only_of_a_fold(finished):
+    run = read_run(finished)
+    sights = run.sights()
+    gripper = np.interp(sights.stamp, run.ticks.t, run.ticks.x)
+    ahead = np.where(sights.stamp < 5.0, 0.001, 0.02)
+    tips = fold_tips(replace(sights, tip_x=gripper + ahead), run.ticks)
+    assert np.array_equal(np.isfinite(tips[:, 0]), sights.stamp >= 5.0)
+    assert tips[-1, 0] == pytest.approx(gripper[-1] + 0.02)
 
 
 def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):

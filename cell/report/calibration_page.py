@@ -1,0 +1,93 @@
+"""The HTML page of a camera calibration: how good it is, and where the plane lies in the image."""
+
+from pathlib import Path
+
+import numpy as np
+
+from calibration.calibration import Calibration, load_calibration
+from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
+from cell.report.markup import definitions, drawing, masthead, page, section, steps, verdict_box
+from cell.report.words import millimetres, milliseconds
+from drivers.files import replace_file, writing
+
+GOOD = 1.0  # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
+X, Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m, of the grid
+FINE = 60  # points of a line, which a lens bends
+STEP = 1e-3  # m, over which the scale of the image is taken
+
+
+def write_calibration_report(path: Path) -> Path:
+    """Write the page of the calibration file at `path` beside it, and return its path.
+
+    Raises ConfigurationError for a file that is no calibration, or a folder that cannot be written.
+    """
+    made = path.with_suffix(".html")
+    text = calibration_report(load_calibration(path), path.name)
+    with writing(made):
+        replace_file(made, text.encode())
+    return made
+
+
+def calibration_report(calibration: Calibration, name: str) -> str:
+    """The page of `calibration`, called `name`."""
+    figure = f"{calibration.residual_mm:.2f} mm"
+    good = calibration.residual_mm <= GOOD and not calibration.accepted_anyway
+    refused = [f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway]
+    said = [f"It was made on {calibration.date[:10]} and has the id {calibration.id}."]
+    headline = "Touched points lie where the image shows them" if good else "Use it with care"
+    return page(
+        f"calibration {calibration.id}",
+        [
+            masthead("Calibration of a camera", name),
+            verdict_box(
+                "good" if good else "bad", headline, said, figure, "rms at points kept back"
+            ),
+            section("What speaks against it", steps(refused)),
+            section("In numbers", definitions(_numbers(calibration), "tiles")),
+            section(
+                "The strip's plane in the image",
+                drawing(_grid(calibration), "grid of the plane of the strip in the camera's image"),
+                note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
+                "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
+            ),
+            section("Locked controls of the camera", definitions(_locks(calibration), "rows")),
+        ],
+    )
+
+
+def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
+    lens, middle = calibration.lens, np.array([[0.3, 0.1]])
+    around = middle + STEP * np.array([[0, 0], [1, 0], [0, 1]])
+    pixels = calibration.to_image(around)
+    along, above = np.linalg.norm(pixels[1:] - pixels[0], axis=1)
+    patches = 0 if calibration.landmarks is None else len(calibration.landmarks.marks)
+    return [
+        ("camera from the strip's plane", millimetres(calibration.viewpoint.distance)),
+        ("image", f"{lens.width} × {lens.height} px"),
+        ("one pixel along the strip, at x 300, z 100 mm", millimetres(STEP / along)),
+        ("one pixel above the desk, there", millimetres(STEP / above)),
+        ("images are older than their stamps by", milliseconds(calibration.latency)),
+        ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
+        ("landmarks that reveal a moved camera", str(patches)),
+    ]
+
+
+def _locks(calibration: Calibration) -> list[tuple[str, str]]:
+    return [(name, str(value)) for name, value in calibration.locks.items()]
+
+
+def _grid(calibration: Calibration) -> str:
+    lens = calibration.lens
+    with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
+        axes = figure.add_subplot(aspect="equal")
+        for x in X:
+            line = np.stack([np.full(FINE, x), np.linspace(Z[0], Z[-1], FINE)], axis=1)
+            axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8)
+        for z in Z:
+            line = np.stack([np.linspace(X[0], X[-1], FINE), np.full(FINE, z)], axis=1)
+            strong = {"color": INK, "lw": 1.6} if z == 0 else {"color": MUTED, "lw": 0.8}
+            axes.plot(*calibration.to_image(line).T, **strong)
+        axes.plot(*calibration.to_image(np.zeros((1, 2))).T, "o", color=INK, ms=5)
+        axes.set(xlim=(0, lens.width), ylim=(lens.height, 0), xlabel="px", ylabel="px")
+        axes.grid(False)
+        return as_svg(figure)

@@ -1,0 +1,37 @@
+"""The page of a calibration: how good it is, and what speaks against it."""
+
+import re
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from calibration.calibration import save_calibration
+from cell.cli.app import app
+from cell.report.calibration_page import calibration_report
+from tests.cell.report.test_report import outline, words
+
+
+def test_page_shows_quality_scale_and_plane(calibration, tmp_path):
+    path = tmp_path / "calibration.yaml"
+    save_calibration(calibration, path)
+    done = CliRunner().invoke(app, ["report", str(path)])
+    assert done.exit_code == 0, done.output
+    page = tmp_path / "calibration.html"
+    assert done.stdout.strip() == str(page)
+    text = page.read_text()
+    assert outline(text).open == outline(text).crossed == []
+    assert f"{calibration.residual_mm:.2f} mm" in words(text)
+    near = calibration.to_image([[0.3, 0.1], [0.301, 0.1]])
+    scale = 1.0 / (near[1, 0] - near[0, 0])
+    shown = float(re.search(r"z 100 mm (\d\.\d) mm", words(text))[1])
+    assert shown == pytest.approx(scale, abs=0.05)
+    assert "verdict good" in text
+    assert text.count("<svg") == 1
+
+
+def test_what_the_wizard_refused_is_said(calibration):
+    taken = replace(calibration, accepted_anyway=("two halves differ by 2.1 mm",))
+    text = calibration_report(taken, "calibration.yaml")
+    assert "verdict bad" in text
+    assert "The wizard refused it: two halves differ by 2.1 mm" in words(text)
