@@ -275,9 +275,9 @@ def _unpack(values: Array) -> Seen:
     one, touch = values[HEADER:start].tolist(), None
     stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:MEASURED]
     count = int(one[-1])
-    told = one[MEASURED + SHIFT : -1]
-    if not np.isnan(told[0]):
-        touch = SeenTouch(*told)
+    touching = one[MEASURED + SHIFT : -1]
+    if not np.isnan(touching[0]):
+        touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
     tip = (tip_x, tip_z)
     measurement = StripMeasurement(

@@ -82,7 +82,7 @@ def plan_reach(
     ways.sort(key=lambda way: (way.allowed, way.followed, way.margin), reverse=True)
     braked = list[Reach]()
     for way in ways:
-        stop = _braked(installation, path, speeds, way) if way.allowed else None
+        stop = _first_braking(installation, path, speeds, way) if way.allowed else None
         if stop is None:
             return way if way.allowed or not braked else max(braked, key=_furthest)
         late = stop.pitch > HANGING
@@ -130,7 +130,9 @@ def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Re
     return Reach(plane.turned, start, least[0], least[1] + 1, count, tuple(problems))
 
 
-def _braked(installation: Installation, path: Array, speeds: Array, way: Reach) -> Problem | None:
+def _first_braking(
+    installation: Installation, path: Array, speeds: Array, way: Reach
+) -> Problem | None:
     """The first pose on a `way`, from the lift on, at which the guard of the arm's driver would
     brake; the moves before it brake by themselves.
     """
