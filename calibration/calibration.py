@@ -104,7 +104,7 @@ class CalibrationFile(Settings):
         )
 
 
-def calibrated(
+def make_calibration(
     lens: Lens,
     homography: Homography,
     *,
@@ -135,10 +135,10 @@ def calibrated(
     return _sign(unsigned).calibration("calibration")
 
 
-def changed(calibration: Calibration, **facts: Any) -> Calibration:
-    """The calibration with other `facts`, keywords of `calibrated`, and its own new id."""
+def change_calibration(calibration: Calibration, **facts: Any) -> Calibration:
+    """The calibration with other `facts`, keywords of `make_calibration`, and its own new id."""
     kept = {name: getattr(calibration, name) for name in KEYWORDS}
-    return calibrated(
+    return make_calibration(
         facts.pop("lens", calibration.lens),
         facts.pop("homography", calibration.homography),
         **kept | facts,

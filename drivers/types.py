@@ -84,7 +84,7 @@ class Frame(Reading):
     sequence: int
     image: Image
 
-    def restamped(self, offset: float) -> Self:
+    def restamp(self, offset: float) -> Self:
         """The same frame with its stamp moved by `offset` [s]."""
         return replace(self, stamp=self.stamp + offset)
 

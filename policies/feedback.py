@@ -60,7 +60,7 @@ class Feedback:
         direction = np.where(blind, 0.75 * math.pi, self._direction(state))
         done = state[:, 0] < PAST
         return Decision(
-            direction=guarded(direction, state[:, 0], state[:, 1]),
+            direction=limit_directions(direction, state[:, 0], state[:, 1]),
             speed=np.where(done, 0.0, self._speed),
             pitch_rate=np.zeros(len(direction)),
             done=done,
@@ -76,7 +76,7 @@ class Feedback:
             self._direction(np.full((self._groups, 3), 0.5))
 
 
-def guarded(direction: Array, x: Array, z: Array) -> Array:
+def limit_directions(direction: Array, x: Array, z: Array) -> Array:
     """Directions (n,) limited to those toward the fixed edge and inside the bounds, with the least
     change; `x`, `z` (n,) are over the strip's length.
     """

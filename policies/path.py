@@ -51,7 +51,7 @@ def triangular(length: float, rise: float = 0.0) -> Path:
     return Path.through(np.array([(length, 0.0), apex, (0.0, rise)]))
 
 
-def unpushed(length: float) -> Path:
+def vertical_lift(length: float) -> Path:
     """From (L, 0) straight up, turning to 45 degrees at the take-over height, and on to L/2.
 
     The triangle's first leg pushes the strip back along the desk until it buckles at the grip, to

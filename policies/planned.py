@@ -27,7 +27,7 @@ FINE = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
 STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share paths
 
 
-def raised(length: float, rise: float) -> Path:
+def raise_path(length: float, rise: float) -> Path:
     """The triangle with apex and end moved up by `rise` [m]; its first section is unchanged."""
     bend = BENT * length
     apex = (length / 2, length / 2 + rise)
@@ -60,7 +60,7 @@ class Planned:
         if asked != self._known:
             self.rises, self._known = plan(*asked), asked
         rises = self.rises if self._strips else np.repeat(self.rises, count)
-        self._paths = Paths([raised(strip.length, float(rise)) for rise in rises])
+        self._paths = Paths([raise_path(strip.length, float(rise)) for rise in rises])
         self._paths.reset(strip, speed, count)
 
     def lift(self) -> Path:
@@ -149,7 +149,7 @@ class Motions:
         length = self._strip.length
         recorder = _PoseRecorder()
         roll_out(
-            Paths([raised(length, step * STEP * length) for step in steps]),
+            Paths([raise_path(length, step * STEP * length) for step in steps]),
             recorder,
             self._strip,
             [describe(self._strip)] * len(steps),

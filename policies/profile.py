@@ -34,10 +34,10 @@ def seen_profile(points: Array, contact_x: float, gripper: tuple[float, float]) 
     """
     if len(points) < 2 or not np.isfinite(contact_x):
         return np.full((1, POINTS, 2), np.nan)
-    return evened(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]))[None]
+    return resample_evenly(np.vstack([(contact_x, CONTACT_HEIGHT), points, gripper]))[None]
 
 
-def evened(points: Array) -> Array:
+def resample_evenly(points: Array) -> Array:
     """Points (POINTS, 2) at equal arc lengths along one polyline (m, 2) [m], m at least 2."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     travel = np.concatenate([[0.0], np.cumsum(steps)])

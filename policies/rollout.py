@@ -140,7 +140,7 @@ class _Loop:
 
     def follow(self, decision: Decision) -> bool:
         """Move as decided until the next decision; returns whether every fold has ended."""
-        if self._ended(decision):
+        if self._has_ended(decision):
             return True
         self._advance(self._lead(decision))
         return False
@@ -169,7 +169,7 @@ class _Loop:
         force = self._force / np.maximum(self._looks, 1)
         return Folds(np.array(gone), self._touch, force, np.array(self._trace))
 
-    def _ended(self, decision: Decision) -> bool:
+    def _has_ended(self, decision: Decision) -> bool:
         return not np.any(self._going & ~decision.done)
 
     def _advance(self, poses: Array) -> None:

@@ -165,7 +165,7 @@ class Eye:
 
     def look(self, time: float, points: Array) -> Observation:
         """The observation at `time` [s] with the exact grippers at `points` (n, 2)."""
-        shown = self._kept(self._spoil(time))
+        shown = self._drop_some(self._spoil(time))
         return Observation(
             time=np.full(len(points), time),
             x=points[:, 0],
@@ -201,7 +201,7 @@ class Eye:
         noise[:, -1] = 0.0
         return profile + noise
 
-    def _kept(self, new: Shown) -> Shown:
+    def _drop_some(self, new: Shown) -> Shown:
         """The newest image that was not lost."""
         if self._shown is not None and self._sensing.dropped[1] > 0:
             gone = self._draws.uniform(0.0, 1.0) < self._dropped

@@ -27,7 +27,7 @@ def test_list_is_long_and_covers_every_area() -> None:
 def test_mutant_applies_once_and_is_still_a_program(mutant: Mutant) -> None:
     text = (ROOT / mutant.file).read_text("utf-8")
     assert mutant.old != mutant.new
-    ast.parse(mutant.applied(text))
+    ast.parse(mutant.apply_to(text))
     assert mutant.tests
     assert all((ROOT / test.partition("::")[0]).is_file() for test in mutant.tests)
 
@@ -35,4 +35,4 @@ def test_mutant_applies_once_and_is_still_a_program(mutant: Mutant) -> None:
 def test_mutant_whose_text_is_gone_is_an_error() -> None:
     gone = Mutant("gone", "README.md", "a text that stands nowhere", "", ())
     with pytest.raises(Unusable, match="0 times"):
-        gone.applied("another text")
+        gone.apply_to("another text")

@@ -105,7 +105,7 @@ class LatencySteps:
         """The next pose of the pointer; None when enough was seen."""
         return self._queue[0] if self._queue else None
 
-    def arrived(self) -> None:
+    def record_arrival(self) -> None:
         """Record that the arm rests at the requested pose."""
         self._queue = self._queue[1:]
 

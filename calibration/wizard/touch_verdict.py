@@ -205,8 +205,8 @@ def _verdict(solved: Solved, settings: TouchSettings) -> TouchVerdict:
         used=len(solved.used),
         held_out=len(solved.decide),
         errors_mm={p.number: 1e3 * float(np.hypot(*solved.error(p))) for p in points},
-        rejected=tuple(solved.named(p) for p in sorted(left_out, key=lambda p: p.number)),
-        wild=tuple(solved.named(p) for p in sorted(solved.wild, key=lambda p: p.number)),
+        rejected=tuple(solved.rejection(p) for p in sorted(left_out, key=lambda p: p.number)),
+        wild=tuple(solved.rejection(p) for p in sorted(solved.wild, key=lambda p: p.number)),
     )
     found = (*_map_reasons(verdict, settings), *_point_reasons(solved, settings))
     clean = not verdict.rejected and verdict.residual_mm <= settings.good_mm

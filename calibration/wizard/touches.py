@@ -113,7 +113,7 @@ class Solved:
         seen = self.homography.to_plane(self.lens.undistort(touched.pixel))[0]
         return np.asarray(seen - touched.place)
 
-    def named(self, touched: Touched) -> Rejected:
+    def rejection(self, touched: Touched) -> Rejected:
         """The point by its number, with its distance from the map in the image."""
         there = self.homography.to_image(touched.place)[0]
         off = float(np.hypot(*(there - self.lens.undistort(touched.pixel)[0])))

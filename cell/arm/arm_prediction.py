@@ -1,4 +1,4 @@
-"""A fold foretold for a Franka arm: joints, margins and clearance on the whole way."""
+"""A fold predicted for a Franka arm: joints, margins and clearance on the whole way."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -77,7 +77,7 @@ def _check_plausible(calibration: Calibration) -> None:
             )
 
 
-def recorded(calibration: Calibration, now: datetime) -> dict[str, Any]:
+def record_entry(calibration: Calibration, now: datetime) -> dict[str, Any]:
     """Entry of run.yaml about a calibration: id, error [m], age, reason of an override."""
     facts: dict[str, Any] = {
         "id": calibration.id,

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.calibration import Calibration, calibrated, save_calibration
+from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens
 from calibration.pointer import find_pointer
@@ -202,7 +202,7 @@ def assemble(
     if touches is None or touches.homography is None or (reasons and not accept_anyway):
         raise CellError("homography failed: " + "; ".join(reasons))
     measured = latency is not None and latency.latency == latency.latency
-    return calibrated(
+    return make_calibration(
         lens,
         touches.homography,
         residual_mm=touches.residual_mm,

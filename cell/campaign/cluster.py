@@ -55,7 +55,7 @@ class Cluster:
         left = {(part.key, part.of): part for part in parts}
         patience = PATIENCE
         while left:
-            with _silence(), connected(self.address, patience) as client:
+            with _silence(), connect(self.address, patience) as client:
                 for record in _shift(client, list(left.values()), folder, versions, self.limit):
                     left.pop((record.key, record.of), None)
                     yield record
@@ -69,7 +69,7 @@ def executor(address: str) -> Iterator[Executor]:
     The scheduler reassigns the work of a worker that died. Raises ConfigurationError for an address
     without a usable cluster, WorkersLost when the cluster is gone.
     """
-    with _silence(), connected(address, PATIENCE) as client:
+    with _silence(), connect(address, PATIENCE) as client:
         from distributed import KilledWorker
 
         try:
@@ -81,7 +81,7 @@ def executor(address: str) -> Iterator[Executor]:
 
 
 @contextmanager
-def connected(address: str, patience: float) -> Iterator["Client"]:
+def connect(address: str, patience: float) -> Iterator["Client"]:
     """A client of the cluster at `address`, which must answer within `patience` [s].
 
     Raises ConfigurationError where it does not, or has no workers, or workers of other versions.

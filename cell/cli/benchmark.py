@@ -51,7 +51,7 @@ def benchmark(
     from cell.config.places import find_configs
     from cell.studies.benchmark.page import lines, write_main_picture, write_results
     from cell.studies.benchmark.run import benchmark as measure
-    from cell.studies.benchmark.run import said
+    from cell.studies.benchmark.run import summarise
     from cell.studies.benchmark.screen import show
     from cell.studies.benchmark.spec import BenchmarkSpec, split
 
@@ -60,7 +60,7 @@ def benchmark(
     by = engine(jobs, cluster, LIMIT)
     place = runs or out / "runs"
     try:
-        with Meter(Console(stderr=True), said) as meter:
+        with Meter(Console(stderr=True), summarise) as meter:
             results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
     except KeyboardInterrupt:
         _end_interrupted(out)

@@ -39,7 +39,7 @@ def camera(
 def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
     """The cell file's camera, or suitable settings when `device` is another one."""
     from cell.config.places import find_configs
-    from cell.devices.camera_check import suggested
+    from cell.devices.camera_check import suggest_settings
     from drivers.camera.kernel import Linux
     from drivers.camera.listing import report
     from drivers.errors import ConfigurationError
@@ -51,7 +51,7 @@ def _settings(device: str | None, configs: Path | None) -> "V4l2Settings":
         raise ConfigurationError(
             "--device: cell.yaml names no camera; name one that `cell camera` lists"
         )
-    settings = suggested(report(Linux(), device))
+    settings = suggest_settings(report(Linux(), device))
     if settings is None:
         raise ConfigurationError(f"{device}: offers no format that this driver reads")
     return settings
@@ -119,9 +119,9 @@ def _line(entry: "CameraReport | UnusableDevice") -> dict[str, Any]:
 
 
 def _section(entry: "CameraReport") -> dict[str, Any] | None:
-    from cell.devices.camera_check import suggested
+    from cell.devices.camera_check import suggest_settings
 
-    settings = suggested(entry)
+    settings = suggest_settings(entry)
     return None if settings is None else settings.model_dump(exclude_defaults=True)
 
 

@@ -76,12 +76,12 @@ def exam(
     from cell.campaign.progress import Meter
     from cell.exam.cases.drawn import load_or_draw
     from cell.exam.report.page import write_report
-    from cell.exam.run import run_exam, said
+    from cell.exam.run import run_exam, summarise
 
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
-    with _going_on(out), Meter(console, said, quiet=as_json) as meter:
+    with _going_on(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, drawn, wide)
         entries = run_exam(

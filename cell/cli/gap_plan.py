@@ -39,7 +39,7 @@ def plan(
     from cell.folding.fold import Request
     from cell.folding.standard_runs import (
         check_empty,
-        folded,
+        fold_runs,
         standard_requests,
         went_as_planned,
     )
@@ -56,7 +56,7 @@ def plan(
         return
     code = 0
     with Interrupt() as interrupted:
-        for i, result in enumerate(folded(wanted, jobs, interrupted)):
+        for i, result in enumerate(fold_runs(wanted, jobs, interrupted)):
             _tell(i, len(wanted), wanted[i], result, as_json=as_json)
             code = max(code, 0 if went_as_planned(result) else result.exit_code)
     if not as_json:

@@ -116,7 +116,7 @@ def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
     from cell.record.documents import plain
     from cell.studies.campaign import kept
     from cell.studies.page import write_page
-    from cell.studies.table import held, markdown, rows
+    from cell.studies.table import keeps_bars, markdown, rows
 
     found = kept(asked)
     table = rows(found)
@@ -128,7 +128,7 @@ def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
             sys.stdout.write(json.dumps(line | {"figures": figures}) + "\n")
     else:
         sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {page}\n")
-    return held(table), bool(found.lost)
+    return keeps_bars(table), bool(found.lost)
 
 
 def _numbers(figure: dict[str, object]) -> dict[str, object]:

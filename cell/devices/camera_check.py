@@ -44,7 +44,7 @@ class Grab:
     age: float
 
 
-def suggested(camera: CameraReport) -> V4l2Settings | None:
+def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
     """Suitable settings for `camera`, with its controls locked at their present values; None
     without a mode.
     """

@@ -73,7 +73,7 @@ def fci_devices(
     surroundings, others = Surroundings(), list[Closable]()
     address = settings.fci.address
     if address is None:
-        server = _served(settings, strip, surroundings)
+        server = _serve(settings, strip, surroundings)
         address = server.address
         others.append(server)
     if not calibrating:
@@ -165,7 +165,7 @@ def start_joints(
     return tuple(joints)
 
 
-def _served(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
+def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
     """An emulated robot in its own thread: in lock-step the cell waits while it computes."""
     installation = settings.fci.installed(settings.installation)
     home = settings.twin.arm.home_height

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibration.calibration import Calibration, changed
+from calibration.calibration import Calibration, change_calibration
 from calibration.homography import Homography
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
@@ -20,7 +20,7 @@ from drivers.types import ArmState, Array, Pose, Velocity
 AS_CALIBRATED = Observation()
 
 
-def corrected(calibration: Calibration, model: StripModel) -> Calibration:
+def correct_calibration(calibration: Calibration, model: StripModel) -> Calibration:
     """The calibration compensated for the effects of `model`, so that it gives true places.
 
     Corrects places, contact_x and stamps, all over the true desk. Without such effects the same
@@ -30,7 +30,7 @@ def corrected(calibration: Calibration, model: StripModel) -> Calibration:
     observation, plain = model.observation, AS_CALIBRATED
     if observation == plain and model.rig.desk_height == 0:
         return calibration
-    return changed(
+    return change_calibration(
         calibration,
         homography=Homography.of(_truth_of(model) @ calibration.homography.matrix),
         landmarks=None,
@@ -50,7 +50,7 @@ def corrected_calibration(
     calibration: Calibration, settings: CellFile, strip: StripFile
 ) -> Calibration:
     """The calibration compensated for the cell file's camera and desk effects."""
-    return corrected(calibration, describe(strip, settings.effects))
+    return correct_calibration(calibration, describe(strip, settings.effects))
 
 
 def corrected_devices(devices: Devices, settings: CellFile, strip: StripFile) -> Devices:

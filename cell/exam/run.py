@@ -86,7 +86,7 @@ def spread(cases: Sequence[Case]) -> list[Case]:
     return [case for _, case in sorted(zip(places, cases, strict=True), key=itemgetter(0))]
 
 
-def said(record: Record) -> str:
+def summarise(record: Record) -> str:
     """What came of a case, in a few words."""
     if record.outcome is None:
         return f": failed: {record.reason}"

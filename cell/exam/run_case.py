@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from cell.config.places import find_configs
 from cell.exam.case import Case
-from cell.exam.cases.answer_key import Sources, case_hash, opened
+from cell.exam.cases.answer_key import Sources, case_hash, open_key
 from cell.exam.sandbox.child import NOTES, VERDICT
 from cell.exam.sandbox.parent import SandboxRun, run_sandboxed
 from cell.exam.scoring.oracle import oracle
@@ -67,23 +67,23 @@ class Examined:
 
     def measure(self) -> Mapping[str, Any]:
         """Make the runs, judge them, score the verdict; raises CellError where one fails."""
-        case = opened(self.folder, self.name)
+        case = open_key(self.folder, self.name)
         place = self.folder / RUNS / case.name
         if self.steps != "judge":
-            made(case, place, self.make)
+            keep_runs(case, place, self.make)
         if self.steps == "make":
             return Entry(case=case, of=self.entry, state="made").model_dump(mode="json")
-        if stamped(place) != case_hash(case):
+        if read_stamp(place) != case_hash(case):
             reason = _refusal(place, case) or "holds no runs of this case; make them first"
             raise ConfigurationError(f"{place}: {reason}")
         workdirs = self.workdirs if self.workdirs.is_dir() else None
-        entry = judged(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
+        entry = judge(case, self.folder, self.sources, workdirs=workdirs, again=self.again)
         return entry.model_dump(mode="json")
 
 
-def made(case: Case, place: Path, make: Maker) -> None:
+def keep_runs(case: Case, place: Path, make: Maker) -> None:
     """The case's runs at `place`, kept where they are there and of this very case."""
-    if stamped(place) == case_hash(case):
+    if read_stamp(place) == case_hash(case):
         return
     scratch = place.with_name(place.name + ".part")
     for old in (scratch, place):
@@ -113,7 +113,7 @@ def _refusal(place: Path, case: Case) -> str | None:
         return None
 
 
-def stamped(place: Path) -> str | None:
+def read_stamp(place: Path) -> str | None:
     """Digest of the case of which the runs at `place` are; None where there are none."""
     try:
         return (place / MADE).read_text(encoding="utf-8")
@@ -121,7 +121,7 @@ def stamped(place: Path) -> str | None:
         return None
 
 
-def judged(
+def judge(
     case: Case, folder: Path, by: Sources, *, workdirs: Path | None, again: bool = False
 ) -> Entry:
     """The case's entry: its verdict is kept where neither engine nor case has changed."""

@@ -15,7 +15,7 @@ from calibration.calibration import Calibration, save_calibration
 from cell.arm.arm_settings import at_speed, suited
 from cell.arm.real_robot import is_real, slowed
 from cell.calibrating.calibrate import calibration_of
-from cell.calibrating.calibration_in_use import check_usable, recorded
+from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.config.unknown import NAME as UNKNOWN
@@ -33,7 +33,7 @@ from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import INTERRUPTED_AT_ONCE, Outcome, StopReason
 from cell.orchestrator.recorder import Record, Recorder
 from cell.orchestrator.run import Observer, Run
-from cell.orchestrator.safe_stop import suppressed
+from cell.orchestrator.safe_stop import run_suppressed
 from cell.perception.beside import Beside, Maker, StripSight, Subject
 from cell.record.files import CALIBRATION, CHECKPOINT
 from cell.record.frames import Keep
@@ -156,8 +156,8 @@ def _recorded(
         outcome = conduct(run, devices, recorder, trace.reviewed)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
     outcome = _completed(outcome, folder, truth if request.truth else {}, page=page)
-    if strip.name == UNKNOWN and outcome.touch is not None and outcome.foretold is not None:
-        offer(folder, strip, outcome.foretold)
+    if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
+        offer(folder, strip, outcome.predicted)
     return outcome, truth
 
 
@@ -190,10 +190,10 @@ def conduct(
     except CellError as error:
         outcome = Outcome.of(StopReason.by(error), devices.clock.now())
     finally:
-        suppressed(devices.close)
+        run_suppressed(devices.close)
     timing = devices.arm_timing()
     if timing:
-        suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
+        run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
     content = result_content(outcome)
     try:
         outcome = reviewed(outcome, recorder)
@@ -205,7 +205,7 @@ def conduct(
     except Fault as fault:
         outcome = outcome.but(StopReason.by(fault))
     finally:
-        suppressed(recorder.close)
+        run_suppressed(recorder.close)
     return outcome
 
 
@@ -219,8 +219,8 @@ def result_content(outcome: Outcome) -> dict[str, Any]:
         content |= {"l1": touch.to_grasped, "l2": touch.to_fixed, "confidence": touch.confidence}
     if outcome.edge_offset is not None:
         content["edge_offset"] = outcome.edge_offset
-    if outcome.foretold is not None:
-        content["foretold"] = asdict(outcome.foretold)
+    if outcome.predicted is not None:
+        content["foretold"] = asdict(outcome.predicted)
     if outcome.agreement is not None:
         agreed = outcome.agreement
         facts = {"like_model": agreed.like_model, "reason": agreed.sentence()}
@@ -257,7 +257,7 @@ def run_header(
             "arm": choice.arm or settings.drivers.arm,
             "camera": choice.camera or settings.drivers.camera,
         },
-        "calibration": recorded(calibration, datetime.now(UTC)),
+        "calibration": record_entry(calibration, datetime.now(UTC)),
         "versions": {package: version(package) for package in PACKAGES},
         "strip_file": strip.model_dump(mode="json", by_alias=True),
         "config": settings.model_dump(mode="json", by_alias=True),
@@ -327,7 +327,7 @@ def _result(
         wall=time.perf_counter() - begun,
         calibration=calibration.id,
         exit_code=outcome.exit_code,
-        foretold=None if outcome.foretold is None else outcome.foretold.sentence(),
+        predicted=None if outcome.predicted is None else outcome.predicted.sentence(),
         warning=_warning(outcome),
         like_model=None if outcome.agreement is None else outcome.agreement.like_model,
         correction=request.correction.sentence(),

@@ -56,13 +56,13 @@ class FoldTrace:
         return outcome.but(StopReason(UNLIKE, reason, 1))
 
     def _agreement(self, outcome: Outcome, origin: float) -> Agreement | None:
-        """None where nothing was foretold, no touch was seen, or the model cannot follow."""
-        if outcome.foretold is None or outcome.touch is None or not self._stamps:
+        """None where nothing was predicted, no touch was seen, or the model cannot follow."""
+        if outcome.predicted is None or outcome.touch is None or not self._stamps:
             return None
         path, touch = np.array(self._path), outcome.touch.time + origin
         stamps, curves = np.array(self._stamps), np.array(self._profiles)
         fold = MeasuredFold.until(touch, path[:, 0], path[:, 1:], stamps, curves)
         try:
-            return agreement(self._strip, outcome.foretold, fold)
+            return agreement(self._strip, outcome.predicted, fold)
         except CellError:
             return None

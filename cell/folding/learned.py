@@ -6,18 +6,18 @@ import yaml
 
 from drivers.files import replace_file, writing
 from drivers.strip.file import Provenance, StripFile
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 LEARNED = "learned.yaml"
 RUBBING = 5.0  # 1/m of yield curvature, from which friction is worth a line
 
 
-def learned_strip(strip: StripFile, foretold: Foretold, run: str) -> StripFile:
+def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> StripFile:
     """`strip` with what a fold notes of it, each number with its interval and where it is from."""
     length, time, friction = (
-        foretold.bending_length,
-        foretold.retardation_time,
-        foretold.yield_curvature,
+        predicted.bending_length,
+        predicted.retardation_time,
+        predicted.yield_curvature,
     )
     source = f"fold {run}, as the policy judged it at the touch"
     notes = {
@@ -45,12 +45,12 @@ def learned_strip(strip: StripFile, foretold: Foretold, run: str) -> StripFile:
     )
 
 
-def offer(folder: Path, strip: StripFile, foretold: Foretold) -> Path:
+def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
     """Write the strip file with what the run in `folder` notes of `strip`; its path.
 
     Raises ConfigurationError where it cannot be written.
     """
-    learned = learned_strip(strip, foretold, folder.name)
+    learned = learned_strip(strip, predicted, folder.name)
     content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
     with writing(path):

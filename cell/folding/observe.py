@@ -141,7 +141,7 @@ def _read(
     for frame in frames:
         image = frame.image
         if touch is None:
-            held = follow.look(frame.restamped(-calibration.latency))
+            held = follow.look(frame.restamp(-calibration.latency))
             read.append(held)
             image = _draw(image, held, calibration)
             if held.end is not None and _sure(held):

@@ -78,7 +78,7 @@ def predict(request: Request) -> Prediction:
     configs = find_configs(request.configs)
     settings, strip = configs.cell(), configs.strip(request.strip)
     _check_calibration(settings, request)
-    folds = simulated(request, settings, strip, [strip, *_variants(strip)])
+    folds = simulate_policy(request, settings, strip, [strip, *_variants(strip)])
     reach = _reach(folds)
     _check(reach, settings.installation.workspace)
     nominal, spread = folds.displacement[0], folds.displacement[folds.touched]
@@ -102,7 +102,7 @@ def _check_calibration(settings: CellFile, request: Request) -> None:
     check_current(calibration, settings.calibration_days, datetime.now(UTC), on_twin=on_twin)
 
 
-def simulated(
+def simulate_policy(
     request: Request, settings: CellFile, strip: StripFile, variants: Sequence[StripFile]
 ) -> Folds:
     """The policy of `request` in the rod, folding `variants` of the `strip` that it believes in."""

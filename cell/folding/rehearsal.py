@@ -13,7 +13,7 @@ from cell.arm.real_robot import is_real, slowed
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.fold import Request
-from cell.folding.prediction import laid_at, simulated
+from cell.folding.prediction import laid_at, simulate_policy
 from cell.orchestrator.outcome import Outcome
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, close_hand, move, open_hand
@@ -115,7 +115,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     if is_real(settings, request.choice) and not request.full_speed:
         settings = slowed(settings)
     settings = suited(settings, request.choice)
-    folds = simulated(request, settings, strip, [strip])
+    folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real
     elbow = home_joints(settings, strip)[ELBOW_JOINT] if is_robot else None

@@ -20,7 +20,7 @@ class FoldResult:
     """Result of one fold. Lengths [m], times [s]; None where not available.
 
     `displacement` is as measured by the camera, `edge_offset` the offset between the laid edges
-    with the sign of d; values named true come from the twin only. `foretold` is the policy's
+    with the sign of d; values named true come from the twin only. `predicted` is the policy's
     prediction as text, `like_model` whether the strip behaved like the model (None where nothing
     judged it), and `warning` says that it did not; `correction` says by how much the aim was
     corrected.
@@ -41,7 +41,7 @@ class FoldResult:
     wall: float
     calibration: str
     exit_code: int
-    foretold: str | None = None
+    predicted: str | None = None
     warning: str | None = None
     like_model: bool | None = None
     correction: str | None = None
@@ -89,8 +89,8 @@ class FoldResult:
             text += f"; laid down, the edges lie {1e3 * self.edge_offset:+.1f} mm apart"
         if self.edge_offset_true is not None:
             text += f" (true {1e3 * self.edge_offset_true:+.1f} mm)"
-        if self.foretold is not None:
-            text += f"\n  {self.foretold}"
+        if self.predicted is not None:
+            text += f"\n  {self.predicted}"
             if self.strip == UNKNOWN:
                 text += f"\n  strip file with what was learned: {self.run}/{LEARNED}"
         if self.correction is not None:

@@ -35,7 +35,7 @@ def standard_requests(base: Request) -> tuple[Request, ...]:
     )
 
 
-def folded(
+def fold_runs(
     wanted: Sequence[Request], jobs: int = 1, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
     """Results of the runs in their order, `jobs` at a time; none begins once `interrupted`."""

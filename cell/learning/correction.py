@@ -116,13 +116,13 @@ def experience_of(
     Folds without a touch or laid edges, folds that were stopped, and predictions made blind are
     left out. A strip that is unlike the model teaches too: it comes out the same way again.
     """
-    foretold, touch = outcome.foretold, outcome.touch
+    predicted, touch = outcome.predicted, outcome.touch
     if touch is None or outcome.name not in TEACHING:
         return None
-    if foretold is not None and foretold.blind:
+    if predicted is not None and predicted.blind:
         return None
     # A policy without predictions of its own aims at 0 in truth, so at -unseen in images.
-    expected = -correction.unseen if foretold is None else foretold.displacement
+    expected = -correction.unseen if predicted is None else predicted.displacement
     uncorrected = expected - correction.seen
     return Experience(
         run=run,

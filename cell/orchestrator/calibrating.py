@@ -16,8 +16,8 @@ from cell.orchestrator.snapshot import Command, Hold, MoveTo, Snapshot
 from cell.orchestrator.states import Event
 from cell.orchestrator.steps import (
     Phase,
-    arrived,
     close_hand,
+    is_at,
     move,
     open_hand,
     pause,
@@ -107,7 +107,7 @@ def _measure_latency(cell: CalibrationContext, points: TouchedPoints) -> Doing:
         why = f"{steps.left} steps are left, to see how late the images are"
         cell.watch(_news(points, pose, why, Stage.LATENCY))
         yield from _step(steps, pose)
-        steps.arrived()
+        steps.record_arrival()
     cell.watch(replace(_news(points, None, "seen", Stage.LATENCY), steps=steps))
     if cell.touches is not None and cell.touches.homography is not None:
         cell.latency = steps.verdict(cell.lens, cell.touches.homography)
@@ -122,7 +122,7 @@ def _step(steps: LatencySteps, pose: Pose) -> Doing:
         steps.tell_arm(snapshot.arm)
         if snapshot.view.fresh and snapshot.view.frame is not None:
             steps.tell_frame(snapshot.view.frame)
-        if still == float("inf") and arrived(snapshot, pose):
+        if still == float("inf") and is_at(snapshot, pose):
             still = snapshot.time
 
 

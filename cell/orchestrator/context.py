@@ -19,8 +19,8 @@ from cell.perception.laid_fold import LaidFold
 from cell.perception.measurement import SeenTouch
 from drivers.strip.file import StripFile
 from drivers.types import Pose
-from policies.foretelling import Foretold
 from policies.policy import Policy
+from policies.prediction import FoldPrediction
 
 
 @dataclass(slots=True)
@@ -28,7 +28,7 @@ class FoldContext:
     """A fold: the controller's knowledge of cell and strip, and the results so far.
 
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
-    layer_touch once it is seen, `laid` the fold after the retreat, `foretold` the policy's latest
+    layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
     prediction. On the wall clock `beside` measures the images. The plant is not part of it.
     """
 
@@ -39,7 +39,7 @@ class FoldContext:
     reader: Reader | None = None
     seen_touch: SeenTouch | None = None
     laid: LaidFold | None = None
-    foretold: Foretold | None = None
+    predicted: FoldPrediction | None = None
     beside: Beside | None = None
 
 

@@ -6,7 +6,7 @@ from typing import Self
 from cell.perception.agreement import Agreement
 from cell.perception.measurement import SeenTouch
 from drivers.errors import CellError, Fault, PreflightRefused
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Outcome:
     """Result of a run; `name` is layer_touch, path_done, calibrated or a fault's name.
 
     Times are from the lift [s]; `touch` is the measured one, `edge_offset` the offset of the laid
-    edges [m], `duration` the whole run on the cell's clock [s], `foretold` the policy's prediction,
+    edges [m], `duration` the whole run on the cell's clock [s], `predicted` by the policy,
     `agreement` whether the strip behaved like the model, where that was found out.
     """
 
@@ -47,7 +47,7 @@ class Outcome:
     touch: SeenTouch | None
     edge_offset: float | None
     duration: float
-    foretold: Foretold | None = None
+    predicted: FoldPrediction | None = None
     agreement: Agreement | None = None
 
     @classmethod

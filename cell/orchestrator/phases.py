@@ -37,9 +37,9 @@ from cell.perception.preflight import inspect
 from drivers.errors import Fault, PreflightRefused
 from drivers.types import Frame, Pose, Velocity
 from policies.follower import Follower
-from policies.foretelling import Foretelling
 from policies.path import lift_pitch
 from policies.policy import Observation
+from policies.prediction import Predicting
 from policies.profile import seen_profile
 
 PITCH_GAIN = 10.0  # 1/s, how fast an error of pitch is taken out
@@ -135,24 +135,24 @@ def fold(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
             return Event.LAYER_TOUCH
         decision = cell.policy.decide(observe(snapshot))
         record.decision(snapshot, decision)
-        _note_foretold(cell, record, snapshot)
+        _note_predicted(cell, record, snapshot)
         if decision.done[0]:
             return Event.PATH_DONE
         upright = PITCH_GAIN * (HANGING - snapshot.arm.pose.pitch)
         command = drive(decision, float(decision.pitch_rate[0]) + upright)
 
 
-def _note_foretold(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
+def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> None:
     """Store and record the policy's prediction; log when predictions stop or begin."""
-    if not isinstance(cell.policy, Foretelling):
+    if not isinstance(cell.policy, Predicting):
         return
-    before, cell.foretold = cell.foretold, cell.policy.foretold()
-    if cell.foretold is None:
+    before, cell.predicted = cell.predicted, cell.policy.prediction()
+    if cell.predicted is None:
         return
-    record.event(snapshot.time, "foretold", **asdict(cell.foretold))
-    if cell.foretold.blind != (before is not None and before.blind):
-        kind = "policy_blind" if cell.foretold.blind else "policy_sees"
-        record.event(snapshot.time, kind, path="shifted" if cell.foretold.blind else "its own")
+    record.event(snapshot.time, "foretold", **asdict(cell.predicted))
+    if cell.predicted.blind != (before is not None and before.blind):
+        kind = "policy_blind" if cell.predicted.blind else "policy_sees"
+        record.event(snapshot.time, kind, path="shifted" if cell.predicted.blind else "its own")
 
 
 def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
@@ -182,9 +182,12 @@ def release(cell: FoldContext, record: Record, _: Snapshot) -> Phase:
     yield from move(Pose(pose.x - retreat, pose.z, pose.pitch))
     yield from move(Pose(pose.x - retreat, pose.z + 2 * retreat, pose.pitch))
     frame = (yield from still_picture()).frame
-    seen = _laid_offset(cell, (yield from _look_again(cell, frame, pose)))
+    loop = _loop(cell, (yield from _look_again(cell, frame, pose)))
+    length, thickness = cell.strip.length, cell.strip.thickness
+    seen = None if loop is None else edge_offset(length, thickness, loop)
     cell.laid = LaidFold(released=-pose.x, seen=seen)
-    record.event(snapshot.time, "edges_seen", edge_offset=seen)
+    facts = {} if loop is None else {"loop": loop._asdict()}
+    record.event(snapshot.time, "edges_seen", edge_offset=seen, **facts)
     return Event.RELEASED
 
 
@@ -201,17 +204,14 @@ def _look_again(
     return (yield from wait_for(lambda now: now.view.read)).view.measurement
 
 
-def _laid_offset(cell: FoldContext, seen: StripMeasurement | None) -> float | None:
-    """Offset of the edges [m] in the image of the laid strip, None where no fold is visible:
-    what is seen must be as long as the strip, which one that sprang open is not.
+def _loop(cell: FoldContext, seen: StripMeasurement | None) -> Loop | None:
+    """The loop in the image of the laid strip, None where no fold is visible: what is seen must be
+    as long as the strip, which one that sprang open is not.
     """
     if seen is None:
         return None
-    loop = Loop.seen_in(seen)
     missing = abs(laid_length(seen) - cell.strip.length)
-    if loop is None or not missing <= 2.0 * cell.settings.perception.length_error:
-        return None
-    return edge_offset(cell.strip.length, cell.strip.thickness, loop)
+    return Loop.seen_in(seen) if missing <= 2.0 * cell.settings.perception.length_error else None
 
 
 def move_by_hand(context: ManualContext, _: Record, snapshot: Snapshot) -> Phase:

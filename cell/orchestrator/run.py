@@ -12,14 +12,14 @@ from cell.orchestrator.monitors import Rules, check_all
 from cell.orchestrator.outcome import INTERRUPTED, Outcome, StopReason
 from cell.orchestrator.phases import phases_of
 from cell.orchestrator.recorder import Record
-from cell.orchestrator.safe_stop import SafeStop, suppressed
+from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
 from cell.orchestrator.watchdog import at_most
 from drivers.types import STILL
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 PROMPT = 1.0  # s on the wall clock within which a turn ends, or is ended
 
@@ -83,7 +83,7 @@ class Run:
                 tick += 1
                 self._turn_at(start + tick * period)
         finally:
-            suppressed(self._devices.arm.stop)
+            run_suppressed(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
 
     def _guarded(self, action: Callable[[], None]) -> None:
@@ -150,11 +150,11 @@ class Run:
             self._snapshot = snapshot = replace(
                 self._snapshot, time=arm.arrival, state=self._machine.state, arm=arm, view=view
             )
-            suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
+            run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
             self._show(lambda observer: observer.see(snapshot))
         self._rests = self._safe_stop.ended(arm)
         if self._rests and not self._machine.over:
-            suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
+            run_suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
     def _take(self, event: Event, now: float) -> None:
         """Apply an event to the state machine; the lift starts measured time."""
@@ -173,8 +173,8 @@ class Run:
             self._entered = now = self._devices.clock.now()
             state = self._machine.take(Event.STOP)
             facts = {"name": stopped.name, "reason": stopped.reason}
-            suppressed(lambda: self._note(now, "fault", **facts))
-            suppressed(lambda: self._note(now, "state", state=state, event=Event.STOP))
+            run_suppressed(lambda: self._note(now, "fault", **facts))
+            run_suppressed(lambda: self._note(now, "state", state=state, event=Event.STOP))
 
     def _note(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)
@@ -182,7 +182,7 @@ class Run:
 
     def _show(self, news: Callable[[Observer], None]) -> None:
         """Notify the observers; one that raises is not called again."""
-        self._observers = tuple(o for o in self._observers if suppressed(lambda: news(o)))  # noqa: B023
+        self._observers = tuple(o for o in self._observers if run_suppressed(lambda: news(o)))  # noqa: B023
 
     def _sense(self) -> Snapshot:
         """Read arm, camera and hand; record the measurement from a new image."""
@@ -199,7 +199,7 @@ class Run:
             hand=self._devices.hand.state(),
             view=view,
             velocity=self._velocity,
-            foretold=self._foretold,
+            predicted=self._predicted,
         )
         return self._snapshot
 
@@ -228,8 +228,8 @@ class Run:
         self._command = command
 
     @property
-    def _foretold(self) -> Foretold | None:
-        return self._context.foretold if isinstance(self._context, FoldContext) else None
+    def _predicted(self) -> FoldPrediction | None:
+        return self._context.predicted if isinstance(self._context, FoldContext) else None
 
     def _outcome(self, duration: float) -> Outcome:
         if self._stopped is not None:
@@ -242,7 +242,7 @@ class Run:
             edge_offset = None if laid is None else laid.seen
         if touch is not None:
             touch = replace(touch, time=touch.time - self._recorder.origin)
-        return Outcome(name, reason, code, touch, edge_offset, duration, self._foretold)
+        return Outcome(name, reason, code, touch, edge_offset, duration, self._predicted)
 
 
 def _reached(context: Context) -> tuple[str, str, int]:

@@ -6,7 +6,7 @@ from cell.devices.devices import Devices
 from drivers.types import ArmState, HandState
 
 
-def suppressed(action: Callable[[], object]) -> bool:
+def run_suppressed(action: Callable[[], object]) -> bool:
     """Run `action` and return whether it succeeded; its exceptions are suppressed."""
     try:
         action()
@@ -29,18 +29,18 @@ class SafeStop:
 
     def apply(self, hand: HandState | None) -> None:
         """Stop the arm, and the fingers if they were last seen moving."""
-        self._told = suppressed(self._devices.arm.stop)
+        self._told = run_suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
-            suppressed(self._devices.hand.stop)
+            run_suppressed(self._devices.hand.stop)
 
     def turn(self, due: float) -> ArmState | None:
         """One cycle of braking, at `due` [s]: the arm's state, None where it does not answer."""
         self._left -= 1
-        suppressed(lambda: self._devices.clock.wait_until(due))
+        run_suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []
-        answered = suppressed(lambda: seen.append(self._devices.arm.state()))
+        answered = run_suppressed(lambda: seen.append(self._devices.arm.state()))
         if not (answered and self._told):
-            self._told = suppressed(self._devices.arm.stop)
+            self._told = run_suppressed(self._devices.arm.stop)
         return seen[0] if seen else None
 
     def ended(self, arm: ArmState | None) -> bool:

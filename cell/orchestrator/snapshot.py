@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
 from drivers.types import STILL, ArmState, HandState, Pose, Velocity
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """State of the cell at one tick; times in seconds of the cell's clock.
 
-    `entered` is when the state was entered, `velocity` the last commanded one, `foretold` the
+    `entered` is when the state was entered, `velocity` the last commanded one, `predicted` the
     policy's newest prediction.
     """
 
@@ -23,7 +23,7 @@ class Snapshot:
     hand: HandState
     view: View
     velocity: Velocity = STILL
-    foretold: Foretold | None = None
+    predicted: FoldPrediction | None = None
 
 
 @dataclass(frozen=True, slots=True)

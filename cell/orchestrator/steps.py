@@ -49,7 +49,7 @@ def move(pose: Pose) -> Motion:
     """Move to rest at `pose`."""
     snapshot = yield MoveTo(pose)
     snapshot = yield MoveTo(pose)
-    while not arrived(snapshot, pose):
+    while not is_at(snapshot, pose):
         snapshot = yield MoveTo(pose)
     return snapshot
 
@@ -94,7 +94,7 @@ def turn(pitch: float) -> "Generator[Command, Snapshot, Pose]":
     return start
 
 
-def arrived(snapshot: Snapshot, pose: Pose) -> bool:
+def is_at(snapshot: Snapshot, pose: Pose) -> bool:
     """Whether the arm is at rest at `pose`."""
     return not snapshot.arm.moving and _distance(snapshot.arm.commanded, pose) <= REACHED
 

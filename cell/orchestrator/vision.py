@@ -206,7 +206,7 @@ class Vision:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         while reader is not None and not reader.dead:
             if self._waiting is not None and reader.since is None:
-                frame, self._waiting = self._waiting.restamped(-reader.latency), None
+                frame, self._waiting = self._waiting.restamp(-reader.latency), None
                 touches = state is not State.LIFT
                 reader.begin(frame, arm.pose_at(frame.stamp), now, touches=touches)
             seen = reader.take()

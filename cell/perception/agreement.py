@@ -1,20 +1,24 @@
 """Whether a strip behaved like the model: a rod of the estimated strip against the images."""
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from cell.perception.measured_fold import MeasuredFold
+from drivers.settings import Settings, load
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.foretelling import Estimate, Foretold
+from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
-RESIDUAL = 0.00075  # m, largest of folds that behave like the model
-FRICTION = 75.0  # 1/m, largest yield curvature of such folds
+LIMITS = Path(__file__).with_suffix(".yaml")
 DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, segments of the rod
 PASSES = 3  # of Gauss-Newton
 ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
@@ -23,6 +27,27 @@ LEAST = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
 NOISE = 0.0005  # m, of a point's median over a bin
 SHIFT, LATE = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
 UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
+
+
+class AgreementLimits(Settings):
+    """Largest `residual` [m] and `yield_curvature` [1/m] of a fold that behaves like the model.
+
+    Written by `cell study agreement`: what `share` of such folds stay below.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    residual: float
+    yield_curvature: float
+    share: float
+    folds: int
+    source: str
+    belongs_to: str
+
+
+@cache
+def agreement_limits() -> AgreementLimits:
+    """The limits of this version."""
+    return load(LIMITS, AgreementLimits)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +62,8 @@ class Agreement:
     @property
     def like_model(self) -> bool:
         """Whether the fold could be one of a strip that the policy was trained for."""
-        return self.residual <= RESIDUAL and self.yield_curvature <= FRICTION
+        most = agreement_limits()
+        return self.residual <= most.residual and self.yield_curvature <= most.yield_curvature
 
     def sentence(self) -> str:
         """Text for the operator: what is wrong, and what to do."""
@@ -49,29 +75,33 @@ class Agreement:
         )
 
     def _why(self) -> str:
-        off, friction = 1e3 * self.residual, self.yield_curvature
-        if self.residual > RESIDUAL:
-            return f"its profile is {off:.1f} mm off, up to {1e3 * RESIDUAL:.1f} mm are usual"
-        return f"its yarns rub as {friction:.0f} 1/m, up to {FRICTION:.0f} 1/m are usual"
+        most, off, friction = agreement_limits(), 1e3 * self.residual, self.yield_curvature
+        if self.residual > most.residual:
+            return f"its profile is {off:.1f} mm off, up to {1e3 * most.residual:.1f} mm are usual"
+        return (
+            f"its yarns rub as {friction:.0f} 1/m, up to {most.yield_curvature:.0f} 1/m are usual"
+        )
 
 
-def agreement(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    """How a rod like `strip`, with the parameters `foretold`, agrees with a measured `fold`.
+def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
+    """How a rod like `strip`, with the parameters `predicted`, agrees with a measured `fold`.
 
     The rod is fitted within the belief's intervals, with a constant bias of the images and an
     error of their stamps; what remains is neither. None where too little was measured, or where the
     rod cannot follow.
     """
-    return _fit_strip(strip, foretold, fold) if fold.usable else None
+    return _fit_strip(strip, predicted, fold) if fold.usable else None
 
 
-def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agreement | None:
-    seen = fold.binned(fold.profile)
-    middle = _parameters(foretold)
-    sigma = np.maximum(_sigmas(foretold), LEAST)
+def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
+    seen = fold.bin_curves(fold.profile)
+    middle = _parameters(predicted)
+    sigma = np.maximum(_sigmas(predicted), LEAST)
     at, residual = middle, np.nan
     for _ in range(PASSES):
-        curves = simulated([_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold)
+        curves = simulate_profiles(
+            [_model(strip, each) for each in (at, *(at + np.diag(STEPS)))], fold
+        )
         if curves is None:
             return None
         design, off = _design(curves, fold.spacing), seen - curves[0]
@@ -85,7 +115,7 @@ def _fit_strip(strip: StripFile, foretold: Foretold, fold: MeasuredFold) -> Agre
     return Agreement(residual, ROUGH * float(np.expm1(at[2])))
 
 
-def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
+def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None where one
     fails.
     """
@@ -104,7 +134,7 @@ def simulated(models: list[StripModel], fold: MeasuredFold) -> Array | None:
     for i in range(len(models)):
         arcs = np.broadcast_to(arc[i], (len(times), arc.shape[1]))
         curves = profiles(shown.shapes[:, i], arcs, contact[:, i], grip)
-        found.append(fold.binned((1.0 - part) * curves[j] + part * curves[j + 1]))
+        found.append(fold.bin_curves((1.0 - part) * curves[j] + part * curves[j + 1]))
     return np.array(found)
 
 
@@ -142,17 +172,17 @@ def _model(strip: StripFile, at: Array) -> StripModel:
     return describe(strip.model_copy(update={**changed, "effects": effects}))
 
 
-def _parameters(foretold: Foretold) -> Array:
-    friction = np.log1p(foretold.yield_curvature.value / ROUGH)
-    lengths = foretold.bending_length.value, foretold.retardation_time.value
+def _parameters(predicted: FoldPrediction) -> Array:
+    friction = np.log1p(predicted.yield_curvature.value / ROUGH)
+    lengths = predicted.bending_length.value, predicted.retardation_time.value
     return np.array([*np.log(lengths), friction])
 
 
-def _sigmas(foretold: Foretold) -> Array:
+def _sigmas(predicted: FoldPrediction) -> Array:
     def half(estimate: Estimate) -> float:
         return 0.5 * float(np.log(estimate.high / estimate.low))
 
-    friction = foretold.yield_curvature
+    friction = predicted.yield_curvature
     low, high = (np.log1p(value / ROUGH) for value in (friction.low, friction.high))
-    times = half(foretold.bending_length), half(foretold.retardation_time)
+    times = half(predicted.bending_length), half(predicted.retardation_time)
     return np.array([*times, 0.5 * (high - low)])

@@ -120,7 +120,7 @@ def background_contrast(
     )
 
 
-def exposed(seen: Samples) -> PreflightCheck:
+def check_exposure(seen: Samples) -> PreflightCheck:
     """Whether strip, desk and backdrop are neither over- nor underexposed."""
     pixels = np.vstack([seen.strip, seen.desk, seen.backdrop])
     white, black = ((pixels > WHITE).any(axis=1).mean(), (pixels < BLACK).all(axis=1).mean())

@@ -72,7 +72,9 @@ def brightness(image: Image, left: int, top: int, rows: int, columns: int) -> Fl
 
 
 @entry
-def changed(seen: Image, behind: Image, light: Image, left: int, top: int, limit: float) -> Image:
+def changed_cells(
+    seen: Image, behind: Image, light: Image, left: int, top: int, limit: float
+) -> Image:
     """(n, m) 1 where a cell differs by more than `limit` [grey levels] a channel in the mean.
 
     Every fourth row of the images (h, 3 w) counts, B, G, R in turn; `light` (n, m) is that of the

@@ -1,16 +1,16 @@
 """Offset between the edges of a laid fold, from its loop."""
 
-from typing import NamedTuple, Self
+from functools import cache
+from pathlib import Path
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
+from pydantic import Field
 
 from cell.perception.measurement import StripMeasurement
+from drivers.settings import Settings, load
 
-# Edge offset minus (length - 2 tip) of folds that lie: so much more strip than it is long a loop
-# holds, per m of its height and width and of the strip's thickness. Least squares over 67 folds of
-# the chain through images, 0.4 mm rms, most of them with yarn friction, stiffening or a seam
-# (`cell study unknown`).
-ALWAYS, OF_HEIGHT, OF_WIDTH, OF_THICKNESS = -0.1e-3, -1.05, 0.615, -0.93
+WEIGHTS = Path(__file__).with_suffix(".yaml")
 COARSE = 8  # points of the profile, some 2 cm
 TOP = 5  # points of the profile whose mean height is the loop's
 
@@ -33,6 +33,33 @@ class Loop(NamedTuple):
         return cls(float(tip_x), float(heights[-TOP:].mean()), tip_x - measurement.contact_x)
 
 
+class LaidWeights(Settings):
+    """What a loop holds beyond its length [m]: a constant [m], and per m of its height, its width
+    and the strip's thickness. Written by `cell study unknown`, with what it was fitted to.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    constant: float
+    height: float
+    width: float
+    thickness: float
+    rms: float
+    folds: int
+    source: str
+    belongs_to: str
+
+    def of(self, loop: Loop, thickness: float) -> float:
+        """So much more strip [m] than it is long a `loop` of layers of `thickness` [m] holds."""
+        seen = self.constant + self.height * loop.height + self.width * loop.width
+        return seen + self.thickness * thickness
+
+
+@cache
+def laid_weights() -> LaidWeights:
+    """The weights of this version."""
+    return load(WEIGHTS, LaidWeights)
+
+
 def laid_length(measurement: StripMeasurement) -> float:
     """Length [m] of a laid strip as it is seen, to where the gripper let go; NaN without a profile.
 
@@ -53,5 +80,4 @@ def edge_offset(length: float, thickness: float, loop: Loop) -> float:
     left leaves 2 mm more for the upper layer. What the loop holds follows from its size as seen,
     whatever made it: stiffness, friction between yarns, or a law that nobody knows.
     """
-    held = ALWAYS + OF_HEIGHT * loop.height + OF_WIDTH * loop.width
-    return length - 2.0 * loop.tip_x + held + OF_THICKNESS * thickness
+    return length - 2.0 * loop.tip_x + laid_weights().of(loop, thickness)

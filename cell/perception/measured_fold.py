@@ -36,7 +36,7 @@ class MeasuredFold(NamedTuple):
         """Whether there are enough images for a comparison."""
         return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST
 
-    def binned(self, curves: Array) -> Array:
+    def bin_curves(self, curves: Array) -> Array:
         """`curves` (k, POINTS, 2) in the middle of each bin (BINS, POINTS, 2); NaN where few.
 
         Medians of what the bin's images show besides an even motion: a median of what moves rests
@@ -54,7 +54,7 @@ class MeasuredFold(NamedTuple):
 
     @property
     def noise(self) -> float:
-        """Noise [m] that is left in a point of `binned`, along x and z together, rms."""
+        """Noise [m] that is left in a point of `bin_curves`, along x and z together, rms."""
         steps = np.abs(np.diff(self.profile, n=2, axis=0))  # what moves evenly leaves no trace
         sigma = MAD * np.median(steps, axis=0) / np.sqrt(6.0)
         of_median = 0.5 * np.pi * BINS / len(self.stamp)

@@ -23,14 +23,14 @@ def palette(samples: Array) -> Array:
     Samples between two colours, as at the border of a stripe, may stay unexplained.
     """
     colours = np.median(samples, axis=0)[None]
-    while unexplained(samples, colours).mean() > BLENDS and len(colours) < MOST:
+    while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST:
         colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
     nearest = _distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")
     return frozen(colours[frequent])
 
 
-def unexplained(samples: Array, colours: Array) -> NDArray[np.bool_]:
+def match_none(samples: Array, colours: Array) -> NDArray[np.bool_]:
     """Which samples (n, 3) match none of the colours (k, 3)."""
     return np.asarray(_distances(samples, colours).min(axis=1) > FAR)
 

@@ -10,7 +10,7 @@ from cell.perception.contact import Contact, SearchLine, find_contact
 from cell.perception.kernels import CELL, PATCH
 from cell.perception.levels import soft
 from cell.perception.measurement import StripMeasurement
-from cell.perception.profile import Geometry, midline_points, ordered, resampled
+from cell.perception.profile import Geometry, midline_points, order_points, resample
 from cell.perception.region import START, Region, strip_region, without_hand, zones
 from cell.perception.settings import PerceptionSettings
 from cell.perception.silhouette import Grip, Side, outer_side, silhouette
@@ -102,11 +102,11 @@ class Perception:
             self._calibration, self._strip.thickness, self._strip.width, region.origin, self._sizes
         )
         midline = midline_points(levels, side, geometry)
-        points = ordered(midline, self._settings.spacing)
+        points = order_points(midline, self._settings.spacing)
         lifted = points[_first_lifted(points, contact.x) :]
         if len(lifted) < 8:
             return UNSEEN
-        even = resampled(lifted, self._settings.profile_points)
+        even = resample(lifted, self._settings.profile_points)
         reach = np.hypot(*(even[-1] - (gripper.x, gripper.z)))
         length = contact.x + _arc(even)[-1] + reach
         error = max(abs(length - self._strip.length), reach - self._settings.reach)

@@ -9,8 +9,8 @@ from cell.perception.appearance import Appearance
 from cell.perception.checks import (
     PreflightCheck,
     background_contrast,
+    check_exposure,
     desk_contrast,
-    exposed,
     lies_there,
     rests_well,
     size,
@@ -65,7 +65,7 @@ def inspect(
         rise = float(np.median(lying.z[lying.present])) if lying.present.any() else rise
     seen = samples(image, calibration, strip)
     distinct = (
-        exposed(seen),
+        check_exposure(seen),
         desk_contrast(scene, seen.desk_colour, settings),
         background_contrast(scene, calibration, strip),
         solid(levels, calibration, strip, max(rise, 0.0)),

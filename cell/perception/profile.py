@@ -99,7 +99,7 @@ def _far_offset(differences: Array, most: float) -> float:
     return float(np.median(both)) if len(both) >= 10 else 0.0
 
 
-def ordered(midline: MidlinePoints, spacing: float) -> Array:
+def order_points(midline: MidlinePoints, spacing: float) -> Array:
     """The midline's points (n, 2) at about equal `spacing` [m] in order, never doubling back.
 
     Where the outer side changes from near to far edge, its points repeat a section of the midline:
@@ -118,7 +118,7 @@ def ordered(midline: MidlinePoints, spacing: float) -> Array:
     return np.asarray(sums[filled] / count[filled, None])
 
 
-def resampled(points: Array, count: int) -> Array:
+def resample(points: Array, count: int) -> Array:
     """`count` points at equal steps along a polyline (n, 2), smoothed by local parabolas."""
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, travel[-1], count)

@@ -75,7 +75,7 @@ def way_of(calibration: Calibration, length: float) -> Image:
     """
     start, middle, end, top = (share * length for share in WAY)
     outline = [(start, LOW), (end, LOW), (end, HIGH), (middle, HIGH), (middle, top), (start, top)]
-    return _filled(calibration, np.array(outline))
+    return _fill(calibration, np.array(outline))
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +96,10 @@ def zones(calibration: Calibration, length: float, shadow_height: float) -> Zone
 def _zone(calibration: Calibration, length: float, low: float) -> Image:
     right, ceiling = length + BEYOND, length
     corners = [(START, low), (right, low), (right, ceiling), (START, ceiling)]
-    return _filled(calibration, np.array(corners))
+    return _fill(calibration, np.array(corners))
 
 
-def _filled(calibration: Calibration, corners: Array) -> Image:
+def _fill(calibration: Calibration, corners: Array) -> Image:
     """Mask (height, width), 255 within `corners` (n, 2) [m]."""
     pixels = np.rint(calibration.homography.to_image(corners))
     mask = np.zeros((calibration.lens.height, calibration.lens.width), dtype=np.uint8)

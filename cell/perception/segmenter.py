@@ -12,7 +12,7 @@ from cell.perception.kernels import (
     CELL,
     PATCH,
     Floats,
-    changed,
+    changed_cells,
     discriminants,
     segment,
 )
@@ -57,7 +57,7 @@ class Segmenter:
         """
         image, behind = np.ascontiguousarray(image), self.background.image
         light, height = self.background.light(image, region, visible), image.shape[0]
-        cells = changed(
+        cells = changed_cells(
             image.reshape(height, -1),
             behind.reshape(height, -1),
             np.rint(light[1:-1, 1:-1]).astype(np.uint8),

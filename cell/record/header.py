@@ -115,7 +115,7 @@ class Interval(Settings):
     high: Number
 
 
-class ForetoldNote(Settings):
+class PredictionNote(Settings):
     """What the policy predicted: displacement and one sigma of it [m], and the strip in SI."""
 
     model_config = ConfigDict(extra="allow")
@@ -154,7 +154,7 @@ class Result(Recorded):
     duration: Number | None = None
     confidence: Number | None = None
     edge_offset: Number | None = None
-    foretold: ForetoldNote | None = None
+    foretold: PredictionNote | None = None
     agreement: AgreementNote | None = None
 
     @model_validator(mode="after")

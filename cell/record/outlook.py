@@ -1,4 +1,4 @@
-"""What a policy foretold during a fold, read from the record's events."""
+"""What a policy predicted during a fold, read from the record's events."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -9,7 +9,7 @@ import numpy as np
 from cell.record.run import Event
 from drivers.types import Array
 
-FORETOLD = "foretold"  # kind of the events
+PREDICTED = "foretold"  # kind of the events
 BELIEFS = ("bending_length", "retardation_time", "yield_curvature")
 NAMES = tuple(name + end for name in ("displacement", *BELIEFS) for end in ("", "_low", "_high"))
 """Columns of a row: displacement [m] with one sigma about it, then bending length [m], retardation
@@ -25,7 +25,7 @@ class Outlook(NamedTuple):
     @classmethod
     def of(cls, events: Iterable[Event]) -> Self:
         """The predictions among `events`; NaN for values that cannot be read."""
-        stated = sorted((e for e in events if e.kind == FORETOLD), key=lambda event: event.t)
+        stated = sorted((e for e in events if e.kind == PREDICTED), key=lambda event: event.t)
         rows = np.array([row_of(event.facts) for event in stated])
         return cls(np.array([event.t for event in stated]), rows.reshape(-1, len(NAMES)))
 

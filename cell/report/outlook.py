@@ -11,7 +11,7 @@ from cell.report.drawing import BLUE, INK, MUTED, ORANGE, as_svg, canvas
 from cell.report.words import MINUS, millimetres
 
 PANELS = {
-    "displacement": ("foretold d  [mm]", 1e3, ORANGE),
+    "displacement": ("predicted d  [mm]", 1e3, ORANGE),
     "bending_length": ("bending length  [mm]", 1e3, BLUE),
     "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
     "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),

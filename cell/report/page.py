@@ -120,10 +120,10 @@ def _outlook(run: Run) -> Iterator[str]:
     """What the policy predicted, if it does."""
     rows, outlook = predictions(run.result), Outlook.of(run.events())
     if rows:
-        yield section("What the policy foretold", definitions(rows, "tiles"))
+        yield section("What the policy predicted", definitions(rows, "tiles"))
     if len(outlook.t) > 1:
         yield section(
-            "Foretold over the fold",
+            "FoldPrediction over the fold",
             drawing(outlook_figure(run, outlook), "predictions of the policy over time"),
             note="Bands: one sigma, in which 68 % of the outcomes should lie. The dotted line is "
             "the displacement that the camera measured in the end.",

@@ -77,8 +77,8 @@ class Problem:
         motions = np.einsum("ab,nbp->nap", turn, motions)
         motions[..., ROLL] = curve[:, ::-1] * (-1, 1)
         motions[..., [X, Z]] = np.eye(2)
-        misses = self._seen(seen.points - values[[X, Z]] - curve)
-        return Trial(values, hanging, misses, self._seen(motions), self._cost(values, misses))
+        misses = self._project(seen.points - values[[X, Z]] - curve)
+        return Trial(values, hanging, misses, self._project(motions), self._cost(values, misses))
 
     def normal_equations(self, trial: Trial) -> tuple[Array, Array]:
         """Half the second derivative (p, p) of the cost, and the downhill direction (p,)."""
@@ -86,7 +86,7 @@ class Problem:
         matrix = trial.slopes.T @ (weight[:, None] * trial.slopes) + np.diag(self._prior**2)
         return matrix, trial.slopes.T @ (weight * trial.misses) - self._prior**2 * trial.values
 
-    def _seen(self, motion: Array) -> Array:
+    def _project(self, motion: Array) -> Array:
         """Parts (2 n, ...) across and along the midline of a motion (n, 2, ...), in sigmas."""
         parts = np.einsum("knc,nc...->kn...", self._frame, motion)
         return np.asarray(parts.reshape(-1, *motion.shape[2:]))

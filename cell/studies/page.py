@@ -19,7 +19,7 @@ from cell.report.markup import (
     verdict_box,
 )
 from cell.studies.campaign import Kept, cost
-from cell.studies.table import cells, grouped, head, held, markdown, rows, said, samples
+from cell.studies.table import cells, group, head, keeps_bars, markdown, progress, rows, samples
 from drivers.files import replace_file
 
 TABLE, PAGE, FIT = "table.md", "study.html", "fit.yaml"
@@ -36,10 +36,10 @@ def write_page(kept: Kept) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / TABLE, markdown(kept).encode())
     if study.fit is not None and len(kept.outcomes) >= kept.asked.count:
-        source = {"source": said(kept), "belongs_to": study.fit.path}
+        source = {"source": progress(kept), "belongs_to": study.fit.path}
         write_document(folder / FIT, {**study.fit.of(kept.outcomes), **source})
     if study.ledger is not None:
-        text = f"{study.ledger.of(kept.outcomes)}\n{said(kept)}\n"
+        text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
         replace_file(folder / Path(study.ledger.path).name, text.encode())
     path = folder / PAGE
     replace_file(path, page_of(kept).encode())
@@ -50,15 +50,15 @@ def page_of(kept: Kept) -> str:
     """The page, self-contained."""
     study, found = kept.asked.study, rows(kept)
     whole = len(kept.outcomes) >= kept.asked.count
-    tone: Tone = "fair" if not whole else "good" if held(found) else "bad"
+    tone: Tone = "fair" if not whole else "good" if keeps_bars(found) else "bad"
     bars = [q for q in study.quantities if q.bar is not None]
-    headline = "Its bars are kept" if held(found) else "A bar is not kept"
+    headline = "Its bars are kept" if keeps_bars(found) else "A bar is not kept"
     body = [
         masthead("Study", study.name),
         verdict_box(
             tone if bars else "fair",
             headline if bars and found else "What was measured",
-            (study.question, said(kept)),
+            (study.question, progress(kept)),
         ),
         section("Table", table(head(kept), [cells(row) for row in found])),
         section("Cases", drawing(points(kept), "a point a case") if kept.outcomes else ""),
@@ -74,7 +74,7 @@ def _why(record: Record) -> tuple[str, str]:
 
 def points(kept: Kept) -> str:
     """The first quantity of every case, a line a group; SVG."""
-    quantity, groups = kept.asked.study.quantities[0], grouped(kept)
+    quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(WIDTH, 0.7 + ROW * len(groups)) as figure:
         axes = figure.add_subplot()
         for line, some in enumerate(groups.values()):

@@ -21,7 +21,7 @@ class Row:
 
 def rows(kept: Kept) -> tuple[Row, ...]:
     """A row a group in the order of its first case, and one of all where there are several."""
-    quantities, groups = kept.asked.study.quantities, grouped(kept)
+    quantities, groups = kept.asked.study.quantities, group(kept)
     if len(groups) > 1:
         groups[ALL] = list(kept.outcomes)
     return tuple(
@@ -30,7 +30,7 @@ def rows(kept: Kept) -> tuple[Row, ...]:
     )
 
 
-def grouped(kept: Kept) -> dict[str, list[Outcome]]:
+def group(kept: Kept) -> dict[str, list[Outcome]]:
     """The outcomes by the values of `by`, in the order of their cases."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in sorted(kept.outcomes, key=lambda o: o.case.number):
@@ -39,7 +39,7 @@ def grouped(kept: Kept) -> dict[str, list[Outcome]]:
     return groups
 
 
-def held(found: Sequence[Row]) -> bool:
+def keeps_bars(found: Sequence[Row]) -> bool:
     """Whether the last row, that of all cases, keeps every bar."""
     return bool(found) and all(f.held is not False for f in found[-1].figures)
 
@@ -60,10 +60,12 @@ def markdown(kept: Kept) -> str:
     titles = head(kept)
     lines = [titles, ("---",) * len(titles), *(cells(row) for row in rows(kept))]
     escaped = ([cell.replace("|", "\\|") for cell in line] for line in lines)
-    return "\n".join(["| " + " | ".join(line) + " |" for line in escaped] + ["", said(kept), ""])
+    return "\n".join(
+        ["| " + " | ".join(line) + " |" for line in escaped] + ["", progress(kept), ""]
+    )
 
 
-def said(kept: Kept) -> str:
+def progress(kept: Kept) -> str:
     """How many cases of how many, by which code, and what is missing."""
     asked, lost = kept.asked, kept.lost
     done = len(kept.outcomes)

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from threadpoolctl import threadpool_limits
 
-from cell.train.evaluation import Engine, Evaluation, made
+from cell.train.evaluation import Engine, Evaluation, make_stepper
 from cell.train.run import EVALUATION, alone_in
 from drivers.files import replace_file, writing
 from drivers.strip.describe import describe
@@ -70,7 +70,7 @@ def train_critic(
                         text = f"{step.done} of {step.total}: {step.said}"
                         console.print(text, highlight=False, soft_wrap=True)
                 bar.update(task, description="judged on both engines")
-                found = judged(training.finished, settings, side, executor)
+                found = evaluate_critic(training.finished, settings, side, executor)
         except KeyboardInterrupt:
             console.print("interrupted; the same command goes on", highlight=False)
             raise
@@ -79,7 +79,7 @@ def train_critic(
         return trained
 
 
-def judged(
+def evaluate_critic(
     critic: Critic, settings: CriticSettings, side: int, executor: Executor
 ) -> tuple[Evaluation, ...]:
     """Fold the `side` x `side` grid of the paper's range on each engine, a row a piece."""
@@ -104,7 +104,7 @@ def fold_row(
     models = [describe(strip) for strip in strips]
     with threadpool_limits(1, user_api="blas"):
         folds = roll_out(
-            Adaptive(critic), made(engine), strips[0], models, settings=rollout, rng=rng
+            Adaptive(critic), make_stepper(engine), strips[0], models, settings=rollout, rng=rng
         )
     return folds.displacement
 

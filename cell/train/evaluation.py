@@ -104,10 +104,10 @@ def fold_row(
     strips = grid(side)[row * side : (row + 1) * side]
     rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
     rng = np.random.default_rng([settings.seed, 3, row])
-    folds = fold_all(made(engine), np.atleast_2d(weights), strips, rollout, rng)
+    folds = fold_all(make_stepper(engine), np.atleast_2d(weights), strips, rollout, rng)
     return np.stack([folds.displacement, misses(folds, strips[0].length)])
 
 
-def made(engine: Engine) -> Stepper:
+def make_stepper(engine: Engine) -> Stepper:
     """A stepper of that engine."""
     return Rod(FINE, strict=False) if engine is Engine.ROD else Chain(LINKS)

@@ -57,8 +57,8 @@ def train(
             meter = Meter(console, settings.generations, run.known)
             try:
                 for step in run.run(executor):
-                    meter.trained(step)
-                found = evaluate(run.weights, settings, side, executor, meter.judged)
+                    meter.show_generation(step)
+                found = evaluate(run.weights, settings, side, executor, meter.show_evaluation)
             except KeyboardInterrupt:
                 console.print("interrupted; the same command goes on", highlight=False)
                 raise

@@ -36,7 +36,7 @@ class Meter:
             console.print(f"goes on after {known} of {generations} generations", highlight=False)
         self._bar.start()
 
-    def trained(self, step: Progress) -> None:
+    def show_generation(self, step: Progress) -> None:
         """One generation is done."""
         self._took.append(step.seconds)
         if step.validated is not None:
@@ -51,7 +51,7 @@ class Meter:
         if self._is_told(done):
             self._console.print(text, highlight=False, soft_wrap=True)
 
-    def judged(self, done: int, pieces: int) -> None:
+    def show_evaluation(self, done: int, pieces: int) -> None:
         """`done` of `pieces` of the final evaluation."""
         text = f"folds strips that training never folded: {done} of {pieces} pieces"
         self._bar.update(self._task, total=pieces, completed=done, description=text)

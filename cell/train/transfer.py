@@ -12,12 +12,12 @@ import numpy as np
 from cell.campaign.journal import digest
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.campaign.versions import code
-from cell.studies.kit.folds import folded_unknown
-from cell.studies.kit.predicted import compared
+from cell.studies.kit.folds import fold_unknown
+from cell.studies.kit.predicted import compare
 from drivers.errors import ConfigurationError
 from policies.adaptive.checkpoint import THROUGH_IMAGES, about, load_critic, save_critic
 from policies.adaptive.fabrics import unknown
-from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fitted
+from policies.adaptive.train.transfer import FitQuality, FoldedBatch, fit_transfer
 from policies.adaptive.transfer import Transfer
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
@@ -54,8 +54,8 @@ class FoldPart:
         """What `FoldedBatch` needs of the fold, empty where it was not folded."""
         strip = unknown(np.random.default_rng([self.seed, self.number]))
         with TemporaryDirectory() as place:
-            result = folded_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
-            found = compared(result)
+            result = fold_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
+            found = compare(result)
         if result.exit_code != 0 or "predicted" not in found or found["edges"] is None:
             return {}
         known = {name: found[source] for name, source in SOURCES.items()}
@@ -84,7 +84,7 @@ def transfer(
             f"{folder}: {len(rows)} of {count} folds came to their end, {LEAST:.0%} are needed; "
             "see the reasons in its journal"
         )
-    found, quality = fitted(FoldedBatch.of(rows))
+    found, quality = fit_transfer(FoldedBatch.of(rows))
     origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": quality.facts()}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return found, quality

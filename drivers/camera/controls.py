@@ -107,7 +107,7 @@ def _control(device: Device, query: ControlQuery) -> CameraControl:
     readable = kind is not ControlType.BUTTON and not flags & ControlFlag.WRITE_ONLY
     return CameraControl(
         number=query.id,
-        name=spelled(query.name.decode(errors="replace")),
+        name=spell(query.name.decode(errors="replace")),
         kind=kind,
         low=query.minimum,
         high=query.maximum,
@@ -157,6 +157,6 @@ def _value(device: Device, number: int) -> int:
     return int(said.value)
 
 
-def spelled(name: str) -> str:
+def spell(name: str) -> str:
     """A control's name as v4l2-ctl spells it: "White Balance, Automatic" loses its comma."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")

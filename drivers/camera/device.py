@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Self, TypeVar
 
 from drivers.camera.abi import CAPTURE, Argument, Can, Capability, FormatDescription, Request
-from drivers.camera.errors import CameraLost, CameraRefused, named
+from drivers.camera.errors import CameraLost, CameraRefused, translate_error
 from drivers.camera.kernel import Kernel
 
 A = TypeVar("A", bound=Argument)
@@ -68,7 +68,7 @@ class Device:
         try:
             fd = kernel.open(path)
         except OSError as error:
-            raise named(error, path, "opening it", users_of(path)) from None
+            raise translate_error(error, path, "opening it", users_of(path)) from None
         try:
             return cls(kernel, path, fd, _identity(kernel, path, fd))
         except BaseException:
@@ -77,29 +77,29 @@ class Device:
 
     def call(self, request: Request, argument: A, doing: str) -> A:
         """Execute `request` and return the filled `argument`; raises the error
-        that `named` gives.
+        that `translate_error` gives.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:
             users = users_of(self.path) if error.errno == errno.EBUSY else ""
-            raise named(error, self.path, doing, users) from None
+            raise translate_error(error, self.path, doing, users) from None
         return argument
 
     def supports(self, request: Request, argument: Argument) -> bool:
         """Execute `request`; False where the device answers that it is not supported.
 
-        Raises the error that `named` gives for any other failure.
+        Raises the error that `translate_error` gives for any other failure.
         """
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:
             if error.errno in NO_MORE:
                 return False
-            raise named(error, self.path, f"asking for {request.name}", "") from None
+            raise translate_error(error, self.path, f"asking for {request.name}", "") from None
         return True
 
-    def listed(self, request: Request, at: Callable[[int], A]) -> Iterator[A]:
+    def enumerate_entries(self, request: Request, at: Callable[[int], A]) -> Iterator[A]:
         """Entries of an enumeration by index, until the device has no more."""
         index = 0
         while self.supports(request, entry := at(index)):
@@ -109,7 +109,9 @@ class Device:
     def formats(self) -> list[FormatDescription]:
         """Pixel formats that the device offers."""
         return list(
-            self.listed(Request.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE))
+            self.enumerate_entries(
+                Request.ENUM_FMT, lambda i: FormatDescription(index=i, type=CAPTURE)
+            )
         )
 
     def present(self) -> bool:
@@ -132,7 +134,7 @@ def _identity(kernel: Kernel, path: str, fd: int) -> Identity:
     try:
         kernel.ioctl(fd, Request.QUERYCAP, said)
     except OSError as error:
-        raise named(error, path, "asking what it is", users_of(path)) from None
+        raise translate_error(error, path, "asking what it is", users_of(path)) from None
     can = said.device_caps if said.capabilities & Can.DEVICE_CAPS else said.capabilities
     if not (can & Can.VIDEO_CAPTURE and can & Can.STREAMING):
         raise CameraRefused(path, "device", "does not stream video; name the camera's video node")

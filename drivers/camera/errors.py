@@ -53,7 +53,7 @@ class CameraRefused(ConfigurationError):
         super().__init__(f"{device}: {key}: {problem}")
 
 
-def named(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
+def translate_error(error: OSError, device: str, doing: str, users: str) -> Fault | CameraRefused:
     """The driver's error for an OSError raised while `doing` something."""
     reason = error.strerror or str(error)
     if error.errno in GONE:

@@ -41,14 +41,16 @@ def modes_of(device: Device) -> Iterator[Mode]:
 
 
 def _sizes(device: Device, number: int) -> Iterator[FrameSize]:
-    return device.listed(Request.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number))
+    return device.enumerate_entries(
+        Request.ENUM_FRAMESIZES, lambda i: FrameSize(index=i, pixel_format=number)
+    )
 
 
 def _rates(device: Device, number: int, width: int, height: int) -> tuple[float, ...]:
     def at(index: int) -> FrameInterval:
         return FrameInterval(index=index, pixel_format=number, width=width, height=height)
 
-    found = device.listed(Request.ENUM_FRAMEINTERVALS, at)
+    found = device.enumerate_entries(Request.ENUM_FRAMEINTERVALS, at)
     rates = {_rate(step) for interval in found for step in _ends(interval)}
     return tuple(sorted((rate for rate in rates if rate > 0), reverse=True))
 

@@ -57,7 +57,7 @@ class Sequence:
 
         Less for a counter that repeats or goes back; such a frame is the next one.
         """
-        step = 1 if self._counter is None else signed(counter - self._counter)
+        step = 1 if self._counter is None else signed_difference(counter - self._counter)
         self._counter = counter
         self.number += max(step, 1)
         return step
@@ -68,6 +68,6 @@ class Sequence:
         self._counter = None
 
 
-def signed(difference: int) -> int:
+def signed_difference(difference: int) -> int:
     """Difference of two 32-bit counters, between -2^31 and 2^31 - 1."""
     return (difference + BITS // 2) % BITS - BITS // 2

@@ -15,7 +15,7 @@ from drivers.camera.abi import (
     Request,
 )
 from drivers.camera.device import Device
-from drivers.camera.errors import CameraFaulty, named
+from drivers.camera.errors import CameraFaulty, translate_error
 from drivers.camera.kernel import Mapping
 from drivers.types import Image
 
@@ -78,7 +78,7 @@ class Stream:
                 return None
             if error.errno == errno.EINVAL:  # the queue has stopped by itself
                 raise CameraFaulty(device.path, "the kernel stopped the stream") from None
-            raise named(error, device.path, "taking a frame", "") from None
+            raise translate_error(error, device.path, "taking a frame", "") from None
         capture = self._copy(buffer)
         self._give(buffer.index)
         return capture
@@ -115,7 +115,7 @@ class Stream:
         try:
             return device.kernel.map(device.fd, said.length, said.m.offset)
         except OSError as error:
-            raise named(error, device.path, "sharing a buffer", "") from None
+            raise translate_error(error, device.path, "sharing a buffer", "") from None
 
     def _give(self, index: int) -> None:
         buffer = Buffer(index=index, type=CAPTURE, memory=MMAP)

@@ -12,7 +12,7 @@ REACH = 0.005  # m to each side over which a crease turns
 SET = 1.2  # bending lengths before the grip: where its first turn bends a strip that lies
 
 
-def creased(model: StripModel, angle: float, position: float) -> StripModel:
+def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
     """The model with a crease: a rest angle `angle` [rad] at `position` [m]."""
     mechanics = model.mechanics
     away = np.abs(mechanics.cells - position)
@@ -32,4 +32,4 @@ def set_down(model: StripModel, turn: float) -> StripModel:
     mechanics = model.mechanics
     weight = float(np.mean(mechanics.linear_density)) * GRAVITY
     bending_length = (float(np.mean(mechanics.rigidity)) / weight) ** (1 / 3)
-    return creased(model, -turn, mechanics.length - SET * bending_length) if turn else model
+    return add_crease(model, -turn, mechanics.length - SET * bending_length) if turn else model

@@ -22,7 +22,7 @@ def describe(strip: StripFile, cell_effects: Effects | None = None, index: int =
     `index` is the number of runs that this specimen has already been through.
     """
     effects = {**strip.effects, **(cell_effects or {})}
-    return _described(
+    return _describe_cached(
         _Question(f"{strip!r} {sorted(effects.items())!r} {index}", strip, effects, index)
     )
 
@@ -38,7 +38,7 @@ class _Question:
 
 
 @lru_cache(maxsize=16)
-def _described(asked: _Question) -> StripModel:
+def _describe_cached(asked: _Question) -> StripModel:
     """Descriptions are read-only, so that who asks for the same one shares it."""
     strip = asked.strip
     rigidity = np.full(CELLS, strip.rigidity)

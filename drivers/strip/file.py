@@ -47,7 +47,9 @@ class StripFile(Settings):
 
     @field_validator("spread")
     @classmethod
-    def _ordered(cls, spread: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    def _check_spread(
+        cls, spread: dict[str, tuple[float, float]]
+    ) -> dict[str, tuple[float, float]]:
         known = {"bending_length", "retardation_time", "areal_density", "thickness"}
         for key, (low, high) in spread.items():
             if key not in known:

@@ -5,7 +5,7 @@ import numpy as np
 from drivers.types import Array
 
 
-def graded(length: float, pieces: int, share: float, finest: float) -> Array:
+def graded_nodes(length: float, pieces: int, share: float, finest: float) -> Array:
     """Arc lengths of the nodes (pieces + 1,) [m]: equal segments, except that over the last `share`
     they shrink to `finest` times the others.
 

@@ -64,12 +64,12 @@ def _force(model: StripModel, amount: float) -> StripModel:
 
 
 def _place(model: StripModel, amount: float) -> StripModel:
-    return replace(model, mechanics=model.mechanics.stiffened(1.0 + amount * _along(model)))
+    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * _along(model)))
 
 
 def _run(model: StripModel, amount: float) -> StripModel:
     factor = np.full_like(model.mechanics.rigidity, max(0.05, 1.0 + amount * model.index))
-    return replace(model, mechanics=model.mechanics.stiffened(factor))
+    return replace(model, mechanics=model.mechanics.scale_rigidity(factor))
 
 
 def _set(model: StripModel, amount: float) -> StripModel:
@@ -80,7 +80,7 @@ def _set(model: StripModel, amount: float) -> StripModel:
 
 def _middle(model: StripModel, amount: float) -> StripModel:
     arched = 1.0 - 4.0 * _along(model) ** 2
-    return replace(model, mechanics=model.mechanics.stiffened(1.0 + amount * arched))
+    return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * arched))
 
 
 def _even(model: StripModel, amount: float) -> StripModel:
@@ -111,27 +111,27 @@ def _fading(model: StripModel, amount: float) -> StripModel:
 
 def _clock(model: StripModel, amount: float) -> StripModel:
     latency = model.observation.camera_latency + amount
-    return _seen(model, lambda seen: replace(seen, camera_latency=latency))
+    return _observe(model, lambda seen: replace(seen, camera_latency=latency))
 
 
 def _side(model: StripModel, amount: float) -> StripModel:
-    return _seen(model, lambda seen: replace(seen, shift_x=seen.shift_x + amount))
+    return _observe(model, lambda seen: replace(seen, shift_x=seen.shift_x + amount))
 
 
 def _view(model: StripModel, amount: float) -> StripModel:
-    return _seen(model, lambda seen: replace(seen, shift_z=seen.shift_z + amount))
+    return _observe(model, lambda seen: replace(seen, shift_z=seen.shift_z + amount))
 
 
 def _zoom(model: StripModel, amount: float) -> StripModel:
-    return _seen(model, lambda seen: replace(seen, scale=seen.scale + amount))
+    return _observe(model, lambda seen: replace(seen, scale=seen.scale + amount))
 
 
 def _contact(model: StripModel, amount: float) -> StripModel:
     bias = model.observation.contact_bias + amount
-    return _seen(model, lambda seen: replace(seen, contact_bias=bias))
+    return _observe(model, lambda seen: replace(seen, contact_bias=bias))
 
 
-def _seen(model: StripModel, change: Callable[[Observation], Observation]) -> StripModel:
+def _observe(model: StripModel, change: Callable[[Observation], Observation]) -> StripModel:
     return replace(model, observation=change(model.observation))
 
 

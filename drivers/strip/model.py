@@ -154,7 +154,7 @@ class Mechanics:
         shared = ahead - np.maximum(cells[:-1], position - width / 2)
         return np.clip(shared * (CELLS / self.length), 0.0, 1.0)
 
-    def stiffened(self, factor: Array) -> Self:
+    def scale_rigidity(self, factor: Array) -> Self:
         """The strip with rigidity times `factor` (CELLS,) and the same retardation time."""
         rigidity, viscosity = frozen(self.rigidity * factor), frozen(self.viscosity * factor)
         return replace(self, rigidity=rigidity, viscosity=viscosity)

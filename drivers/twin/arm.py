@@ -71,7 +71,7 @@ class TwinArm:
             stamp=self._stamp,
             arrival=self._clock.now(),
             source=SOURCE,
-            pose=self._measured(),
+            pose=self._measure(),
             velocity=Velocity(*self._report()[3:]),
             commanded=self._profile.pose,
             moving=self._profile.moving or not self._settled,
@@ -144,7 +144,7 @@ class TwinArm:
         behind = hypot(commanded.x - x, commanded.z - z, commanded.pitch - pitch)
         return behind <= SETTLED
 
-    def _measured(self) -> Pose:
+    def _measure(self) -> Pose:
         """The robot's measurement, transformed to the cell frame."""
         noise: Array = self._noise[self._ticks % NOISE_BLOCK] * self._sigma
         x, z, pitch, *_ = self._report()

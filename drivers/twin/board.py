@@ -8,7 +8,7 @@ import numpy as np
 from drivers.errors import ConfigurationError
 from drivers.geometry import Matrix
 from drivers.twin.renderer.optics import Optics, Pixels
-from drivers.twin.renderer.sensor import blurred, noisy
+from drivers.twin.renderer.sensor import blur, noisy
 from drivers.twin.renderer.stage import bgr, light
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Frame, Image
@@ -47,7 +47,7 @@ def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: H
     at = np.array([held.x * settings.width, held.y * settings.height], dtype=np.float32)
     ray = np.array([float(part[0]) for part in optics.rays(at[:1], at[1:])])
     pose = np.eye(4)
-    pose[:3, :3] = optics.rotation.T @ _turned(held.tilt, held.turn, held.roll)
+    pose[:3, :3] = optics.rotation.T @ _rotation(held.tilt, held.turn, held.roll)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
     return pose
 
@@ -59,12 +59,12 @@ def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
     """
     upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     pose = np.eye(4)
-    pose[:3, :3] = upright @ _turned(tilt, turn, roll)
+    pose[:3, :3] = upright @ _rotation(tilt, turn, roll)
     pose[:3, 3] = centre
     return pose
 
 
-def _turned(tilt: float, turn: float, roll: float) -> Array:
+def _rotation(tilt: float, turn: float, roll: float) -> Array:
     ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]]).T
@@ -92,7 +92,7 @@ def board_frame(
     image[:] = bgr(settings.surroundings.backdrop) * glow
     _show(image, optics, board, pose, glow)
     rng = np.random.default_rng((seed, sequence, 0xB0))
-    seen = noisy(blurred(image, settings.lens_blur), settings.noise, rng)
+    seen = noisy(blur(image, settings.lens_blur), settings.noise, rng)
     seen.setflags(write=False)
     return Frame(stamp, stamp + settings.transport_delay, SOURCE, sequence, seen)
 

@@ -124,5 +124,5 @@ class TwinCamera:
 def optics_now(settings: CameraSettings, observation: Observation, desk_height: float) -> Optics:
     """The camera at its present pose: measured = (1 + scale) (true + desk height) + shift."""
     shift = observation.shift_x, observation.shift_z
-    moved = Optics.of(settings).displaced(observation.scale, shift)
-    return moved.displaced(0.0, (0.0, desk_height))
+    moved = Optics.of(settings).displace(observation.scale, shift)
+    return moved.displace(0.0, (0.0, desk_height))

@@ -51,7 +51,7 @@ class RigOffsets:
         """The strip is grasped here: from now on offsets grow with the distance."""
         self._start = believed
 
-    def passed(self, believed: Pose) -> Pose:
+    def advance(self, believed: Pose) -> Pose:
         """The true pose of a gripper that has moved to the reported pose `believed`."""
         if self._start is not None:
             share = share_away(believed.as_array(), self._start.as_array())

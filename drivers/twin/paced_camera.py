@@ -39,10 +39,10 @@ class PacedCamera:
         """
         drawn, self._drawn = self._drawn, None
         if drawn is not None and drawn.stamp > after:
-            return self._told(drawn)
+            return self._deliver(drawn)
         newest = self._camera.read(after, timeout)
         if newest is not None and newest.stamp - self._last > SELDOM:
-            return self._told(newest)
+            return self._deliver(newest)
         self._drawn = newest
         return None
 
@@ -51,6 +51,6 @@ class PacedCamera:
         self._drawn = None
         self._camera.close()
 
-    def _told(self, frame: Frame) -> Frame:
+    def _deliver(self, frame: Frame) -> Frame:
         self._last = frame.stamp
         return frame

@@ -78,7 +78,7 @@ class World:
         end = nanoseconds(min(time, self._path[-1][0]))
         while nanoseconds((self._steps + 1) * self._settings.step) <= end:
             self._steps += 1
-            hand = self._bearings.passed(self._hand_at(self.time))
+            hand = self._bearings.advance(self._hand_at(self.time))
             if self._grasped_at is not None:
                 self._step_strip(hand)
             self._history.add(self._scene(self.time, hand))

@@ -14,13 +14,13 @@ from policies.adaptive.critic import Critic, Judgement, middle
 from policies.adaptive.features import USUAL, Features
 from policies.adaptive.steering import Steering
 from policies.adaptive.transfer import Transfer
-from policies.foretelling import Foretold
-from policies.path import Path, unpushed
+from policies.path import Path, vertical_lift
 from policies.policy import Decision, Observation
+from policies.prediction import FoldPrediction
 
 SMOOTH = 0.08  # s in which the path follows a new judgement
 BLIND = 0.2  # s without an image that deserves belief, after which nothing is foreseen
-TOLD = 5  # judgements whose middle is foretold
+TOLD = 5  # judgements whose middle is predicted
 LENGTHS = (0.45, 0.75)  # m, of strips that the critic was trained on
 SPEED, SPEED_TOLERANCE = 0.1, 0.015  # m/s, likewise
 UNKNOWING = 0.07  # of the length, the rise of a fold that nothing is known of: that of `shifted`
@@ -81,20 +81,20 @@ class Adaptive:
 
     def lift(self) -> Path:
         """Up without a push on the strip."""
-        return unpushed(self._length)
+        return vertical_lift(self._length)
 
     @property
     def rise(self) -> Array:
         """Rises (n,) [m] of the lines that the grippers come down on."""
         return self._fold.rise
 
-    def foretold(self) -> Foretold | None:
+    def prediction(self) -> FoldPrediction | None:
         """What images are expected to show of the first fold; None before the first decision."""
         if not self._recent:
             return None
         judged = middle(self._recent)
         bias = self.transfer.bias.of(judged.belief, self._thickness)
-        return Foretold(
+        return FoldPrediction(
             displacement=float(judged.displacement[0] - bias[0] + self._seen),
             sigma=float(self.transfer.bias.sigma_of(judged.sigma, self._thickness)[0]),
             **judged.belief.first(),
@@ -102,27 +102,27 @@ class Adaptive:
         )
 
     def decide(self, observation: Observation) -> Decision:
-        """Towards the line of each strip, moved by what its images foretell."""
+        """Towards the line of each strip, moved by what its images predict."""
         fresh = self._features.tell(observation)
         inputs = self._features.inputs(observation, self.rise, self._steering.descending)
-        judgement = self._judged(inputs, fresh)
+        judgement = self._judge(inputs, fresh)
         self.blind = observation.time - self._features.newest > BLIND
         self._fold = self._fold._replace(
-            rise=self._moved(judgement, observation.time), time=observation.time
+            rise=self._smooth_rise(judgement, observation.time), time=observation.time
         )
         return self._steering.decide(observation.x, observation.z, self.rise)
 
-    def _judged(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
+    def _judge(self, inputs: Array, fresh: NDArray[np.bool_]) -> Judgement:
         """The judgement on `inputs` (n, COUNT), remembered where they are `fresh`."""
-        whitened = self.critic.whitened(inputs)
-        memory = self._fold.memory + fresh[:, None] * self.critic.recalled(whitened)
+        whitened = self.critic.whiten(inputs)
+        memory = self._fold.memory + fresh[:, None] * self.critic.memorise(whitened)
         told = self._fold.told + fresh
         self._fold = self._fold._replace(memory=memory, told=told)
         self.judgement = self.critic.judge(whitened, memory / np.maximum(told, 1)[:, None])
         self._recent.append(self.judgement)
         return self.judgement
 
-    def _moved(self, judgement: Judgement, time: Array) -> Array:
+    def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
         """The rises (n,) at which d is as wanted, approached smoothly."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
         aim = self.transfer.roll.aim(judgement.belief) - self._seen - self._unseen

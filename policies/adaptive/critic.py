@@ -6,7 +6,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from drivers.types import Array
-from policies.foretelling import Estimate
+from policies.prediction import Estimate
 
 STEEPEST, FLATTEST = 2.0, 0.1  # of dd/dr that are believed
 DISPLACEMENT, SLOPE, SPREAD = range(3)
@@ -85,11 +85,11 @@ class Critic:
         """Units of memory."""
         return int(self.weights["recall"].shape[1])
 
-    def whitened(self, inputs: Array) -> Array:
+    def whiten(self, inputs: Array) -> Array:
         """Inputs (n, inputs) with unit spread and no correlation, within `FAR` of their mean."""
         return np.clip((inputs - self.weights["mean"]) @ self.weights["whiten"], -FAR, FAR)
 
-    def recalled(self, whitened: Array) -> Array:
+    def memorise(self, whitened: Array) -> Array:
         """What of whitened inputs (n, k) goes into the memory (n, memory)."""
         return np.tanh(whitened @ self.weights["recall"] + self.weights["recall_bias"])
 

@@ -28,13 +28,13 @@ def by_hand(length: float, seed: int, number: int) -> Motion:
     """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor; the
     same for the same numbers.
     """
-    line, travel = led(length, generator(seed, number))
+    line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PLACES)
     times: Array = STEP * np.arange(len(travel), dtype=float)
     return Motion(Path.through(line(whole)), times, travel, ())
 
 
-def led(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
+def hand_path(length: float, rng: np.random.Generator) -> tuple[CubicSpline, Array]:
     """The way of a gripper that a person leads from the grasped edge of a strip of `length` [m] to
     over its fixed edge, points [m] by distance, and the distance (n,) [m] every STEP.
 

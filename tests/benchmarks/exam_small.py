@@ -13,7 +13,7 @@ from cell.campaign.local import Local
 from cell.campaign.progress import Meter
 from cell.exam.cases.draw import cases
 from cell.exam.report.page import GOOD
-from cell.exam.run import run_exam, said
+from cell.exam.run import run_exam, summarise
 
 COUNT, SEED, LEAST, JOBS = 6, 0, 5, 2
 
@@ -22,7 +22,7 @@ def main() -> int:
     """Draw, make, judge, and tell."""
     with TemporaryDirectory() as folder:
         drawn = cases("state", COUNT, SEED, jobs=JOBS)
-        with Meter(Console(), said) as meter:
+        with Meter(Console(), summarise) as meter:
             entries = run_exam(drawn, Path(folder), engine=Local(JOBS), watcher=meter)
     results = [e.outcome.result if e.outcome else "failed" for e in entries]
     good = sum(result in GOOD for result in results)

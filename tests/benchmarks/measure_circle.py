@@ -25,7 +25,7 @@ from cell.exam.runs.scatter import LEVELS
 from cell.exam.runs.through_images import Open
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
-from cell.folding.standard_runs import check_empty, folded, standard_requests
+from cell.folding.standard_runs import check_empty, fold_runs, standard_requests
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
 from cell.gap.verdict.schema import Verdict
@@ -79,7 +79,7 @@ class Circle:
 
     def _folded(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
         if self.scatter == "none":
-            yield from folded(wanted, self.jobs)
+            yield from fold_runs(wanted, self.jobs)
             return
         for request in wanted:
             yield fold(request, opened=Open([], request.choice.seed, self.scatter), page=False)

@@ -80,7 +80,7 @@ def _stated(case: Case) -> dict[str, float]:
 
 def _drawn(case: Case) -> Mapping[str, float]:
     """Standard deviations of what the runs of a case have."""
-    runs = [RunScatter.drawn(case.scatter, case.seed, i) for i in range(len(MOTIONS))]
+    runs = [RunScatter.draw(case.scatter, case.seed, i) for i in range(len(MOTIONS))]
     each = np.array([[*run.grip, run.damping, run.stiffness] for run in runs])
     return dict(zip(QUANTITIES, each.std(axis=0, ddof=1), strict=True))
 

@@ -52,7 +52,7 @@ class Mutant:
     new: str
     tests: tuple[str, ...]
 
-    def applied(self, text: str) -> str:
+    def apply_to(self, text: str) -> str:
         """The file's text with the bug; Unusable where it does not apply."""
         if text.count(self.old) != 1:
             raise Unusable(
@@ -135,7 +135,7 @@ def judged(mutant: Mutant, tree: Path) -> str:
     """Outcome of the tests with the bug; the file is as before afterwards."""
     path = tree / mutant.file
     text, times = path.read_text("utf-8"), path.stat()
-    path.write_text(mutant.applied(text), "utf-8")
+    path.write_text(mutant.apply_to(text), "utf-8")
     try:
         return tested(tree, mutant.tests)
     finally:
@@ -168,7 +168,7 @@ def judge_all(mutants: tuple[Mutant, ...], work: Path) -> dict[str, str]:
     preload()
     tree, journal = copied(work), Journal(work / "journal.jsonl")
     for mutant in mutants:
-        mutant.applied((tree / mutant.file).read_text("utf-8"))
+        mutant.apply_to((tree / mutant.file).read_text("utf-8"))
     known, outcomes = journal.read(), dict[str, str]()
     new = [m for m in mutants if m.key(tree) not in known]
     sources = sorted({(tree / mutant.file).read_text("utf-8") for mutant in mutants})

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.calibration import (
+    Calibration,
+    load_calibration,
+    make_calibration,
+    save_calibration,
+)
 from calibration.homography import Homography
 from calibration.lens import Lens
 from drivers.errors import ConfigurationError
@@ -18,7 +23,7 @@ def calibration() -> Calibration:
     matrix = frozen([[3400.0, 0, 640.0], [0, 3400.0, 360.0], [0, 0, 1]])
     lens = Lens(1280, 720, matrix, frozen([-0.18, 0.1, 0, 0, 0]))
     away = np.array([[1700.0, 0, 640 - 1700 * 0.31], [0, -1700.0, 360 + 1700 * 0.16], [0, 0, 1]])
-    return calibrated(
+    return make_calibration(
         lens,
         Homography.of(np.linalg.inv(away)),
         residual_mm=0.12,
@@ -47,8 +52,8 @@ def test_plane_and_image_are_inverse_through_the_lens(calibration: Calibration) 
 
 def test_id_is_of_the_content(calibration: Calibration) -> None:
     parts = {"residual_mm": 0.12, "date": "2026-11-20T03:15:00Z", "camera": "twin-1"}
-    same = calibrated(calibration.lens, calibration.homography, latency=0.02, **parts)
-    other = calibrated(calibration.lens, calibration.homography, latency=0.03, **parts)
+    same = make_calibration(calibration.lens, calibration.homography, latency=0.02, **parts)
+    other = make_calibration(calibration.lens, calibration.homography, latency=0.03, **parts)
     assert same.id == calibration.id != other.id
 
 

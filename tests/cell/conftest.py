@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.calibration import Calibration, calibrated, save_calibration
+from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.perception.measurement import StripMeasurement
@@ -72,7 +72,7 @@ def straight_camera() -> Calibration:
         np.zeros(5),
     )
     homography = Homography.of(np.linalg.inv(to_image))
-    return calibrated(lens, homography, residual_mm=0.31, date="2026-01-01", camera="made")
+    return make_calibration(lens, homography, residual_mm=0.31, date="2026-01-01", camera="made")
 
 
 def profile(x: float, z: float, travel: float) -> Array:

@@ -146,7 +146,7 @@ def start(runs: Path, *words: str) -> subprocess.Popen:
 
 def wait_for_fold(runs: Path, process: subprocess.Popen) -> Path:
     """The run's folder, once it stands in the state FOLD."""
-    end = time.monotonic() + 120
+    end = time.monotonic() + 300
     while time.monotonic() < end and process.poll() is None:
         for events in runs.glob("*/events.jsonl"):
             if '"FOLD"' in events.read_text():
@@ -173,7 +173,7 @@ def test_ctrl_c_stops_under_control_and_is_recorded(tmp_path) -> None:
     process = start(tmp_path)
     folder = wait_for_fold(tmp_path, process)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=300)
     assert process.returncode == 130, err
     line = json.loads(out)
     assert line["outcome"] == "interrupted"

@@ -11,7 +11,7 @@ from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile, paper_strip
 from drivers.strip.rod.engine import Rod
 from drivers.types import Array
-from policies.path import Path, circular, lift_pitch, triangular, unpushed
+from policies.path import Path, circular, lift_pitch, triangular, vertical_lift
 from policies.policy import Observation, Policy
 from policies.registry import make_policy, policy_names
 
@@ -122,7 +122,7 @@ def test_lift_turns_the_edge_down_over_the_first_tenth_of_a_metre() -> None:
 
 
 def test_lift_that_does_not_push_goes_up_first_and_45_degrees_at_the_take_over() -> None:
-    path = unpushed(0.6)
+    path = vertical_lift(0.6)
     steps = np.diff(path.at(np.array([0.0, 0.002, 0.112, 0.114])), axis=0)
     begin, end = steps[0], steps[2]
     assert path.points[0] == pytest.approx([0.6, 0.0])
@@ -134,7 +134,7 @@ def test_lift_that_does_not_push_goes_up_first_and_45_degrees_at_the_take_over()
 @pytest.mark.parametrize("bending_length", [0.0135, 0.02, 0.033])
 def test_lift_that_does_not_push_bends_no_strip_sharply(bending_length: float) -> None:
     strip = STRIP.model_copy(update={"bending_length": bending_length})
-    assert sharpest(unpushed(0.6), strip) < 20.0
+    assert sharpest(vertical_lift(0.6), strip) < 20.0
     assert sharpest(triangular(0.6), strip) > 60.0
 
 

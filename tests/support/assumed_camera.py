@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from calibration.calibration import Calibration, calibrated, save_calibration
+from calibration.calibration import Calibration, make_calibration, save_calibration
 from calibration.homography import Homography
 from calibration.lens import Lens
 from drivers.camera.settings import V4l2Settings
@@ -34,6 +34,6 @@ def _assumed(camera: V4l2Settings) -> Calibration:
     lens = Lens(width=width, height=height, matrix=matrix, distortion=np.zeros(5))
     upright = np.array([[metre, 0, -0.1], [0, -metre, 0.4], [0, 0, 1]])
     today = datetime.now(UTC).isoformat(timespec="seconds")
-    return calibrated(
+    return make_calibration(
         lens, Homography.of(upright), residual_mm=0.3, date=today, camera=camera.identity
     )

@@ -91,7 +91,7 @@ def folds(
     return simulate_all(Rod(segments), models, ways, dt=dt, every=EVERY)
 
 
-def predicted(model: StripModel, motion: StripMotion) -> dict[str, Array]:
+def prediction(model: StripModel, motion: StripMotion) -> dict[str, Array]:
     """What the cell would measure of a motion of `folds`, each value beside its stamp."""
     path = way(PATHS["triangular"])
     stamps = np.asarray(seen_time(model.observation, motion.t))

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from calibration.board import BoardSettings
-from calibration.calibration import Calibration, calibrated
+from calibration.calibration import Calibration, make_calibration
 from calibration.lens import Lens
 from calibration.wizard.board_views import BoardViews
 from calibration.wizard.lens_verdict import LensVerdict
@@ -64,7 +64,7 @@ def twin_calibration(camera: CameraSettings) -> Calibration:
     plane = touch_points(camera, lens.fit.lens, TouchSettings())
     if not plane.passed or plane.homography is None:
         raise Fault("calibration_refused", "; ".join(plane.reasons))
-    return calibrated(
+    return make_calibration(
         lens.fit.lens,
         plane.homography,
         residual_mm=plane.residual_mm,

@@ -74,7 +74,7 @@ NOUNS = frozenset({"speed", "need", "seed", "feed", "embed", "shed", "bed", "red
 
 
 def told_lines() -> Counter[str]:
-    """Lines by room that hold tell, told, foretell or one of their forms."""
+    """Lines by room that hold tell, told, predict or one of their forms."""
     found: Counter[str] = Counter()
     for name, path in modules():
         for line in path.read_text(encoding="utf-8").splitlines():

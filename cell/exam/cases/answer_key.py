@@ -29,7 +29,7 @@ def seal(case: Case, folder: Path) -> Path:
     return path
 
 
-def opened(folder: Path, name: str) -> Case:
+def open_key(folder: Path, name: str) -> Case:
     """The key of the case `name`; raises ConfigurationError where it is missing or broken."""
     return load(folder / KEYS / f"{name}.yaml", Case)
 

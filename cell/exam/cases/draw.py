@@ -12,7 +12,7 @@ from cell.exam.cases.strength import Path, Ruler
 from cell.exam.causes import causes
 from cell.exam.progress import Progress, quiet
 from cell.exam.runs.by_hand import ways_by_hand
-from cell.exam.runs.from_model import BY, MOTIONS, based
+from cell.exam.runs.from_model import BY, MOTIONS, scale_strip
 from cell.exam.runs.through_images import refusal
 from cell.gap.subject.strip.ways import way_of
 from cell.parallel import workers
@@ -58,7 +58,7 @@ class _Draw:
     def case(self) -> Case:
         """The case; raises Fault where nothing can be as strong as it must."""
         drawn = _case(self.tier, self.kind, self.i, self.number, self.seed)
-        return drawn.model_copy(update={"scatter": _scattered(self.number)})
+        return drawn.model_copy(update={"scatter": _scatter_level(self.number)})
 
 
 def cases(
@@ -85,7 +85,7 @@ def cases(
     return found
 
 
-def _scattered(number: int) -> Scattered:
+def _scatter_level(number: int) -> Scattered:
     """How much runs differ in case `number` of a kind: every level at every strength, and for
     motions of either kind.
     """
@@ -134,7 +134,7 @@ def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator
     """One effect; through images every other three by laws that only resemble the library's."""
     turn, place = divmod(number, len(LEVELS))
     if case.tier == "state" or turn % UNLIKE == 0:
-        return _hiding(case, level, drawn(case, 1, level, rng))
+        return _hiding(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE * len(LEVELS) + place) % len(names)
     for name in [*names[first:], *names[:first]]:
@@ -169,7 +169,7 @@ def _with_two(case: Case, level: Strength, rng: np.random.Generator) -> Case:
     strong: Strength = "strong" if level == "strong" else "medium"
     ruler = _ruler_of(case)
     for _ in range(TRIES):
-        both = drawn(case, 2, strong, rng)
+        both = draw_effects(case, 2, strong, rng)
         if ruler.beside(both).min() >= STRENGTHS["medium"] * NEARLY:
             return _hiding(case, strong, both)
     raise Fault("exam", f"{case.name}: no two effects of {case.strip} show beside each other")
@@ -193,7 +193,9 @@ def _hiding(case: Case, level: Strength, hidden: dict[str, Values]) -> Case:
     )
 
 
-def drawn(case: Case, count: int, level: Strength, rng: np.random.Generator) -> dict[str, Values]:
+def draw_effects(
+    case: Case, count: int, level: Strength, rng: np.random.Generator
+) -> dict[str, Values]:
     """`count` effects, each of strength `level` for itself on the plant of the case.
 
     Raises Fault where no effect of that strip can be that strong.
@@ -227,7 +229,7 @@ def _hand(case: Case) -> int | None:
 @lru_cache(maxsize=2)
 def _ruler(name: str, stiffness: float, damping: float, tier: Tier, hand: int | None) -> Ruler:
     """The same by what it depends on."""
-    plant = based(find_configs(None).strip(name), stiffness, damping)
+    plant = scale_strip(find_configs(None).strip(name), stiffness, damping)
     if tier == "images":
         return _ruler_of_cell(plant, hand)
     sigma = Sigma.model_validate(BY.sigma())

@@ -41,7 +41,7 @@ def load_or_draw(
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
     asked |= {"repeats": repeats} if repeats > 1 else {}
     asked |= {"kind": kind} if kind else {}
-    known = _known(path)
+    known = _read(path)
     if known is None:
         from cell.exam.cases.draw import cases
 
@@ -57,7 +57,7 @@ def load_or_draw(
     return _cases(path, known)
 
 
-def _known(path: Path) -> dict[str, object] | None:
+def _read(path: Path) -> dict[str, object] | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -88,7 +88,7 @@ class Ruler:
 
     def excess(self, hidden: Sequence[Hidden]) -> Array:
         """Excess gap (k,) that each of these sets of effects leaves."""
-        return np.array([self._seen(left) for left in self._left(hidden)])
+        return np.array([self._excess(left) for left in self._left(hidden)])
 
     def beside(self, both: Hidden) -> Array:
         """Excess gap (2,) that each of two effects leaves once the other's amount is refitted too.
@@ -98,7 +98,7 @@ class Ruler:
         alone = [{name: values} for name, values in both.items()]
         joint, *each = self._left([both, *alone])
         others = [other / np.linalg.norm(other) for other in reversed(each)]
-        return np.array([self._seen(joint - other * (other @ joint)) for other in others])
+        return np.array([self._excess(joint - other * (other @ joint)) for other in others])
 
     def _left(self, hidden: Sequence[Hidden]) -> list[Array]:
         """Whitened responses (N,) to sets of effects, once the base has moved against them."""
@@ -123,7 +123,7 @@ class Ruler:
             found.append(self._about.left(np.concatenate(moved)))
         return found
 
-    def _seen(self, left: Array) -> float:
+    def _excess(self, left: Array) -> float:
         """Excess gap of a whitened response (N,) under the noise of the runs."""
         ends = np.cumsum([len(r) for r in self._estimate.residuals])[:-1]
         noisy = [

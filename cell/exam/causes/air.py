@@ -18,7 +18,7 @@ def moving(joints: Joints, position: Array, rate: Array) -> tuple[Array, Array, 
     return 0.5 * (nodes[1:] + nodes[:-1]), 0.5 * (speed[1:] + speed[:-1]), along
 
 
-def slowed(parts: Parts, force: Array, speed: Array, h: float) -> Array:
+def drag_step(parts: Parts, force: Array, speed: Array, h: float) -> Array:
     """`force` (n, 2) against a `speed` (n, 2), as an implicit step of a link alone takes it.
 
     Without this light strips are thrown back and forth.

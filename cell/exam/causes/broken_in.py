@@ -22,12 +22,12 @@ class BrokenIn(Cause):
     factor: float = Field(gt=0.05, le=5)
     first: int = Field(5, ge=1, le=100)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip before or after it."""
         if self.factor == 1 or model.index < self.first:
             return model
         same = np.full(len(model.mechanics.rigidity), self.factor)
-        return replace(model, mechanics=model.mechanics.stiffened(same))
+        return replace(model, mechanics=model.mechanics.scale_rigidity(same))
 
 
 CAUSE = BrokenIn

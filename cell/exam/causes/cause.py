@@ -28,7 +28,7 @@ class Cause(Settings):
     answers: ClassVar[str | None] = None
     sizes: ClassVar[Sizes] = {}
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip as it lies there in the run `model.index`; `rng` is the run's."""
         return model
 
@@ -36,14 +36,14 @@ class Cause(Settings):
         """The forces of the cause on one chain; None where it exerts none."""
         return None
 
-    def moved(self, pose: Array, time: float) -> Array:  # noqa: ARG002
+    def true_pose(self, pose: Array, time: float) -> Array:  # noqa: ARG002
         """Where the strip's edge truly is at `time` [s] since the grasp, held at `pose` (3,)."""
         return pose
 
-    def shown(self, since: float) -> float:
+    def image_time(self, since: float) -> float:
         """How old the world is that an image shows, stamped `since` [s] after the grasp [s]."""
         return since
 
-    def distorted(self, distortion: tuple[float, float]) -> tuple[float, float]:
+    def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
         """Radial k1, k2 of the lens, from those with which it was calibrated."""
         return distortion

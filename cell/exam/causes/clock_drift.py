@@ -18,7 +18,7 @@ class ClockDrift(Cause):
 
     drift: float = Field(ge=0, le=0.05)
 
-    def shown(self, since: float) -> float:
+    def image_time(self, since: float) -> float:
         """The moment that an image stamped `since` shows."""
         return since / (1.0 + self.drift)
 

@@ -20,7 +20,7 @@ class CreepingGrip(Cause):
 
     rate: float = Field(ge=0, le=0.01)
 
-    def moved(self, pose: Array, time: float) -> Array:
+    def true_pose(self, pose: Array, time: float) -> Array:
         """True pose (3,) of the edge that is held at `pose` (3,)."""
         if self.rate == 0:
             return pose

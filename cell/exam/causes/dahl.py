@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 
 
@@ -35,7 +35,7 @@ class Dahl(Cause):
             self.ratio * stiffness,
             self.exponent,
         )
-        return resisted(parts, element)
+        return resistance(parts, element)
 
 
 class Element:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.air import moving, slowed
+from cell.exam.causes.air import drag_step, moving
 from cell.exam.causes.cause import Cause, Sizes
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR
@@ -50,7 +50,7 @@ class Draught(Cause):
             normals = np.stack([-along[:, 1], along[:, 0]], axis=1)
             across = (relative * normals).sum(axis=1)
             force = -(size * np.abs(across) * across)[:, None] * normals
-            data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, relative, h)
+            data.xfrc_applied[1:-2, :3:2] += drag_step(parts, force, relative, h)
 
         return act
 

@@ -23,12 +23,12 @@ class Humidity(Cause):
 
     spread: float = Field(ge=0, le=1)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:
         """The strip in the air of this run."""
         if self.spread == 0:
             return model
         factor = float(np.exp(self.spread * rng.standard_normal()))
-        mechanics = model.mechanics.stiffened(np.full(len(model.mechanics.rigidity), factor))
+        mechanics = model.mechanics.scale_rigidity(np.full(len(model.mechanics.rigidity), factor))
         viscosity = mechanics.viscosity / np.sqrt(factor)
         return replace(model, mechanics=replace(mechanics, viscosity=viscosity))
 

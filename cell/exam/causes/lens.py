@@ -21,7 +21,7 @@ class LensTouched(Cause):
     k1: float = Field(ge=-1, le=1)
     k2: float = Field(0.0, ge=-5, le=5)
 
-    def distorted(self, distortion: tuple[float, float]) -> tuple[float, float]:
+    def distortion(self, distortion: tuple[float, float]) -> tuple[float, float]:
         """Distortion of the lens as it is now."""
         return distortion[0] + self.k1, distortion[1] + self.k2
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 
 ELEMENTS = 4
@@ -33,7 +33,7 @@ class LogCreep(Cause):
             return None
         times = np.geomspace(self.quick, self.slow, ELEMENTS)
         share = self.ratio / ELEMENTS * parts.lumps.stiffness
-        return resisted(parts, Fading(share, parts.lumps.rest, times))
+        return resistance(parts, Fading(share, parts.lumps.rest, times))
 
 
 class Fading:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from cell.exam.causes.air import moving, slowed
+from cell.exam.causes.air import drag_step, moving
 from cell.exam.causes.cause import Cause
 from drivers.twin.chain.extra_forces import ForceFunction, Parts
 from drivers.twin.chain.lumps import AIR
@@ -42,7 +42,7 @@ class ObliqueDrag(Cause):
             push = (speed * along).sum(axis=1)[:, None] * along
             way = (speed - (1.0 - self.along) * push) / length
             force = -size * lumps.spans[:, None] * (length / self.speed) ** self.exponent * way
-            data.xfrc_applied[1:-2, :3:2] += slowed(parts, force, speed, h)
+            data.xfrc_applied[1:-2, :3:2] += drag_step(parts, force, speed, h)
 
         return act
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from cell.exam.causes.cause import Cause
-from drivers.twin.chain.extra_forces import ForceFunction, Parts, resisted
+from drivers.twin.chain.extra_forces import ForceFunction, Parts, resistance
 from drivers.types import Array
 
 STEEPEST = 6.0  # times the curvature of the law from which on it is led straight
@@ -31,7 +31,7 @@ class SinhBending(Cause):
             return None
         hard = self.cubic > 0
         bend = np.sqrt(1.0 / ((6.0 if hard else 3.0) * abs(self.cubic)))
-        return resisted(parts, Excess(parts.lumps.stiffness, bend * parts.lumps.reach, hard=hard))
+        return resistance(parts, Excess(parts.lumps.stiffness, bend * parts.lumps.reach, hard=hard))
 
 
 class Excess:

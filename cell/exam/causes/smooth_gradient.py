@@ -21,14 +21,14 @@ class SmoothGradient(Cause):
 
     slope: float = Field(gt=-2, lt=2)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip with its profile of stiffness."""
         if self.slope == 0:
             return model
         mechanics = model.mechanics
         share = mechanics.cells / mechanics.length - 0.5
         factor = 1.0 + 0.5 * self.slope * np.sin(np.pi * share)
-        return replace(model, mechanics=mechanics.stiffened(factor))
+        return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 CAUSE = SmoothGradient

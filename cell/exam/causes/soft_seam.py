@@ -24,14 +24,14 @@ class SoftSeam(Cause):
     position: float = Field(0.3, ge=0, le=2)  # m
     width: float = Field(0.03, ge=0.005, le=0.3)  # m
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip with its seam."""
         if self.factor == 1:
             return model
         mechanics = model.mechanics
         away = (mechanics.cells - self.position) / self.width
         factor = 1.0 + (self.factor - 1.0) * np.exp(-np.pi * away**2)
-        return replace(model, mechanics=mechanics.stiffened(factor))
+        return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 CAUSE = SoftSeam

@@ -22,7 +22,7 @@ class Softening(Cause):
     loss: float = Field(ge=0, lt=1)
     runs: float = Field(2.5, gt=0, le=100)
 
-    def described(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
+    def alter(self, model: StripModel, rng: np.random.Generator) -> StripModel:  # noqa: ARG002
         """The strip as its earlier runs have left it."""
         if self.loss == 0:
             return model

@@ -24,7 +24,7 @@ class Wobble(Cause):
     frequency: float = Field(3.7, gt=0, le=50)  # Hz
     sideways: float = Field(0.5, ge=-1, le=1)  # share of the motion along x
 
-    def moved(self, pose: Array, time: float) -> Array:
+    def true_pose(self, pose: Array, time: float) -> Array:
         """True pose (3,) of the edge that is held at `pose` (3,)."""
         if self.amplitude == 0:
             return pose

@@ -23,7 +23,7 @@ from cell.exam.scoring.targets import (
     by_group,
     checked,
     outcomes,
-    shown,
+    rate_text,
     spread_errors,
     targets,
 )
@@ -54,7 +54,12 @@ def scatter_table(entries: Sequence[Entry]) -> str:
     errors = {name: values for name, values in spread_errors(entries).items() if values}
     if errors:
         rows = [
-            (name, str(len(values)), f"{median(values):.2f}", shown(rate(v > 0.0 for v in values)))
+            (
+                name,
+                str(len(values)),
+                f"{median(values):.2f}",
+                rate_text(rate(v > 0.0 for v in values)),
+            )
             for name, values in errors.items()
         ]
         parts.append("Estimated spread over the true one, at full scatter:")
@@ -152,17 +157,17 @@ def _targets(lines: Iterable[Target]) -> str:
     return table(["what", "found", "wanted", ""], rows)
 
 
-def stated(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
+def stated_confidences(found: Iterable[Outcome]) -> list[tuple[float, bool]]:
     """Confidence of every verdict that names, and whether it was right."""
     return [(o.confidence, o.right) for o in found if o.confidence is not None]
 
 
 def said_of(entries: Iterable[Entry]) -> Confusion:
     """What was hidden against what was said; pairs together."""
-    return confusion((_hidden(e), _said(e)) for e in entries)
+    return confusion((_hidden_causes(e), _verdict_words(e)) for e in entries)
 
 
-def _hidden(entry: Entry) -> str:
+def _hidden_causes(entry: Entry) -> str:
     if entry.case.kind == "nothing":
         return "nothing"
     if entry.case.kind == "pair":
@@ -170,7 +175,7 @@ def _hidden(entry: Entry) -> str:
     return " + ".join(sorted((*entry.case.effects, *entry.case.causes)))
 
 
-def _said(entry: Entry) -> str:
+def _verdict_words(entry: Entry) -> str:
     found = entry.outcome
     if found is None:
         return "failed"
@@ -194,10 +199,10 @@ def _confusion(counts: Confusion) -> str:
 
 
 def _confidence(found: Iterable[Outcome]) -> str:
-    claims = stated(found)
+    claims = stated_confidences(found)
     if not claims:
         return "Nothing was named."
-    rows = [(f"{b.confidence:.2f}", shown(b.right)) for b in reliability(claims)]
+    rows = [(f"{b.confidence:.2f}", rate_text(b.right)) for b in reliability(claims)]
     return "\n\n".join(
         [
             table(["mean confidence", "right, by class"], rows),
@@ -213,14 +218,14 @@ def _coverage(entries: Sequence[Entry]) -> str:
     if not every:
         return "No parameter can be compared: no laws agree."
     rows = [
-        ("all", shown(rate(c.covered for c in every)), ""),
-        ("all, of right verdicts", shown(rate(c.covered for c in checked(right))), ""),
+        ("all", rate_text(rate(c.covered for c in every)), ""),
+        ("all, of right verdicts", rate_text(rate(c.covered for c in checked(right))), ""),
     ]
     for name in sorted({c.name for c in every}):
         mine = [c for c in every if c.name == name]
         errors = [c.error for c in mine if c.error is not None]
         middle = f"{100 * median(errors):.1f} %" if errors else ""
-        rows.append((name, shown(rate(c.covered for c in mine)), middle))
+        rows.append((name, rate_text(rate(c.covered for c in mine)), middle))
     return table(["parameter", "held", "median error"], rows)
 
 
@@ -255,15 +260,15 @@ def _baselines(entries: Iterable[Entry]) -> str:
     rows = [
         (
             "named nothing, where nothing of the library is hidden",
-            shown(rate(not o.named for o, _ in silent)),
-            shown(rate(True for _ in silent)),
-            shown(rate(b.single is None for _, b in silent)),
+            rate_text(rate(not o.named for o, _ in silent)),
+            rate_text(rate(True for _ in silent)),
+            rate_text(rate(b.single is None for _, b in silent)),
         ),
         (
             "named an effect that is hidden, and no other",
-            shown(rate(o.right or o.result == "partly" for o, _ in hidden)),
-            shown(rate(False for _ in hidden)),
-            shown(rate(b.right for _, b in hidden)),
+            rate_text(rate(o.right or o.result == "partly" for o, _ in hidden)),
+            rate_text(rate(False for _ in hidden)),
+            rate_text(rate(b.right for _, b in hidden)),
         ),
     ]
     return table(["", "workflow", "refit the base only", "least in-sample error"], rows)
@@ -308,6 +313,6 @@ def _picture(page: Path, tier: Tier) -> Path:
 def _png(entries: Sequence[Entry]) -> bytes:
     found = outcomes(entries)
     content = io.BytesIO()
-    drawn = figure(said_of(entries), reliability(stated(found)), found)
+    drawn = figure(said_of(entries), reliability(stated_confidences(found)), found)
     drawn.savefig(content, format="png", dpi=DPI, facecolor="white", metadata={"Software": None})
     return content.getvalue()

@@ -5,7 +5,7 @@ import numpy as np
 from cell.gap.subject.strip.ways import EVERY
 from drivers.strip.rod.motions import GripperPath
 from drivers.types import Array, frozen
-from policies.experiments.by_hand import STEP, generator, led, wavering
+from policies.experiments.by_hand import STEP, generator, hand_path, wavering
 from policies.path import lift_pitch
 
 TREMOR = 0.0002  # m, one sigma in x and in z
@@ -14,11 +14,11 @@ SHIVER = (1.0, 5.0)  # Hz
 
 def ways_by_hand(length: float, seed: int, count: int) -> list[GripperPath]:
     """`count` motions over a strip of `length` [m]; the same for the same seed."""
-    return [_reported(length, generator(seed, i)) for i in range(count)]
+    return [_reported_path(length, generator(seed, i)) for i in range(count)]
 
 
-def _reported(length: float, rng: np.random.Generator) -> GripperPath:
-    line, travel = led(length, rng)
+def _reported_path(length: float, rng: np.random.Generator) -> GripperPath:
+    line, travel = hand_path(length, rng)
     t: Array = STEP * np.arange(len(travel), dtype=float)
     share = travel / line.x[-1]
     fading = (4.0 * share * (1.0 - share))[:, None]  # a gripper that grasps or is done stands still

@@ -40,10 +40,10 @@ class Made(NamedTuple):
 
 def plant_of(case: Case) -> StripFile:
     """The strip that really lies on the desk, its hidden effects aside."""
-    return based(find_configs(None).strip(case.strip), case.stiffness, case.damping)
+    return scale_strip(find_configs(None).strip(case.strip), case.stiffness, case.damping)
 
 
-def based(strip: StripFile, stiffness: float, damping: float) -> StripFile:
+def scale_strip(strip: StripFile, stiffness: float, damping: float) -> StripFile:
     """The strip with its bending length and retardation time times these factors."""
     return strip.model_copy(
         update={
@@ -60,10 +60,10 @@ def make_runs(case: Case, folder: Path) -> None:
     made = motions_of(case, plant.length)
     bare = [describe(plant, case.effects, index) for index in range(len(made))]
     models = [
-        RunScatter.drawn(case.scatter, case.seed, i).held(model) for i, model in enumerate(bare)
+        RunScatter.draw(case.scatter, case.seed, i).in_rig(model) for i, model in enumerate(bare)
     ]
     ways = [motion.way for motion in made]
-    folds = _chained(models, ways) if case.engine == "chain" else _rod(models, ways)
+    folds = _fold_on_chain(models, ways) if case.engine == "chain" else _rod(models, ways)
     for index, (motion, bare_fold) in enumerate(zip(made, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
         write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, BY, rng)
@@ -82,7 +82,7 @@ def _rod(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold
     return rod_folds(models, ways, SEGMENTS, ROD_STEP)
 
 
-def _chained(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
+def _fold_on_chain(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
     chain = Chain(LINKS)
     folds = []
     for model, way in zip(models, ways, strict=True):

@@ -42,14 +42,14 @@ class RunScatter:
     stiffness: float
 
     @classmethod
-    def drawn(cls, level: Scattered, seed: int, index: int) -> Self:
+    def draw(cls, level: Scattered, seed: int, index: int) -> Self:
         """The scatter of run number `index` of a case with `seed`; none is none exactly."""
         of, rng = LEVELS[level], np.random.default_rng([seed, index, STREAM])
         grip = frozen(of.grip * rng.standard_normal(2))
         damping, stiffness = rng.standard_normal(2)
         return cls(grip, 1.0 + of.damping * damping, 1.0 + of.stiffness * stiffness)
 
-    def described(self, model: StripModel) -> StripModel:
+    def alter(self, model: StripModel) -> StripModel:
         """The strip as it is in this run."""
         if self.damping == 1.0 and self.stiffness == 1.0:
             return model
@@ -61,17 +61,17 @@ class RunScatter:
         )
         return replace(model, mechanics=changed)
 
-    def held(self, model: StripModel) -> StripModel:
+    def in_rig(self, model: StripModel) -> StripModel:
         """The strip as it is, in a rig that holds it where it truly is in this run."""
         if not self.grip.any():
-            return self.described(model)
+            return self.alter(model)
         rig = model.rig
         rig = replace(
             rig, grip_x=rig.grip_x + float(self.grip[0]), grip_z=rig.grip_z + float(self.grip[1])
         )
-        return replace(self.described(model), rig=rig)
+        return replace(self.alter(model), rig=rig)
 
-    def moved(self, pose: Array, time: float) -> Array:
+    def true_pose(self, pose: Array, time: float) -> Array:
         """Where the edge truly is at `time` [s] since the grasp, held at `pose` (3,)."""
         share = min(time / GRASP, 1.0)
         return np.asarray(pose + share * np.array([*self.grip, 0.0]))

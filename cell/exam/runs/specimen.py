@@ -29,7 +29,7 @@ class Specimen:
     ) -> None:
         self._links, self._causes, self._seed = links, tuple(causes), seed
         self._level: Scattered = scatter
-        self._scatter = RunScatter.drawn(scatter, seed, 0)
+        self._scatter = RunScatter.draw(scatter, seed, 0)
         self._time = 0.0
         self._chain = Chain(links)
 
@@ -39,10 +39,10 @@ class Specimen:
         rngs = [
             np.random.default_rng([self._seed, model.index, k]) for k in range(len(self._causes))
         ]
-        self._scatter = RunScatter.drawn(self._level, self._seed, model.index)
-        model = self._scatter.described(model)
+        self._scatter = RunScatter.draw(self._level, self._seed, model.index)
+        model = self._scatter.alter(model)
         for cause, rng in zip(self._causes, rngs, strict=True):
-            model = cause.described(model, rng)
+            model = cause.alter(model, rng)
         laws = [Law(cause, rng) for cause, rng in zip(self._causes, rngs, strict=True)]
         self._time = 0.0
         self._chain = Chain(self._links, laws)
@@ -53,9 +53,9 @@ class Specimen:
         self._time += dt
         moved = np.asarray(poses, dtype=np.float64)
         if self._level != "none":
-            moved = np.stack([self._scatter.moved(pose, self._time) for pose in moved])
+            moved = np.stack([self._scatter.true_pose(pose, self._time) for pose in moved])
         for cause in self._causes:
-            moved = np.stack([cause.moved(pose, self._time) for pose in moved])
+            moved = np.stack([cause.true_pose(pose, self._time) for pose in moved])
         return self._chain.step(moved, dt)
 
     def release(self) -> None:
@@ -100,7 +100,7 @@ class Aged:
             self._grasped = stamp
         since = stamp - self._grasped
         for cause in self._causes:
-            since = cause.shown(since)
+            since = cause.image_time(since)
         return replace(self._world.scene(self._grasped + since), stamp=stamp)
 
 

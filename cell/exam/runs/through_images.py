@@ -66,17 +66,17 @@ def make_runs(case: Case, folder: Path, number: int | None = None) -> None:
     settings, strip = configs.cell(), configs.strip(case.strip)
     causes = [cause_of(name, values) for name, values in case.causes.items()]
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = _wanted(case)[:number]
+    wanted = _requests(case)[:number]
     missing = [(name, request) for name, request in wanted if not (folder / name).is_dir()]
     if not missing:
         return
     calibration = calibration_of(settings)
     for name, request in missing:
         with _workplace(case, configs, request) as placed:
-            result = _folded(placed, causes, case, calibration, State.LAY)
+            result = _fold(placed, causes, case, calibration, State.LAY)
             if result.outcome == REFUSED:
                 raise Fault(REFUSED, f"{placed.policy} of {case.strip}: {result.reason}")
-            _sealed(Path(result.run), folder / name, strip)
+            _seal(Path(result.run), folder / name, strip)
 
 
 def refusal(case: Case) -> str | None:
@@ -85,14 +85,14 @@ def refusal(case: Case) -> str | None:
     A desk a few millimetres too high or an edge far from where the strip file puts it.
     """
     configs, causes = find_configs(None), [cause_of(n, v) for n, v in case.causes.items()]
-    _, request = _wanted(case)[0]
+    _, request = _requests(case)[0]
     calibration = calibration_of(configs.cell())
     with _workplace(case, configs, request) as placed:
-        result = _folded(placed, causes, case, calibration, State.GRASP)
+        result = _fold(placed, causes, case, calibration, State.GRASP)
     return result.reason if result.outcome == REFUSED else None
 
 
-def _wanted(case: Case) -> list[tuple[str, Request]]:
+def _requests(case: Case) -> list[tuple[str, Request]]:
     choice = DeviceSelection(seed=case.seed)
     nowhere = Path()
     base = Request(
@@ -169,16 +169,16 @@ class Open:
             view=lambda world: Aged(world, self._causes),
         )
         devices = twin_devices(
-            self._touched(settings), strip, choice, calibrating=calibrating, staging=staging
+            self._touch_lens(settings), strip, choice, calibrating=calibrating, staging=staging
         )
         devices = replace(devices, camera_identity=settings.twin.camera.identity)
         return corrected_devices(devices, settings, strip)
 
-    def _touched(self, settings: CellFile) -> CellFile:
+    def _touch_lens(self, settings: CellFile) -> CellFile:
         """The cell with the lens that its camera has by now."""
         distortion = settings.twin.camera.distortion
         for cause in self._causes:
-            distortion = cause.distorted(distortion)
+            distortion = cause.distortion(distortion)
         camera = settings.twin.camera.model_copy(update={"distortion": distortion})
         twin = settings.twin.model_copy(update={"camera": camera})
         return settings.model_copy(update={"twin": twin})
@@ -205,7 +205,7 @@ class Until:
         return self._reached
 
 
-def _folded(
+def _fold(
     request: Request, causes: list[Cause], case: Case, calibration: Calibration, end: State
 ) -> FoldResult:
     """A fold that is broken off where it enters `end`."""
@@ -213,7 +213,7 @@ def _folded(
     return fold(request, lambda *_: (until,), until, calibration, opened=opened, page=False)
 
 
-def _sealed(made: Path, final: Path, strip: StripFile) -> None:
+def _seal(made: Path, final: Path, strip: StripFile) -> None:
     """The four files of the record at `final`, whole or not at all."""
     lacking = [name for name in FILES if not (made / name).is_file()]
     if lacking:
@@ -224,12 +224,12 @@ def _sealed(made: Path, final: Path, strip: StripFile) -> None:
     for name in (TICKS, PROFILE):
         shutil.copy(made / name, part / name)
     header, result = read_yaml(made / RUN), read_yaml(made / RESULT)
-    write_document(part / RUN, _told(header))
-    write_document(part / RESULT, measured(result))
+    write_document(part / RUN, _sealed_header(header))
+    write_document(part / RESULT, sealed_result(result))
     part.replace(final)
 
 
-def _told(header: Mapping[str, Any]) -> dict[str, Any]:
+def _sealed_header(header: Mapping[str, Any]) -> dict[str, Any]:
     """run.yaml without what tells of the plant; motions by hand go by their number alone."""
     kept = {k: v for k, v in header.items() if k in TOLD}
     if BY_HAND in str(kept.get("policy")):
@@ -237,7 +237,7 @@ def _told(header: Mapping[str, Any]) -> dict[str, Any]:
     return kept
 
 
-def measured(result: Mapping[str, Any]) -> dict[str, Any]:
+def sealed_result(result: Mapping[str, Any]) -> dict[str, Any]:
     """result.yaml of a run that was ended on purpose once its touch was measured."""
     kept = {k: v for k, v in result.items() if k in MEASURED}
     touched = all(kept.get(k) is not None for k in ("t_layer_touch", "displacement", "l1", "l2"))

@@ -48,7 +48,7 @@ def _judge(kernel: bool) -> None:
     notes: dict[str, object] = {"kernel": kernel}
 
     def note(found: "Findings", _path: Path) -> None:
-        notes["tried"] = tried(found)
+        notes["tried"] = refitted_models(found)
         notes["scatter"] = {s.name: s.value for s in found.judged.scatter}
 
     fit([Path("runs")], Path("strip.yaml"), out, jobs=1, overlay=note)
@@ -56,7 +56,7 @@ def _judge(kernel: bool) -> None:
     (out / NOTES).write_text(json.dumps(notes), encoding="utf-8")
 
 
-def tried(found: "Findings") -> list[dict[str, object]]:
+def refitted_models(found: "Findings") -> list[dict[str, object]]:
     """Every model that was refitted: name, number of effects, in-sample mean square and loss."""
     from cell.gap.selection.likelihood import mean_square
 

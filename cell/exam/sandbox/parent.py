@@ -59,7 +59,7 @@ def run_sandboxed(
     with TemporaryDirectory(prefix="exam-", dir=workdirs) as name:
         workdir = Path(name).resolve()
         stage(workdir, strip, runs)
-        wall, peak = _waited(_started(workdir, sealed), limit, workdir / "said")
+        wall, peak = _wait(_start(workdir, sealed), limit, workdir / "said")
         out.mkdir(parents=True, exist_ok=True)
         for file in (VERDICT, NOTES):
             shutil.copyfile(workdir / "out" / file, out / file)
@@ -92,7 +92,7 @@ def policy(workdir: Path, sealed: Sequence[Path]) -> dict[str, list[str]]:
     }
 
 
-def _started(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
+def _start(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
     """The process, in the staged folder, with an environment that tells nothing."""
     module = [
         sys.executable,
@@ -116,7 +116,7 @@ def _started(workdir: Path, sealed: Sequence[Path]) -> subprocess.Popen[bytes]:
         )
 
 
-def _waited(process: subprocess.Popen[bytes], limit: float, said: Path) -> tuple[float, float]:
+def _wait(process: subprocess.Popen[bytes], limit: float, said: Path) -> tuple[float, float]:
     """Wall time [s] and peak memory [MB] of the process, which is ended at `limit`.
 
     The kernel counts what the starting process held before, hence the process's own word first.

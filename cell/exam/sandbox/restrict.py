@@ -140,10 +140,12 @@ class Guard:
         if isinstance(path, int):
             return
         real = os.path.realpath(os.fsdecode(path))
-        if _beneath(real, self._sealed) or not (self._kernel or self._permitted(real, arguments)):
+        if _beneath(real, self._sealed) or not (
+            self._kernel or self._is_permitted(real, arguments)
+        ):
             raise PermissionError(f"{real}: is sealed from this process")
 
-    def _permitted(self, real: str, arguments: tuple[Any, ...]) -> bool:
+    def _is_permitted(self, real: str, arguments: tuple[Any, ...]) -> bool:
         flags = arguments[2] if len(arguments) > 2 else 0
         writes = isinstance(flags, int) and flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT)
         return _beneath(real, self._writable if writes else self._readable)

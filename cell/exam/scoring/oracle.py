@@ -40,16 +40,16 @@ def oracle(
     train = evidence([run for run in subject.runs if run.name not in held_out])
     test = evidence([run for run in subject.runs if run.name in held_out])
     start = _truth(case, strip, subject)
-    base = _refitted(subject.simulate, Model(subject.scope.base), train, [start])
+    base = _refit(subject.simulate, Model(subject.scope.base), train, [start])
     model = with_effects(base.model, case.answer, subject.scope.candidates)
     if case.alike:
         starts = [model.joined(start, _values(case, model.effects))]
     else:
-        starts = _found(subject.simulate, base, model)
-    scatter = spreads(_refitted(subject.simulate, model, train, starts))
+        starts = _screened_starts(subject.simulate, base, model)
+    scatter = spreads(_refit(subject.simulate, model, train, starts))
     train, test = scattered(train, scatter), scattered(test, scatter)
-    base = _refitted(subject.simulate, base.model, train, [base.shared])
-    whole = _refitted(subject.simulate, model, train, starts)
+    base = _refit(subject.simulate, base.model, train, [base.shared])
+    whole = _refit(subject.simulate, model, train, starts)
     before, after = (_excess(subject.simulate, fit, test) for fit in (base, whole))
     return Oracle(after=after, shrink=1.0 - after / before if before > 0.0 else 0.0)
 
@@ -77,7 +77,7 @@ def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
     return found
 
 
-def _found(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
+def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     """The null, and where a screen finds each effect by itself."""
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
     scores = ranked(table(projection(base), probed))
@@ -85,9 +85,7 @@ def _found(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     return [model.joined(base.shared, {}), model.joined(base.shared, values)]
 
 
-def _refitted(
-    simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]
-) -> Estimate:
+def _refit(simulate: Simulate, model: Model, runs: Evidence, starts: Sequence[Array]) -> Estimate:
     """The best of the fits from these values."""
     tasks = [refit(model, runs, Point(start, runs.start())) for start in starts]
     return min(run_all(simulate, tasks), key=lambda estimate: estimate.objective)

@@ -49,7 +49,7 @@ def outcomes(entries: Iterable[Entry], *kinds: Kind) -> list[Outcome]:
     return [o for o in found if not kinds or o.kind in kinds]
 
 
-def shown(found: Rate) -> str:
+def rate_text(found: Rate) -> str:
     """A rate in words, with its interval."""
     if not found.count:
         return "no case"
@@ -65,7 +65,7 @@ def _line(
 ) -> Target:
     """A line whose target leaves `room` [share of the cases] for cases that went otherwise."""
     met = judge(found) if judge is not None and found.count else None
-    return Target(words, shown(found), wanted, met, met is False and found.count * room < 1.0)
+    return Target(words, rate_text(found), wanted, met, met is False and found.count * room < 1.0)
 
 
 def _false_alarms(entries: Sequence[Entry], through: bool) -> Iterable[Target]:
@@ -130,9 +130,9 @@ def by_group(groups: Sequence[Sequence[Entry]]) -> list[tuple[str, list[str]]]:
         for group in groups:
             mine = [e for e in group if e.case.kind == kind]
             mine = [e for e in mine if not strengths or e.case.strength in strengths]
-            cells.append(shown(rate(_result(e) in good for e in mine)))
+            cells.append(rate_text(rate(_result(e) in good for e in mine)))
         lines.append((words, cells))
-    held = [shown(rate(c.covered for c in checked(group))) for group in groups]
+    held = [rate_text(rate(c.covered for c in checked(group))) for group in groups]
     return [*lines, ("intervals that hold the truth", held)]
 
 

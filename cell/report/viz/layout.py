@@ -5,7 +5,7 @@ from typing import Any
 import rerun.blueprint as rrb
 
 OUTLOOK = {
-    "displacement": "foretold displacement, one sigma about it [m]",
+    "displacement": "predicted displacement, one sigma about it [m]",
     "bending_length": "bending length [m]",
     "retardation_time": "retardation time [s]",
     "yield_curvature": "yarn friction [1/m]",

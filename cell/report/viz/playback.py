@@ -8,11 +8,11 @@ from math import nan
 import numpy as np
 
 from cell.perception.measurement import StripMeasurement
-from cell.record.outlook import FORETOLD, Outlook
+from cell.record.outlook import PREDICTED, Outlook
 from cell.record.run import Run
 from drivers.types import Array, Frame, Image
 
-EVERY_FRAME = frozenset({"decision", FORETOLD})  # kinds of events that are not worth a line
+EVERY_FRAME = frozenset({"decision", PREDICTED})  # kinds of events that are not worth a line
 
 
 @dataclass(frozen=True, slots=True)

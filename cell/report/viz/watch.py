@@ -18,7 +18,7 @@ from cell.report.viz.playback import LogLine, TickView, log_text
 from drivers.errors import CellError
 from drivers.strip.file import StripFile
 from drivers.types import Image
-from policies.foretelling import Foretold
+from policies.prediction import FoldPrediction
 
 if TYPE_CHECKING:
     from cell.report.viz.recording import Screen
@@ -59,7 +59,7 @@ class Viz:
         self._begins = State.FOLD if hanging else State.LIFT
         self._origin, self._ticks = math.nan, 0
         self._next_image, self._sequence = -math.inf, -1
-        self._foretold: Foretold | None = None
+        self._predicted: FoldPrediction | None = None
         arguments = (mode, folder, strip, viewer)
         self._thread = threading.Thread(target=self._work, args=arguments, name="viz", daemon=True)
         self._thread.start()
@@ -71,8 +71,8 @@ class Viz:
             measurement = None
         if measurement is not None:
             self._sequence = measurement.sequence
-        foretold, self._foretold = self._foretold, snapshot.foretold
-        new = self._foretold is not None and self._foretold is not foretold
+        predicted, self._predicted = self._predicted, snapshot.predicted
+        new = self._predicted is not None and self._predicted is not predicted
         self._ticks += 1
         self._put(
             TickView(
@@ -83,7 +83,7 @@ class Viz:
                 pose=snapshot.arm.pose.as_array(),
                 measurement=measurement,
                 image=self._image(snapshot),
-                outlook=row_of(asdict(self._foretold)) if new and self._foretold else None,
+                outlook=row_of(asdict(self._predicted)) if new and self._predicted else None,
             )
         )
 

@@ -36,11 +36,11 @@ def _claims(folds: dict[str, tuple[ImageFold, ...]], results: Results) -> Iterat
         yield _within(folds["feedback"], count, "feedback", paper.WORST["feedback"])
     for policy, (word, sign) in SIDES.items():
         if policy in folds:
-            yield _sided(folds[policy], count, policy, word, sign)
+            yield _sign_claim(folds[policy], count, policy, word, sign)
     if folds.keys() >= set(THREE):
         yield _best(folds)
     if "planned" in folds:
-        yield _within(folds["planned"], count, "methods told the properties", paper.KNOWN)
+        yield _within(folds["planned"], count, "methods that know the properties", paper.KNOWN)
     again = {p: results.repeats(p) for p in THREE if p in folds}
     if any(len(f) > 1 for f in again.values()):
         yield _repeatable(again)
@@ -63,7 +63,9 @@ def _worst(folds: tuple[ImageFold, ...], count: int) -> str:
     return text + (f"; {missing} of {count} strips without a touch" if missing else "")
 
 
-def _sided(folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float) -> Claim:
+def _sign_claim(
+    folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sign: float
+) -> Claim:
     d = _d(folds)
     agreeing = int(np.sum(sign * d > 0))
     mean = millimetres(float(np.nanmean(d)) if np.isfinite(d).any() else None, signed=True)
@@ -77,19 +79,19 @@ def _sided(folds: tuple[ImageFold, ...], count: int, policy: str, word: str, sig
 
 def _best(folds: dict[str, tuple[ImageFold, ...]]) -> Claim:
     means = {p: float(np.mean(np.nan_to_num(np.abs(_d(folds[p])), nan=np.inf))) for p in THREE}
-    told = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
+    values = ", ".join(f"{p} {millimetres(mean)}" for p, mean in means.items())
     least = min(means.values())
     held = means["feedback"] == least and np.isfinite(least)
-    return Claim("feedback outperforms triangular and circular", f"mean |d| {told}", bool(held))
+    return Claim("feedback outperforms triangular and circular", f"mean |d| {values}", bool(held))
 
 
 def _repeatable(again: dict[str, tuple[ImageFold, ...]]) -> Claim:
     spreads = {policy: spread(folds) for policy, folds in again.items()}
-    told = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
+    values = ", ".join(f"{policy} {millimetres(value)}" for policy, value in spreads.items())
     limit = paper.REPEATABILITY
     return Claim(
         f"five folds of one strip differ by at most {1e3 * limit:.0f} mm by each method",
-        f"{max(len(f) for f in again.values())} folds: {told}",
+        f"{max(len(f) for f in again.values())} folds: {values}",
         bool(np.all(np.array(list(spreads.values())) <= limit + 5e-5)),
     )
 

@@ -102,9 +102,9 @@ def lines(results: Results) -> list[dict[str, Any]]:
     """Objects for a program: one for each policy, then one for each claim; None
     for unknown values.
     """
-    told = [{"kind": "policy", **asdict(row)} for row in rows(results)]
+    summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
-    return [plain(line) for line in (*told, *claimed)]
+    return [plain(line) for line in (*summary, *claimed)]
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -155,7 +155,7 @@ def _parts(results: Results) -> Iterator[str]:
     )
     yield from _displacements(results)
     yield from _range(results)
-    yield from _hidden(results)
+    yield from _hidden_effects(results)
     yield from _model(results)
     yield from _motions(results)
     refused = [(r.part, r.reason) for r in results.results if isinstance(r, Refused)]
@@ -164,7 +164,7 @@ def _parts(results: Results) -> Iterator[str]:
 
 
 def _displacements(results: Results) -> Iterator[str]:
-    told = rows(results)
+    summary = rows(results)
     yield section(
         "Displacement of the strips",
         drawing(strips_figure(results), "displacement of each strip by each policy"),
@@ -173,7 +173,7 @@ def _displacements(results: Results) -> Iterator[str]:
                 *("policy", "folded", "mean", "from", "to", "worst |d|", "on", "seen − true"),
                 *("repeats", "edges apart", "worst"),
             ),
-            [_strip_row(row) for row in told],
+            [_strip_row(row) for row in summary],
         ),
         note="One fold of each strip by each policy, closed loop through images, d as the camera "
         "saw it, in mm; the softest strip on top. Negative: the layers touch too soon, as on the "
@@ -190,7 +190,7 @@ def _displacements(results: Results) -> Iterator[str]:
 
 
 def _range(results: Results) -> Iterator[str]:
-    told, extent = rows(results), results.asked.extent
+    summary, extent = rows(results), results.asked.extent
     strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
     counted = "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of)
     yield section(
@@ -205,10 +205,10 @@ def _range(results: Results) -> Iterator[str]:
         drawing(maps_figure(results), "displacement over stiffness and damping"),
         table(
             ("policy", "mean |d|", "95 %", "worst", "no touch", "on the chain", "worst", "N"),
-            [_range_row(row) for row in told],
+            [_range_row(row) for row in summary],
         ),
         note=f"d in mm over {extent.grid} x {extent.grid} strips of the paper's (k, b) in the "
-        "rod, a logarithmic grid with corners; told the state, feedback with its noise and "
+        "rod, a logarithmic grid with corners; given the state, feedback with its noise and "
         f"delay. On the chain, the other engine: {extent.chain} x {extent.chain} strips.",
     )
     yield section(
@@ -219,19 +219,21 @@ def _range(results: Results) -> Iterator[str]:
     )
 
 
-def _hidden(results: Results) -> Iterator[str]:
-    policies = [policy for policy in results.asked.policies if results.hidden(policy)]
+def _hidden_effects(results: Results) -> Iterator[str]:
+    policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
     if not policies:
         return
-    found = {(r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden(p)}
+    found = {
+        (r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden_folds(p)
+    }
     effects = dict.fromkeys(effect for _, effect in found)
-    told = [
+    misses = [
         (effect.replace("_", " ") or "none", *(found.get((p, effect), NO_VALUE) for p in policies))
         for effect in effects
     ]
     yield section(
-        "Effects that the policy is not told of",
-        table(("hidden", *policies), told),
+        "Effects that the policy does not know",
+        table(("hidden", *policies), misses),
         note="|d| in mm, mean / 95 % / worst, of strips drawn at random over the paper's range, "
         "each with the effect at a size that textiles have, in the rod, observed with the noise "
         f"and delay of images: {results.asked.extent.hidden} strips each. `planned` knows the "

@@ -54,8 +54,8 @@ class RangeFolds(Settings):
 
 
 class EffectFolds(Settings):
-    """A policy over strips of the paper's range with one `effect` of textile size that it is not
-    told of, none where empty: `displacement` [m] in the rod, None without a touch.
+    """A policy over strips of the paper's range with one `effect` of textile size that it does not
+    know, none where empty: `displacement` [m] in the rod, None without a touch.
     """
 
     kind: Literal["effect"] = "effect"
@@ -151,7 +151,7 @@ class Results(Settings):
         found = [r for r in self.results if isinstance(r, RangeFolds)]
         return next((r for r in found if (r.policy, r.engine) == (policy, engine)), None)
 
-    def hidden(self, policy: str) -> tuple[EffectFolds, ...]:
+    def hidden_folds(self, policy: str) -> tuple[EffectFolds, ...]:
         """The folds of `policy` on strips with hidden effects, in the order of measuring."""
         found = [r for r in self.results if isinstance(r, EffectFolds)]
         return tuple(r for r in found if r.policy == policy)

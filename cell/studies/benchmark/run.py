@@ -67,7 +67,7 @@ def benchmark(
     settings = configs.cell()
     parts = order(asked, configs, runs)
     calibration_of(settings)  # made once, not by every fold at once
-    found = dict(measured(parts, folder / JOURNAL, engine, watcher, again=again))
+    found = dict(measure_parts(parts, folder / JOURNAL, engine, watcher, again=again))
     return Results(
         schema=1,
         asked=asked,
@@ -77,7 +77,7 @@ def benchmark(
     )
 
 
-def measured(
+def measure_parts(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[str, Result]]:
     """Every part's key with its result; one that cannot be measured is Refused."""
@@ -86,7 +86,7 @@ def measured(
         yield part.key, _result(record)
 
 
-def said(record: Record) -> str:
+def summarise(record: Record) -> str:
     """What came of a part, in a few words."""
     if record.outcome is None:
         return f": {record.reason}"

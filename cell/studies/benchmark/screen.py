@@ -15,9 +15,9 @@ from cell.studies.benchmark.summary import Row, rows
 
 def show(results: Results, console: Console) -> None:
     """Print the tables and the claims."""
-    told = rows(results)
-    console.print(_strips_table(told, len(results.asked.strips)))
-    console.print(_range_table(told, results))
+    summary = rows(results)
+    console.print(_strips_table(summary, len(results.asked.strips)))
+    console.print(_range_table(summary, results))
     for claim in claims(results):
         mark = "[green]held[/]    " if claim.held else "[red]not held[/]"
         console.print(f"  {mark} {claim.says}\n           {claim.here}", highlight=False)
@@ -26,7 +26,7 @@ def show(results: Results, console: Console) -> None:
         console.print(f"  [yellow]missing[/]  {refused.part}: {reason}", highlight=False)
 
 
-def _strips_table(told: Sequence[Row], count: int) -> Table:
+def _strips_table(summary: Sequence[Row], count: int) -> Table:
     table = Table(
         box=SIMPLE_HEAD,
         pad_edge=False,
@@ -40,7 +40,7 @@ def _strips_table(told: Sequence[Row], count: int) -> Table:
     table.add_column("on", no_wrap=True)
     for name in ("error", "differ"):
         table.add_column(name, justify="right", no_wrap=True)
-    for row in told:
+    for row in summary:
         s = row.strips
         numbers = [numeral(s.mean, signed=True), numeral(s.low, signed=True)]
         numbers += [numeral(s.high, signed=True), numeral(s.worst)]
@@ -49,14 +49,14 @@ def _strips_table(told: Sequence[Row], count: int) -> Table:
     return table
 
 
-def _range_table(told: Sequence[Row], results: Results) -> Table:
+def _range_table(summary: Sequence[Row], results: Results) -> Table:
     side, chain = results.asked.extent.grid, results.asked.extent.chain
     title = f"The paper's range, state-based: |d| in mm, {side} x {side} in the rod, "
     table = Table(box=SIMPLE_HEAD, pad_edge=False, title=f"{title}{chain} x {chain} on the chain")
     table.add_column("policy", no_wrap=True)
     for name in ("mean", "95 %", "worst", "no touch", "chain", "worst", "force N"):
         table.add_column(name, justify="right")
-    for row in told:
+    for row in summary:
         rod, other = row.rod, row.chain
         table.add_row(
             row.policy,

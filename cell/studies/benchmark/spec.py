@@ -16,7 +16,7 @@ FEW = ("blanket", "denim", "rib-knit")  # stiff, middling, soft and slow
 class Size(Settings):
     """Number of simulated strips: a side of the `grid` in the rod, and on the `chain`;
     `stiffnesses`, `dampings` and `heights` [m] of the critical points; `laid` folded strips;
-    `hidden` strips for each effect that a policy is not told of.
+    `hidden` strips for each effect that a policy does not know.
     """
 
     grid: int = Field(12, ge=2)

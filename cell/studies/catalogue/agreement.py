@@ -4,7 +4,7 @@ Strips as they may come are compared with a rod of what the policy believed at t
 (`cell.perception.agreement`). Laws that no description of a strip holds are causes of the exam.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from cell.perception.agreement import agreement
 from cell.perception.measured_fold import MeasuredFold
 from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
-from cell.studies.study import Study, Values
+from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
@@ -24,6 +24,7 @@ from policies.adaptive.fabrics import LENGTH, effect, plain, unknown
 from policies.rollout import Rollout, roll_out
 
 LINKS = 80
+SHARE = 0.99  # of the folds that behave like the model are not flagged, by each limit
 USUAL = ("as they come", "friction 20-60", "seam", "3 mm noise", "latency +-10 ms")
 LAWS = {
     "draught 0.35 m/s": ("draught", {"speed": 0.35}),
@@ -34,7 +35,7 @@ LAWS = {
 }
 
 
-def seamed(rng: np.random.Generator) -> StripFile:
+def add_seam(rng: np.random.Generator) -> StripFile:
     """A strip with a seam."""
     return plain(rng, seam=effect("seam", rng))
 
@@ -43,7 +44,7 @@ DRAWN: dict[str, Callable[[np.random.Generator], StripFile]] = {
     "friction 20-60": rough(20.0, 60.0),
     "friction 90": rough(90.0, 90.1),
     "stretch 3 N": stretchy,
-    "seam": seamed,
+    "seam": add_seam,
     **dict.fromkeys(LAWS, plain),
 }
 CONDITIONS = (*USUAL, "friction 90", "stretch 3 N", *LAWS)
@@ -92,7 +93,17 @@ def measure(case: Values) -> Values:
     agreed = agreement(unknown_strip(str(LENGTH)), rows[-1][1], fold)
     if agreed is None:
         return {"d": d, "flagged": None, "residual": None}
-    return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual}
+    return {"d": d, "flagged": not agreed.like_model, "residual": agreed.residual,
+            "yield_curvature": agreed.yield_curvature}  # fmt: skip
+
+
+def limits(outcomes: Sequence[Outcome]) -> Values:
+    """What `SHARE` of the folds stay below that strips as they come make."""
+    rows = [o.values for o in outcomes if o.case.values["kind"] == "as trained"]
+    rows = [row for row in rows if row["residual"] is not None]
+    found = {name: float(np.quantile([row[name] for row in rows], SHARE))
+             for name in ("residual", "yield_curvature")}  # fmt: skip
+    return {"schema": 1, **found, "share": SHARE, "folds": len(rows)}
 
 
 STUDY = Study(
@@ -107,6 +118,7 @@ STUDY = Study(
         Quantity("residual", Statistic.WORST_SIZE, label="worst residual"),
         Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),
     ),
+    fit=Fit("cell/perception/agreement.yaml", limits),
     usual=40 * len(CONDITIONS),
     quick=1,
     seconds=4.0,

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import folded
+from cell.studies.kit.folds import fold_strip
 from cell.studies.study import Study, Values
 
 FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
@@ -24,7 +24,7 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         arms = ("fci", "fci", "twin")
         made = [
-            folded(case["strip"], "triangular", case["noise"], Path(place) / str(i), arm=arm)
+            fold_strip(case["strip"], "triangular", case["noise"], Path(place) / str(i), arm=arm)
             for i, arm in enumerate(arms)
         ]
         first, again = ([(Path(m.run) / name).read_bytes() for name in FILES] for m in made[:2])

@@ -11,7 +11,7 @@ import numpy as np
 from calibration.calibration import Calibration, load_calibration
 from cell.config.places import find_configs
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import folded
+from cell.studies.kit.folds import fold_strip
 from cell.studies.study import Study, Values
 
 
@@ -25,7 +25,7 @@ def measure(case: Values) -> Values:
     """d by truth [m] with the wizards' calibration, and how far from that with the twin's own."""
     with TemporaryDirectory() as place:
         own, wizard = (
-            folded(case["strip"], "feedback", case["noise"], Path(place), calibration=each)
+            fold_strip(case["strip"], "feedback", case["noise"], Path(place), calibration=each)
             .displacement_true
             for each in (None, by_wizards())
         )  # fmt: skip

@@ -21,7 +21,7 @@ from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.record.run import read_run
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import calibrated
+from cell.studies.kit.folds import cached_calibration
 from cell.studies.kit.rollouts import Kept, stepper
 from cell.studies.kit.sights import fold_of
 from cell.studies.kit.twin_fold import FoldCamera
@@ -46,10 +46,10 @@ def image_and_reading(seed: int) -> Mapping[str, list[float]]:
         configs.cell().twin.camera,
     )
     made, twin = fold_of("denim", triangular(strip.length), 0.1), FoldCamera(strip, camera, seed)
-    found = inspect(twin.flat(strip), calibrated(), settings, strip)
+    found = inspect(twin.flat(strip), cached_calibration(), settings, strip)
     if found.appearance is None:
         return {}
-    perception = Perception(calibrated(), settings, strip, found.appearance)
+    perception = Perception(cached_calibration(), settings, strip, found.appearance)
     touch, costs = LayerTouch(settings, strip), {"image": [0.0], "reading": [0.0]}
     for sequence in range(EVERY, int(made.t[-1] * camera.rate), EVERY):
         pose, begun = made.pose(sequence / camera.rate), time.thread_time()
@@ -72,7 +72,7 @@ def decision(seed: int) -> Mapping[str, list[float]]:
     for seen, _ in kept.seen:
         begun = time.thread_time()
         policy.decide(seen)
-        policy.foretold()
+        policy.prediction()
         costs.append(1e3 * (time.thread_time() - begun))
     return {"decision": costs}
 
@@ -81,7 +81,7 @@ def whole(seed: int) -> Mapping[str, list[float]]:
     """A fold as `cell fold` makes it, with page and recording: of its own time, the share that it
     took of the wall clock; milliseconds of each turn of the control loop.
     """
-    calibration, choice = calibrated(), DeviceSelection(seed=seed)
+    calibration, choice = cached_calibration(), DeviceSelection(seed=seed)
     with TemporaryDirectory() as place:
         request = Request(
             "denim", "feedback", None, choice, Path(place), None, None, truth=True, viz="save"

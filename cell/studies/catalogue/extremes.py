@@ -14,7 +14,7 @@ import yaml
 from cell.config.places import find_configs
 from cell.folding.result import FoldResult
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import folded
+from cell.studies.kit.folds import fold_strip
 from cell.studies.study import Study, Values
 from drivers.errors import CellError
 from policies.registry import policy_names
@@ -48,7 +48,7 @@ def measure(case: Values) -> Values:
         path = Path(place) / f"{case['strip']}.yaml"
         path.write_text(yaml.safe_dump(changed), encoding="utf-8")
         try:
-            result = folded(str(path), case["policy"], 0, Path(place))
+            result = fold_strip(str(path), case["policy"], 0, Path(place))
         except CellError as error:
             return {"ended": f"refused: {error}", "untrue": False, "far": False, "folded": False}
     return judged(result)

@@ -9,7 +9,7 @@ import numpy as np
 from cell.folding.blow import STATES, Blow, strike
 from cell.folding.faults import FAULTS
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import calibrated
+from cell.studies.kit.folds import cached_calibration
 from cell.studies.study import Ledger, Outcome, Study, Values
 
 SEEDS = 3
@@ -27,7 +27,7 @@ def measure(case: Values) -> Values:
     """What came of the fault; times [s], ways [m], shares as 0 and 1."""
     blow = Blow(case["fault"], case["state"], case["noise"])
     with TemporaryDirectory() as place:
-        came = dict(strike(blow, Path(place), calibrated()))
+        came = dict(strike(blow, Path(place), cached_calibration()))
         for key in ("outcome", "message"):
             came[key] = str(came[key]).replace(place, "RUNS")
     struck = came["verdict"] != "not struck"

@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import facts, folded
+from cell.studies.kit.folds import facts, fold_strip
 from cell.studies.kit.resimulate import resimulate
 from cell.studies.study import Study, Values
 
@@ -25,7 +25,7 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """The fold, and what the rod makes of its path."""
     with TemporaryDirectory() as place:
-        result = folded(case["strip"], case["policy"], case["noise"], Path(place))
+        result = fold_strip(case["strip"], case["policy"], case["noise"], Path(place))
         rod = resimulate(Path(result.run)).simulated
     true = result.displacement_true
     return {**facts(result), "rod": None if rod is None or true is None else rod - true}

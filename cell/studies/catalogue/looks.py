@@ -9,7 +9,7 @@ import yaml
 
 from cell.config.places import find_configs
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import calibrated, facts, folded
+from cell.studies.kit.folds import cached_calibration, facts, fold_strip
 from cell.studies.study import Study, Values
 from drivers.twin.renderer.looks import looks
 
@@ -27,8 +27,13 @@ def measure(case: Values) -> Values:
     """The fold by feedback with the calibration of the plain look: the camera stays in place."""
     with TemporaryDirectory() as place:
         configs = in_look(case["look"], Path(place) / "configs")
-        result = folded(
-            case["strip"], "feedback", 0, Path(place), configs=configs, calibration=calibrated()
+        result = fold_strip(
+            case["strip"],
+            "feedback",
+            0,
+            Path(place),
+            configs=configs,
+            calibration=cached_calibration(),
         )
     refused = result.outcome == "preflight_refused"
     failed = [line.split(":")[0] for line in result.reason.splitlines()] if refused else []

@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from cell.config.places import find_configs
-from cell.studies.kit.folds import folded
-from cell.studies.kit.predicted import QUANTITIES, compared
+from cell.studies.kit.folds import fold_strip
+from cell.studies.kit.predicted import QUANTITIES, compare
 from cell.studies.study import Study, Values
 
 
@@ -28,7 +28,7 @@ def measure(case: Values) -> Values:
     plant = plants / f"{case['plant']}.yaml" if case["plant"] else None
     with TemporaryDirectory() as place:
         where = Path(place)
-        return compared(folded(case["strip"], "adaptive", case["noise"], where, plant=plant))
+        return compare(fold_strip(case["strip"], "adaptive", case["noise"], where, plant=plant))
 
 
 STUDY = Study(

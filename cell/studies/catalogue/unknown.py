@@ -3,21 +3,26 @@
 A cell that knows only their length folds them, with calipers also their thickness.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from scipy.optimize import least_squares
 
+from cell.record.run import read_run
 from cell.report.statistic import Quantity, Statistic
-from cell.studies.kit.folds import folded_unknown
+from cell.studies.kit.folds import fold_unknown
 from cell.studies.kit.poor_images import dropping
-from cell.studies.kit.predicted import QUANTITIES, compared
-from cell.studies.study import Study, Values
+from cell.studies.kit.predicted import QUANTITIES, compare
+from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.file import StripFile
+from drivers.types import Array
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
 
 FRICTION = (20.0, 60.0)  # 1/m
+TOLERANCE = 1e-3  # m
 PAIRS = ("friction+seam", "seam+stretch", "friction+hem_mass")
 CONDITIONS = (
     *(("calipers", hidden) for hidden in ("nothing", "friction", *EFFECTS, *PAIRS)),
@@ -46,8 +51,9 @@ def measure(case: Values) -> Values:
     measured, share = case["known"] != "length alone", 0.5 if case["known"] == "half dropped" else 0
     with TemporaryDirectory() as place:
         opened = dropping(share, case["noise"])
-        result = folded_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
-        found = dict(compared(result))
+        result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
+        found = dict(compare(result))
+        found |= _loop(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)
     if "believed_length" in found:
         found |= {
@@ -55,6 +61,41 @@ def measure(case: Values) -> Values:
             "time_off": found["believed_time"] - time,
         }
     return found
+
+
+def _loop(run: Path, length: float, edges: float | None) -> Values:
+    """Size of the laid fold's loop as it was seen, and what it holds beyond its length [m]."""
+    seen = [e.facts.get("loop") for e in read_run(run).events() if e.kind == "edges_seen"]
+    if edges is None or not seen or not isinstance(loop := seen[0], dict):
+        return {}
+    held = edges - (length - 2.0 * loop["tip_x"])
+    return {"height": loop["height"], "width": loop["width"], "held": held}
+
+
+def laid_weights(outcomes: Sequence[Outcome]) -> Values:
+    """Weights of the loop's size for what it holds, and the rms error [m] over every fifth fold,
+    left out in turn.
+    """
+    kept = [o for o in outcomes if "held" in o.values and o.case.values["known"] == "calipers"]
+    thickness = [o.case.values["strip"]["thickness"] for o in kept]
+    size = [(1.0, o.values["height"], o.values["width"]) for o in kept]
+    terms, held = np.column_stack([size, thickness]), np.array([o.values["held"] for o in kept])
+    fifth = np.arange(len(kept)) % 5
+    left = [held[fifth == k] - terms[fifth == k] @ _robust(terms[fifth != k], held[fifth != k])
+            for k in range(5)]  # fmt: skip
+    names = ("constant", "height", "width", "thickness")
+    rms = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+    return {"schema": 1, **dict(zip(names, _robust(terms, held).tolist(), strict=True)),
+            "rms": rms, "folds": len(kept)}  # fmt: skip
+
+
+def _robust(terms: Array, values: Array) -> Array:
+    """Least squares of `values` (n,) [m] by `terms` (n, k), with Cauchy's loss beyond TOLERANCE."""
+    found = np.linalg.lstsq(terms, values, rcond=None)[0]
+    fit = least_squares(
+        lambda x: (terms @ x - values) / TOLERANCE, found, loss="cauchy", x_scale="jac"
+    )
+    return np.asarray(fit.x)
 
 
 STUDY = Study(
@@ -68,6 +109,7 @@ STUDY = Study(
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
     ),
+    fit=Fit("cell/perception/laid.yaml", laid_weights),
     usual=10 * len(CONDITIONS),
     quick=1,
     seconds=10.0,

@@ -45,14 +45,14 @@ def draw(number: int, _rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """d [m] of a fold by the triangle as the engine is used, and how far a finer one is from it."""
     strip = find_configs(None).strip("denim").model_copy(update={case["key"]: case["value"]})
-    coarse, fine = (_folded(make(), strip) for make in ENGINES[case["engine"]])
+    coarse, fine = (_fold(make(), strip) for make in ENGINES[case["engine"]])
     reason = coarse if isinstance(coarse, str) else fine if isinstance(fine, str) else ""
     if isinstance(coarse, str) or isinstance(fine, str):
         return {"d": None, "apart": None, "ended": False, "reason": reason}
     return {"d": coarse, "apart": fine - coarse, "ended": True, "reason": ""}
 
 
-def _folded(engine: Stepper, strip: StripFile) -> float | str:
+def _fold(engine: Stepper, strip: StripFile) -> float | str:
     """d [m] of the fold, or what came instead of it."""
     policy, rng = make_policy("triangular"), np.random.default_rng(0)
     try:

@@ -62,7 +62,7 @@ def measure(case: Values) -> Values:
     lens, refused = _lens(camera, case["noise"])
     if lens is None:
         return {"median": None, "worst": None, "refused": True, "reasons": list(refused)}
-    verdict, wild = _touched(camera, lens, rng)
+    verdict, wild = _touch_points(camera, lens, rng)
     reasons = [*refused, *verdict.reasons]
     if verdict.homography is None:
         return {"median": None, "worst": None, "refused": True, "reasons": reasons}
@@ -99,7 +99,7 @@ def _lens(camera: CameraSettings, seed: int) -> tuple[Lens | None, tuple[str, ..
     return (verdict.fit.lens if verdict.fit is not None else None), verdict.reasons
 
 
-def _touched(
+def _touch_points(
     camera: CameraSettings, lens: Lens, rng: np.random.Generator
 ) -> tuple[TouchVerdict, int]:
     """The map by the wizard, through rendered touches, and how many first touches were wild."""

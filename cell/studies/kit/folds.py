@@ -19,12 +19,12 @@ from drivers.strip.file import StripFile
 
 
 @cache
-def calibrated(configs: Path | None = None) -> Calibration:
+def cached_calibration(configs: Path | None = None) -> Calibration:
     """The calibration of the cell in `configs`, made or read once a process."""
     return calibration_of(find_configs(configs).cell())
 
 
-def folded(
+def fold_strip(
     strip: str,
     policy: str,
     seed: int,
@@ -42,11 +42,11 @@ def folded(
     request = Request(
         strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off"
     )
-    known = calibration or calibrated(configs)
+    known = calibration or cached_calibration(configs)
     return fold(request, calibration=known, opened=opened, page=False)
 
 
-def folded_unknown(
+def fold_unknown(
     strip: StripFile,
     seed: int,
     folder: Path,
@@ -62,7 +62,9 @@ def folded_unknown(
     content = strip.model_dump(mode="json", by_alias=True)
     plant.write_text(yaml.safe_dump(content), encoding="utf-8")
     name = name_of(strip.length, strip.thickness if measured else None)
-    return folded(name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened)
+    return fold_strip(
+        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened
+    )
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:

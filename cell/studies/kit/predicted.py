@@ -27,7 +27,7 @@ QUANTITIES = (
 )
 
 
-def compared(result: FoldResult) -> Mapping[str, Any]:
+def compare(result: FoldResult) -> Mapping[str, Any]:
     """The facts of a fold, the prediction [m], and the belief behind it."""
     stored = read_run(Path(result.run)).result
     predicted = None if stored is None else stored.foretold

@@ -14,8 +14,8 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.fabrics import LENGTH, friction, plain
-from policies.foretelling import Foretold
 from policies.policy import Decision, Observation
+from policies.prediction import FoldPrediction
 from policies.sensing import IMAGES, Sensing
 
 LINKS, SEGMENTS = 80, 100
@@ -29,7 +29,7 @@ class Kept(Adaptive):
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
         """Forget the last fold."""
         super().reset(strip, speed, count)
-        self.seen: list[tuple[Observation, Foretold]] = []
+        self.seen: list[tuple[Observation, FoldPrediction]] = []
 
     def decide(self, observation: Observation) -> Decision:
         """Decide, and keep."""
@@ -38,7 +38,7 @@ class Kept(Adaptive):
         if judged is None:
             return decision
         d, sigma, belief = judged.displacement[0], judged.sigma[0], judged.belief.first()
-        said = Foretold(float(d), float(sigma), **belief, blind=False)
+        said = FoldPrediction(float(d), float(sigma), **belief, blind=False)
         self.seen.append((observation, said))
         return decision
 

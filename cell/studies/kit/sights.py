@@ -12,7 +12,7 @@ from cell.perception.measurement import SeenTouch, StripMeasurement
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.folds import calibrated
+from cell.studies.kit.folds import cached_calibration
 from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.errors import PreflightRefused
 from drivers.twin.settings import CameraSettings
@@ -42,7 +42,7 @@ class Sight:
         """How far the seen points lie left of the true curve (n,) [m], and where on it, as shares
         (n,) of its length.
         """
-        return signed(self.seen.profile, self.fold.shape(self.stamp))
+        return signed_distances(self.seen.profile, self.fold.shape(self.stamp))
 
 
 def fold_of(strip: str, path: Path, speed: float, links: int = 60) -> TwinFold:
@@ -55,7 +55,7 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
     seen. Raises PreflightRefused where the flat strip is not recognised.
     """
     strip, settings, camera = fold.strip, PerceptionSettings(), _camera()
-    twin, calibration = FoldCamera(strip, camera), calibrated()
+    twin, calibration = FoldCamera(strip, camera), cached_calibration()
     found = inspect(twin.flat(strip), calibration, settings, strip)
     if found.appearance is None:
         raise PreflightRefused(f"{strip.name}: the flat strip is not recognised")
@@ -80,7 +80,7 @@ def _camera() -> CameraSettings:
     return find_configs(None).cell().twin.camera
 
 
-def signed(points: Array, curve: Array) -> tuple[Array, Array]:
+def signed_distances(points: Array, curve: Array) -> tuple[Array, Array]:
     """Distances (n,) of points (n, 2) from a polyline (m, 2), positive to its left, and where along
     it (n,) the nearest places are, as shares of its segments.
     """

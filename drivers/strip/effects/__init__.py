@@ -28,7 +28,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
     """`model` with the named effects, in registry order."""
     for name, effect in registry().items():
         if name in effects:
-            model = effect.applied(model, _on_strip(effect, effects[name], model))
+            model = effect.apply_to(model, _on_strip(effect, effects[name], model))
     return model
 
 

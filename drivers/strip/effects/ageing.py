@@ -13,7 +13,7 @@ SOFTEST = 0.05  # of the rigidity that is always left
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     factor = max(SOFTEST, 1.0 - values["rate"] * model.index)
-    return replace(model, mechanics=model.mechanics.stiffened(np.full(CELLS, factor)))
+    return replace(model, mechanics=model.mechanics.scale_rigidity(np.full(CELLS, factor)))
 
 
 EFFECT = Effect(

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 
-from drivers.strip.crease import creased
+from drivers.strip.crease import add_crease
 from drivers.strip.effects.effect import PLACE, Effect, Parameter, Span, Stage
 from drivers.strip.model import StripModel
 
 
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
-    return creased(model, values["angle"], values["position"])
+    return add_crease(model, values["angle"], values["position"])
 
 
 EFFECT = Effect(

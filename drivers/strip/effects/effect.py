@@ -100,7 +100,7 @@ class Effect:
         defaults = {p.name: p.default for p in self.parameters if p.default is not None}
         return {**defaults, **values}
 
-    def applied(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
+    def apply_to(self, model: StripModel, values: Mapping[str, float]) -> StripModel:
         """`model` with this effect; the same object where the effect is at its null.
 
         Raises ConfigurationError for values that do not fit the strip.

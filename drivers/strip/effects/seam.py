@@ -11,7 +11,7 @@ def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
     covered = mechanics.inside(values["position"], values["width"], values["softness"])
     factor = (1.0 - covered) + covered * values["factor"]
-    return replace(model, mechanics=mechanics.stiffened(factor))
+    return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 EFFECT = Effect(

@@ -10,7 +10,7 @@ from drivers.strip.model import StripModel
 def _apply(model: StripModel, values: Mapping[str, float]) -> StripModel:
     mechanics = model.mechanics
     factor = 1.0 + values["slope"] * (mechanics.cells / mechanics.length - 0.5)
-    return replace(model, mechanics=mechanics.stiffened(factor))
+    return replace(model, mechanics=mechanics.scale_rigidity(factor))
 
 
 EFFECT = Effect(

@@ -29,12 +29,12 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
     arc = np.stack([places[id(model)] for model in models])
     living = (np.arange(slots) < count).astype(np.float64)
     return Batch(
-        nature=at.packed(natures, lanes),
-        state=at.packed(_flat(natures, rich=rich), lanes),
+        nature=at.pack(natures, lanes),
+        state=at.pack(_flat(natures, rich=rich), lanes),
         work=at.scratch(rows, at.RICH_WORK if rich else at.WORK, lanes),
         band=at.scratch(2 * rows + 4, at.COLUMNS, lanes),
         strips=np.arange(slots).reshape(-1, lanes),
-        alive=at.packed(living[:, None, None], lanes),
+        alive=at.pack(living[:, None, None], lanes),
         known=np.stack([_limits(model) for model in models]),
         arc=arc,
         held=np.stack([[length, 0.0, 0.0] for length in arc[:, -1]]),
@@ -46,24 +46,24 @@ def laid_flat(models: Sequence[StripModel], segments: int) -> Batch:
 def closed_up(batch: Batch) -> Batch:
     """The batch with living strips compacted into the first blocks, where that saves time."""
     lanes = batch.strips.shape[1]
-    alive = at.unpacked(batch.alive, lanes)[:, 0, 0] > 0
+    alive = at.unpack(batch.alive, lanes)[:, 0, 0] > 0
     busy = int(alive.reshape(-1, lanes).any(axis=1).sum())
     if busy == 0 or -(-int(alive.sum()) // lanes) > WORTH * busy:
         return batch
     order = np.argsort(~alive, kind="stable")
 
-    def moved(blocks: Array) -> Array:
-        return at.packed(at.unpacked(blocks, lanes)[order], lanes)
+    def reorder(blocks: Array) -> Array:
+        return at.pack(at.unpack(blocks, lanes)[order], lanes)
 
     return batch._replace(
-        nature=moved(batch.nature),
-        state=moved(batch.state),
-        alive=moved(batch.alive),
+        nature=reorder(batch.nature),
+        state=reorder(batch.state),
+        alive=reorder(batch.alive),
         strips=batch.strips.ravel()[order].reshape(-1, lanes),
     )
 
 
-def retired(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
+def end_strips(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
     """The batch with the strips `gone` (n,) ended."""
     slots = np.append(gone, np.zeros(batch.strips.size - len(gone), dtype=bool))
     ended = slots[batch.strips].reshape(batch.alive.shape)
@@ -72,13 +72,13 @@ def retired(batch: Batch, gone: NDArray[np.bool_]) -> Batch:
 
 def living(batch: Batch) -> NDArray[np.bool_]:
     """Which strips (n,) still simulate."""
-    alive = at.unpacked(batch.alive, batch.strips.shape[1])[:, 0, 0] > 0
+    alive = at.unpack(batch.alive, batch.strips.shape[1])[:, 0, 0] > 0
     return _by_strip(batch, alive)
 
 
 def midlines(batch: Batch) -> Array:
     """Nodes (n, nodes, 2) [m] of x, z."""
-    rows = at.unpacked(batch.state, batch.strips.shape[1])
+    rows = at.unpack(batch.state, batch.strips.shape[1])
     return _by_strip(batch, rows[:, 1:-1, [at.X, at.Z]])
 
 

@@ -10,11 +10,11 @@ from drivers.errors import SimulationNotConverged, SimulationNotFinite
 from drivers.strip.engine import Observables
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
-from drivers.strip.rod.batch import closed_up, fixed_edges, laid_flat, living, midlines, retired
+from drivers.strip.rod.batch import closed_up, end_strips, fixed_edges, laid_flat, living, midlines
 from drivers.strip.rod.follow import follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TOLERANCE
-from drivers.strip.rod.static import fitted, lifted, settle
+from drivers.strip.rod.static import fit_length, lift_path, settle
 from drivers.strip.rod.step import Pace
 from drivers.strip.shape import Touch
 from drivers.types import Array
@@ -67,10 +67,10 @@ class Rod:
         self._batch = laid_flat(models, self._segments)
         self._begin()
         if start is None and any(m.mechanics.length != m.stated_length for m in models):
-            fitted(self._batch, models)
+            fit_length(self._batch, models)
             self._begin()
         elif start is not None:
-            settle(self._batch, lifted(self._batch, np.asarray(start, dtype=np.float64)))
+            settle(self._batch, lift_path(self._batch, np.asarray(start, dtype=np.float64)))
             self._begin()
 
     def step(self, poses: Array, dt: float) -> Observables:
@@ -101,7 +101,7 @@ class Rod:
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and are no longer computed."""
-        self._batch = closed_up(retired(self._batch, gone))
+        self._batch = closed_up(end_strips(self._batch, gone))
 
     @property
     def touch(self) -> tuple[Touch | None, ...]:

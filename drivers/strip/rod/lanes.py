@@ -112,25 +112,25 @@ def _native(name: str, count: int) -> Callable[..., Any]:
     return generate
 
 
-def _inlined(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
+def _inline(function: Callable[Concatenate[Any, P], Any]) -> Callable[P, Any]:
     """Registers `function`, which gives the type and the code generator, as an intrinsic."""
     code: Callable[P, Any] = intrinsic(function)
     return code
 
 
-@_inlined
+@_inline
 def sqrt(typing: Any, a: Any) -> Any:
     """Square root."""
     return a(a), _native("sqrt", 1)
 
 
-@_inlined
+@_inline
 def fma(typing: Any, a: Any, b: Any, c: Any) -> Any:
     """a * b + c, rounded once."""
     return _widest(a, b, c)(a, b, c), _native("fma", 3)
 
 
-@_inlined
+@_inline
 def below(typing: Any, a: Any, b: Any) -> Any:
     """1.0 where a < b, else 0.0 (also where one is NaN)."""
 
@@ -143,7 +143,7 @@ def below(typing: Any, a: Any, b: Any) -> Any:
     return _widest(a, b)(a, b), generate
 
 
-@_inlined
+@_inline
 def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
     """`a` where `gate` is above zero, else `b`."""
 
@@ -156,7 +156,7 @@ def choose(typing: Any, gate: Any, a: Any, b: Any) -> Any:
     return _widest(gate, a, b)(gate, a, b), generate
 
 
-@_inlined
+@_inline
 def anywhere(typing: Any, gate: Any) -> Any:
     """Whether `gate` is above zero in any lane."""
 
@@ -182,7 +182,7 @@ def _address(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> A
     return builder.bitcast(builder.gep(view.data, [offset]), VECTOR.as_pointer())
 
 
-@_inlined
+@_inline
 def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
     """Element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
 
@@ -192,7 +192,7 @@ def load(typing: Any, array: Any, row: Any, column: Any) -> Any:
     return _number(array)(array, types.intp, types.intp), generate
 
 
-@_inlined
+@_inline
 def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
     """Write an element of a contiguous `array` (rows, columns[, WIDTH]); no bounds check."""
 
@@ -205,7 +205,7 @@ def store(typing: Any, array: Any, row: Any, column: Any, value: Any) -> Any:
     return types.void(array, types.intp, types.intp, value), generate
 
 
-@_inlined
+@_inline
 def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
     """The float of one `lane` (0 in an array without lanes); no bounds check."""
 
@@ -219,7 +219,7 @@ def pick(typing: Any, array: Any, row: Any, column: Any, lane: Any) -> Any:
     return types.float64(array, types.intp, types.intp, types.intp), generate
 
 
-@_inlined
+@_inline
 def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -> Any:
     """Write the float of one `lane`; no bounds check."""
 
@@ -234,7 +234,7 @@ def put(typing: Any, array: Any, row: Any, column: Any, lane: Any, value: Any) -
     return types.void(array, types.intp, types.intp, types.intp, types.float64), generate
 
 
-@_inlined
+@_inline
 def like(typing: Any, array: Any, value: Any) -> Any:
     """`value` broadcast to the element type of `array`."""
 
@@ -244,7 +244,7 @@ def like(typing: Any, array: Any, value: Any) -> Any:
     return _number(array)(array, types.float64), generate
 
 
-@_inlined
+@_inline
 def lane_of(typing: Any, number: Any, lane: Any) -> Any:
     """The float in one `lane` of a number."""
 

@@ -59,16 +59,16 @@ class Block(NamedTuple):
     terms: Any
 
 
-def packed(values: Array, lanes: int) -> Array:
+def pack(values: Array, lanes: int) -> Array:
     """(n, rows, fields) reshaped to blocks (n / lanes, rows, fields[, lanes]), lanes innermost."""
     if lanes == 1:
-        return _copied(values)
+        return _copy(values)
     blocks = values.reshape(-1, lanes, *values.shape[1:])
-    return _copied(np.moveaxis(blocks, 1, -1))
+    return _copy(np.moveaxis(blocks, 1, -1))
 
 
-def unpacked(blocks: Array, lanes: int) -> Array:
-    """Inverse of `packed`: blocks (n / lanes, rows, fields[, lanes]) as (n, rows, fields)."""
+def unpack(blocks: Array, lanes: int) -> Array:
+    """Inverse of `pack`: blocks (n / lanes, rows, fields[, lanes]) as (n, rows, fields)."""
     if lanes == 1:
         return blocks
     return np.moveaxis(blocks, -1, 1).reshape(-1, *blocks.shape[1:-1])
@@ -76,7 +76,7 @@ def unpacked(blocks: Array, lanes: int) -> Array:
 
 def scratch(rows: int, fields: int, lanes: int) -> Array:
     """Zeros (rows, fields[, lanes])."""
-    return _aligned((rows, fields) if lanes == 1 else (rows, fields, lanes))
+    return _align((rows, fields) if lanes == 1 else (rows, fields, lanes))
 
 
 def lanes_for(count: int) -> int:
@@ -84,13 +84,13 @@ def lanes_for(count: int) -> int:
     return 1 if count < 2 else WIDTH
 
 
-def _copied(values: Array) -> Array:
-    copy = _aligned(values.shape)
+def _copy(values: Array) -> Array:
+    copy = _align(values.shape)
     copy[...] = values
     return copy
 
 
-def _aligned(shape: tuple[int, ...]) -> Array:
+def _align(shape: tuple[int, ...]) -> Array:
     """Zeros aligned to a cache line, so that no vector straddles two."""
     size = int(np.prod(shape))
     raw = np.zeros(size + 8)

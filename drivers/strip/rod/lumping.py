@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from drivers.errors import Unsupported
-from drivers.strip.lattice import graded
+from drivers.strip.lattice import graded_nodes
 from drivers.strip.model import BendingLaw, Boundary, Mechanics, StripModel
 from drivers.strip.rod import layout as at
 from drivers.types import Array
@@ -26,7 +26,7 @@ AIR = 1.2  # kg/m^3
 
 def lattice(length: float, segments: int) -> Array:
     """Arc lengths of the nodes (segments + 1,) [m]: equal segments, finer towards the grip."""
-    return graded(length, segments, GRADED, FINEST)
+    return graded_nodes(length, segments, GRADED, FINEST)
 
 
 def needs_terms(model: StripModel) -> bool:

@@ -86,13 +86,13 @@ def layer_gap(x: Any, z: Any, tip: int, opening: float) -> Any:
         opened = opened or here > opening
         if opened and j > tip and here <= before and here < after and here < lowest:
             lowest = here
-            best, place = refined(before, here, after, j)
+            best, place = refine_minimum(before, here, after, j)
         before, here = here, after
     return best, place
 
 
 @kernel
-def refined(before: float, here: float, after: float, j: int) -> Any:
+def refine_minimum(before: float, here: float, after: float, j: int) -> Any:
     """(height, index) of the minimum by the parabola through three gaps at j - 1, j, j + 1."""
     if math.isinf(before) or math.isinf(after):
         return here, float(j)

@@ -46,7 +46,7 @@ def simulate_all(
     """
     paths = [_true(model, path) for model, path in zip(models, paths, strict=True)]
     counts = [max(1, round((path.t[-1] - path.t[0]) / dt)) for path in paths]
-    poses = np.stack([_sampled(path, dt, max(counts)) for path in paths], axis=1)
+    poses = np.stack([_sample(path, dt, max(counts)) for path in paths], axis=1)
     rod.reset(models, _starts(models, paths) if any(path.hanging for path in paths) else None)
     piece = max(1, round(PIECE / dt) // max(every, 1)) * max(every, 1)
     shown = []
@@ -67,7 +67,7 @@ def _true(model: StripModel, path: GripperPath) -> GripperPath:
     return path._replace(t=t, poses=poses)
 
 
-def _sampled(path: GripperPath, dt: float, count: int) -> Array:
+def _sample(path: GripperPath, dt: float, count: int) -> Array:
     """Poses (count, 3) at the ends of the steps, the last one held."""
     times = path.t[0] + dt * np.arange(1, count + 1)
     return np.stack([np.interp(times, path.t, path.poses[:, c]) for c in range(3)], axis=-1)

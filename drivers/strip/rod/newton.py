@@ -7,7 +7,7 @@ from drivers.strip.rod.band import SIDE, eliminate, eliminate_fifth, substitute
 from drivers.strip.rod.bending import internal
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.lanes import anywhere, below, choose, fma, like, load, store
-from drivers.strip.rod.terms import air, expect, unsettled
+from drivers.strip.rod.terms import air, expect, settling_turn
 
 ITERATIONS = 10
 TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
@@ -112,7 +112,7 @@ def correct(block: Any, gate: Any) -> Any:
         along = fma(turn_z, ex, -(turn_x * ez))
         tension = fma(-load(work, r - 1, at.GROWTH), along, load(work, r - 1, at.TAUT))
         if block.terms is not None:
-            turned = turned + unsettled(block, r - 1, along)
+            turned = turned + settling_turn(block, r - 1, along)
             expect(block, r - 1, along)
         store(state, r - 1, at.TENSION, choose(gate, tension, load(state, r - 1, at.TENSION)))
         x0, z0 = dx, dz

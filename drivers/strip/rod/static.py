@@ -9,7 +9,7 @@ from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import laid_flat, midlines, retired
+from drivers.strip.rod.batch import end_strips, laid_flat, midlines
 from drivers.strip.rod.follow import Batch, follow
 from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TOLERANCE
@@ -21,7 +21,7 @@ PERIOD = 0.05  # s, Euler steps in which a strip comes to where it shall rest
 STILLING = tuple(PERIOD * 2**i for i in range(10))  # s, those in which it comes to rest
 
 
-def lifted(batch: Batch, start: Array) -> Array:
+def lift_path(batch: Batch, start: Array) -> Array:
     """A path (k, n, 3) of grips from flat strips to `start` (n, 3): first up, then inwards.
 
     The height grows with the root of the inward distance, so that the edge stays within the strip's
@@ -33,7 +33,7 @@ def lifted(batch: Batch, start: Array) -> Array:
     return np.asarray(path)
 
 
-def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
+def fit_length(batch: Batch, models: Sequence[StripModel]) -> None:
     """Fit strips of another true length between their fixed edge and x = `stated_length`.
 
     A shorter strip is stretched evenly; a longer one lies at rest with its slack as a wave in front
@@ -48,7 +48,7 @@ def fitted(batch: Batch, models: Sequence[StripModel]) -> None:
         path = batch.held + share[:, :, None] * (goal - batch.held)
         reach = np.sqrt(2 * batch.arc[:, -1] * np.maximum(slack, 0.0))
         path[:, :, 1] = 0.7 * reach * np.sqrt(share * (1 - share))
-        settle(retired(batch, slack <= 0), path)
+        settle(end_strips(batch, slack <= 0), path)
 
 
 def _stretch(batch: Batch, ratio: Array, which: NDArray[np.bool_]) -> None:

@@ -23,7 +23,7 @@ def magnitude(a: Any) -> Any:
 
 
 @kernel
-def faded(block: Any, r: int, change: Any, rate: Any) -> Any:
+def fade(block: Any, r: int, change: Any, rate: Any) -> Any:
     """Strain q of the Maxwell element at row r, dq/dt = deps/dt - q / time, and dq/deps.
 
     `change` is eps - base, so deps/dt = rate change and dq/dt = rate (q - base of q).
@@ -38,7 +38,7 @@ def lagging(block: Any, r: int, change: Any, rate: Any) -> Any:
 
     Q |deps/dt| deps/dt of quadratic damping, and K q of the rigidity that relaxes.
     """
-    q, share = faded(block, r, change, rate)
+    q, share = fade(block, r, change, rate)
     speed = rate * change
     resistance = load(block.nature, r, at.QUADRATIC) * magnitude(speed)
     branch = load(block.nature, r, at.BRANCH)
@@ -101,7 +101,7 @@ def expect(block: Any, r: int, along: Any) -> None:
 
 
 @kernel
-def unsettled(block: Any, r: int, along: Any) -> Any:
+def settling_turn(block: Any, r: int, along: Any) -> Any:
     """Length change of segment r in a correction, where it may slide, as an equivalent squared
     turn.
 
@@ -154,7 +154,7 @@ def resist(block: Any, r: int, rate: Any) -> None:
 @kernel
 def remember(block: Any, r: int, eps: Any, rate: Any, alive: Any) -> None:
     """Store the Maxwell strain and the late friction at row r after a step to strain `eps`."""
-    q, _ = faded(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
+    q, _ = fade(block, r, eps - load(block.work, r, at.BASE_EPS), rate)
     before, older = load(block.state, r, at.MAXWELL), load(block.state, r, at.MAXWELL1)
     store(block.state, r, at.MAXWELL1, choose(alive, before, older))
     store(block.state, r, at.MAXWELL, choose(alive, q, before))

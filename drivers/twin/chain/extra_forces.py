@@ -74,7 +74,7 @@ class MomentLaw(Protocol):
         ...
 
 
-def resisted(parts: Parts, law: MomentLaw) -> ForceFunction:
+def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:
     """An extra force from a moment law, with the damping that keeps the step stable.
 
     A step of h with the moment at its end is equivalent to a damper of h times the slope; its force
@@ -103,7 +103,7 @@ class FifthOrder:
             bent = angle - lumps.rest
             return lumps.fifth * bent**5, 5.0 * lumps.fifth * bent**4
 
-        return resisted(parts, law)
+        return resistance(parts, law)
 
 
 def own_laws(model: StripModel) -> Sequence[ExtraForce]:

@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from drivers.strip.file import PAPER_LINEAR_DENSITY
-from drivers.strip.lattice import graded
+from drivers.strip.lattice import graded_nodes
 from drivers.strip.model import Drag, Mechanics, StripModel
 from drivers.types import Array
 
@@ -115,7 +115,7 @@ def places(length: float, links: int) -> Array:
     For a blanket that slips in its grip, 200 equal links put the desk contact of a taut lift 29 mm
     from the rod's; these put it 9 mm away.
     """
-    return graded(length, links, GRADED, SHORTEST)
+    return graded_nodes(length, links, GRADED, SHORTEST)
 
 
 def _lag(strip: Mechanics) -> Array:

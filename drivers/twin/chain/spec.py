@@ -53,7 +53,7 @@ def build(model: StripModel, links: int, layers: Layers | None = None) -> mujoco
     return spec
 
 
-def compiled(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
+def compile_chain(model: StripModel, links: int, layers: Layers | None = None) -> mujoco.MjModel:
     """The compiled chain, with the stiffness of its grip corrected.
 
     MuJoCo softens a weld in proportion to how light the welded body is. The tip is nearly massless,

@@ -18,7 +18,7 @@ from drivers.twin.chain.joints import Joints
 from drivers.twin.chain.layers import Layers
 from drivers.twin.chain.loads import Loads
 from drivers.twin.chain.lumps import Lumps
-from drivers.twin.chain.spec import compiled
+from drivers.twin.chain.spec import compile_chain
 from drivers.types import Array
 
 OPENING = 2.0  # touch gaps by which the layers must have opened before they can touch
@@ -38,7 +38,7 @@ class ChainStrip:
     def __init__(self, model: StripModel, links: int, foreign: Sequence[ExtraForce] = ()) -> None:
         self._description, self._links = model, links
         self._lumps = Lumps.of(model, links)
-        self._load(compiled(model, links))
+        self._load(compile_chain(model, links))
         self._joints = Joints.of(self._model, self._lumps.spans)
         self._loads = Loads(self._lumps, self._joints)
         self._foreign = ExtraForces(
@@ -107,7 +107,7 @@ class ChainStrip:
         if touch is not None:
             self.touch = replace(touch, to_fixed=touch.x - float(self.points[0, 0]))
             layers = Layers.of(self._joints.angles(self._data.qpos)[:-1])
-            self._load(compiled(self._description, self._links, layers))
+            self._load(compile_chain(self._description, self._links, layers))
             self._pace(h)
             self._foreign.again(self._model)
             mujoco.mj_setState(self._model, self._data, self._state, STATE)

@@ -46,10 +46,10 @@ def _covers(
     face = np.array([(x0, z0), (x1, z0), (x1, z1), (x0, z1)])
     near, far = optics.plane(face, y0), optics.plane(face, y1)
     hull = cv2.convexHull(np.concatenate([near, far]).astype(np.float32))[:, 0]
-    return [(_filled(hull, size), SIDE), (_filled(near, size), 1.0)]
+    return [(_fill(hull, size), SIDE), (_fill(near, size), 1.0)]
 
 
-def _filled(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
+def _fill(outline: Array, size: tuple[int, ...]) -> NDArray[np.uint8]:
     mask = np.zeros(size, dtype=np.uint8)
     cv2.fillConvexPoly(mask, np.rint(outline * 256).astype(np.int32), 255, cv2.LINE_AA, 8)
     return mask

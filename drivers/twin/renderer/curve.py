@@ -34,7 +34,7 @@ class Curve:
         return np.stack([-self.tangents[:, 1], self.tangents[:, 0]], axis=-1)
 
 
-def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
+def expose(scenes: Sequence[Scene], spacing: float) -> Curve:
     """The midline sampled about every `spacing` [m] during an exposure.
 
     The scenes are at the middles of equal parts of the exposure; the middle one gives the shape,
@@ -44,7 +44,7 @@ def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
     length = float(middle.arc[-1])
     count = max(int(np.ceil(length / spacing)), 8)
     s = np.asarray((np.arange(count) + 0.5) * (length / count), dtype=np.float64)
-    points, derivatives = through_nodes(smoothed(middle.points, middle.arc), middle.arc, s)
+    points, derivatives = through_nodes(smooth(middle.points, middle.arc), middle.arc, s)
     size = np.sqrt(derivatives[:, 0] ** 2 + derivatives[:, 1] ** 2)
     motion = None
     if first.points is not last.points:
@@ -53,7 +53,7 @@ def exposed(scenes: Sequence[Scene], spacing: float) -> Curve:
     return Curve(s, points, derivatives / size[:, None], motion)
 
 
-def smoothed(points: Array, arc: Array) -> Array:
+def smooth(points: Array, arc: Array) -> Array:
     """Nodes (n, 2) whose smooth curve is nearest to the straight links between `points`.
 
     A curve through the ends of straight links lies outside them by kappa h^2 / 12 on average.

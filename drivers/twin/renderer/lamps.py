@@ -17,7 +17,7 @@ HIDDEN = -0.03  # m of height under which the desk hides the wall
 Gain = NDArray[np.float32]
 
 
-def dimmed(image: Image, gain: Gain) -> Image:
+def dim(image: Image, gain: Gain) -> Image:
     """`image` (h, w, 3) under light that is `gain` (h, w) or (h, 1) times as bright."""
     whole = np.ascontiguousarray(np.broadcast_to(gain, image.shape[:2]))
     return np.asarray(cv2.multiply(image, cv2.merge([whole] * 3), dtype=cv2.CV_8U))

@@ -54,7 +54,7 @@ class Optics:
             _inverse(settings.distortion, 0.6 * diagonal / settings.focal),
         )
 
-    def displaced(self, scale: float, shift: tuple[float, float]) -> Self:
+    def displace(self, scale: float, shift: tuple[float, float]) -> Self:
         """The same camera elsewhere, to which p appears where 1 + scale times p plus `shift` did.
 
         `shift` is of x, z [m]. All rays turn about the centre, so this holds at every depth.

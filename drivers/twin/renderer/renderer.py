@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.twin.renderer.curve import Curve, exposed
+from drivers.twin.renderer.curve import Curve, expose
 from drivers.twin.renderer.gripper import Outline, draw_hand, draw_pointer, extent, outlines
-from drivers.twin.renderer.lamps import arm_shadow, dimmed, flicker
+from drivers.twin.renderer.lamps import arm_shadow, dim, flicker
 from drivers.twin.renderer.lint import draw_lint
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
 from drivers.twin.renderer.looks.look import Look
 from drivers.twin.renderer.optics import Optics
-from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, seen, weave
-from drivers.twin.renderer.sensor import blurred, noise_bank, reach
+from drivers.twin.renderer.ribbon import PITCH, faces, near_edge, project, weave
+from drivers.twin.renderer.sensor import blur, noise_bank, reach
 from drivers.twin.renderer.shadow import shadow_band, shadow_profile
 from drivers.twin.renderer.splat import Cloud, paint
 from drivers.twin.renderer.stage import bgr, stage
@@ -44,7 +44,7 @@ class Renderer:
 
         `surround` is the look of the cell about the strip, its colours over those of `settings`.
         """
-        settings = dressed(settings, surround)
+        settings = apply_look(settings, surround)
         self._settings = settings
         self._surround = surround
         self._look = look
@@ -52,7 +52,7 @@ class Renderer:
         rng = np.random.default_rng((seed, 0xC0))
         empty = stage(settings, self._optics, look, rng, surround.things)
         self._sharp, self._light = empty.image, empty.light
-        self._resting = blurred(empty.image, settings.lens_blur)
+        self._resting = blur(empty.image, settings.lens_blur)
         self._shadow = shadow_band(settings, self._optics, look)
         self._weave = weave(settings.texture, rng)
         self._noise = noise_bank(settings.width, settings.height, settings.noise, seed)
@@ -69,7 +69,7 @@ class Renderer:
         if not scenes:
             raise ConfigurationError("render: scenes: none given; a frame shows at least one")
         middle = scenes[len(scenes) // 2]
-        curve = exposed(scenes, self._spacing) if middle.strip else None
+        curve = expose(scenes, self._spacing) if middle.strip else None
         clouds = () if curve is None else self._clouds(curve)
         hand = outlines(middle, self._look.width / 2, -self._look.thickness / 2)
         image = self._resting.copy()
@@ -85,7 +85,7 @@ class Renderer:
             self._draw(part, window, middle, clouds, hand)
             if curve is not None and self._contact_bias:
                 self._draw_lint(part, window, middle)
-            window.put(blurred(part, self._settings.lens_blur), image)
+            window.put(blur(part, self._settings.lens_blur), image)
         image = self._lit(image, middle, hand)
         self._noise.apply(image, sequence)
         return image
@@ -95,15 +95,15 @@ class Renderer:
         surround, settings = self._surround, self._settings
         if surround.lamp is not None:
             size, floor = (settings.width, settings.height), -self._look.thickness / 2
-            image = dimmed(image, arm_shadow(surround.lamp, hand, self._optics, size, floor))
+            image = dim(image, arm_shadow(surround.lamp, hand, self._optics, size, floor))
         if surround.flicker is not None:
             gain = flicker(surround.flicker, settings.height, scene.stamp, settings.exposure)
-            image = dimmed(image, gain)
+            image = dim(image, gain)
         return image
 
     def _clouds(self, curve: Curve) -> tuple[Cloud, ...]:
         """The strip's material points, far to near."""
-        picture = seen(curve, self._optics, self._look)
+        picture = project(curve, self._optics, self._look)
         return (
             faces(curve, picture, self._optics, self._look, self._weave),
             near_edge(curve, picture, self._look, self._weave),
@@ -132,7 +132,7 @@ class Renderer:
             draw_pointer(part, scene, optics, self._gripper)
 
 
-def dressed(settings: CameraSettings, look: Look) -> CameraSettings:
+def apply_look(settings: CameraSettings, look: Look) -> CameraSettings:
     """`settings` with the colours of `look` in place of their own."""
     around = settings.surroundings.model_copy(update=dict(look.colours))
     return settings.model_copy(update={"surroundings": around})

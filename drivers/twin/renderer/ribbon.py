@@ -67,7 +67,7 @@ class Seen:
     motion: Array | None
 
 
-def seen(curve: Curve, optics: Optics, look: StripLook) -> Seen:
+def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
     """`curve` through the lens, linear about each of its points."""
     near = optics.plane(curve.points)
     by_x, by_z = ((optics.plane(curve.points + step) - near) / PROBE for step in PROBE * np.eye(2))

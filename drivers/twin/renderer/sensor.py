@@ -10,7 +10,7 @@ from drivers.types import Image
 SHIFT = 200  # px, so many by as many places of the tile under the image
 
 
-def blurred(image: Image, sigma: float) -> Image:
+def blur(image: Image, sigma: float) -> Image:
     """`image` (h, w, 3) through a lens whose point spread has `sigma` [px]."""
     if sigma == 0:
         return image

@@ -62,12 +62,12 @@ def paint(image: Image, cloud: Cloud, colour: Array, light: NDArray[np.float32])
     glow = np.bincount(index, weight * np.tile(cloud.shade, 4))
     alpha = np.minimum(coverage / FULL, 1.0)
     lit = glow / np.maximum(coverage, 1e-12) * light[top:bottom].reshape(-1)[touched]
-    ink = (lit * alpha)[:, None] * _mixed(cloud, colour, index, weight)
+    ink = (lit * alpha)[:, None] * _mix(cloud, colour, index, weight)
     flat = image[top:bottom].reshape(-1, 3)
     flat[touched] = np.minimum(flat[touched] * (1 - alpha)[:, None] + ink + 0.5, 255)
 
 
-def _mixed(cloud: Cloud, colour: Array, index: Indices, weight: Array) -> Array:
+def _mix(cloud: Cloud, colour: Array, index: Indices, weight: Array) -> Array:
     """The one `colour` (3,), or the mean colour (m, 3) at each pixel, by brightness."""
     if cloud.tint is None:
         return colour

@@ -74,13 +74,13 @@ class Explorer(Adaptive):
         self._count += 1
         return decision
 
-    def _judged(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Judgement:
+    def _judge(self, inputs: Array, fresh: np.typing.NDArray[np.bool_]) -> Judgement:
         if self._count % EVERY == 0:
             self.kept.append(inputs.astype(np.float32))
-        return super()._judged(inputs, fresh)
+        return super()._judge(inputs, fresh)
 
-    def _moved(self, judgement: Judgement, time: Array) -> Array:
-        before = self.rise if self._alone else super()._moved(judgement, time)
+    def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
+        before = self.rise if self._alone else super()._smooth_rise(judgement, time)
         step = self._count / EVERY
         reached = np.isnan(self._after) & (step >= self.switch)
         if reached.any():

@@ -32,14 +32,14 @@ T = TypeVar("T", bound=np.generic)
 
 class Piece(NamedTuple):
     """n folds at k kept decisions: `inputs` (n, k, COUNT); `moved` (n, k) [m], the rise kept from
-    then on minus the one in the inputs; `alive` (n, k), before the touch; `foretold` (n, k), at or
+    then on minus the one in the inputs; `alive` (n, k), before the touch; `predicted` (n, k), at or
     after the last switch; `displacement` (n,) [m]; `strip` (n, 3), the belief's true values.
     """
 
     inputs: Array
     moved: Array
     alive: Flags
-    foretold: Flags
+    predicted: Flags
     displacement: Array
     strip: Array
 
@@ -72,21 +72,21 @@ def _explore(settings: CriticSettings, turn: int, number: int, critic: Critic | 
     strips = [draw(rng, length) for _ in range(settings.folds)]
     rich = np.array([needs_terms(describe(strip)) for strip in strips])
     parts = [
-        _folded(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
+        _fold_strips(settings, [strips[i] for i in np.flatnonzero(kind)], turn, critic, rng)
         for kind in (~rich, rich)
         if kind.any()
     ]
-    return gathered(parts)
+    return concatenate(parts)
 
 
-def gathered(pieces: list[Piece]) -> Piece:
+def concatenate(pieces: list[Piece]) -> Piece:
     """All folds of `pieces`, the shorter ones padded."""
     longest = max(piece.moved.shape[1] for piece in pieces)
-    padded = [_padded(piece, longest) for piece in pieces]
+    padded = [_pad(piece, longest) for piece in pieces]
     return Piece(*(np.concatenate(field) for field in zip(*padded, strict=True)))
 
 
-def _padded(piece: Piece, length: int) -> Piece:
+def _pad(piece: Piece, length: int) -> Piece:
     """The piece with `length` kept decisions; those added are not alive."""
     more = length - piece.moved.shape[1]
 
@@ -97,11 +97,11 @@ def _padded(piece: Piece, length: int) -> Piece:
         inputs=longer(piece.inputs),
         moved=longer(piece.moved),
         alive=longer(piece.alive),
-        foretold=longer(piece.foretold),
+        predicted=longer(piece.predicted),
     )
 
 
-def _folded(
+def _fold_strips(
     settings: CriticSettings,
     strips: list[StripFile],
     turn: int,
@@ -127,7 +127,7 @@ def _folded(
         inputs=inputs,
         moved=(rises - inputs[..., RISE_AT] * length).astype(np.float32),
         alive=times < ended[:, None],
-        foretold=(steps >= explorer.switch[:, None]) | trial,
+        predicted=(steps >= explorer.switch[:, None]) | trial,
         displacement=np.clip(folds.displacement, -ABSURD, ABSURD),
         strip=np.array([truth(strip) for strip in strips]),
     )

@@ -68,7 +68,7 @@ def whitening(piece: Piece) -> tuple[Array, Array]:
     return mean, scale[:, None] * vectors / np.sqrt(np.maximum(values, 0.0) + NOISE**2)
 
 
-def used(settings: CriticSettings) -> Array:
+def input_mask(settings: CriticSettings) -> Array:
     """1 for the inputs (COUNT,) that a critic may use, 0 for those left out."""
     kept = np.ones(COUNT)
     for part in (kept[STATE : STATE + CHANNELS], kept[STATE + CHANNELS :]):
@@ -89,14 +89,14 @@ def fit(
     try:
         with torch.random.fork_rng():
             torch.manual_seed(seed)
-            return _fitted(piece, settings, epochs, start)
+            return _fit(piece, settings, epochs, start)
     finally:
         torch.set_num_threads(threads)
 
 
-def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
+def _fit(piece: Piece, settings: CriticSettings, epochs: int, start: Critic | None) -> Critic:
     mean, whiten = (start.weights["mean"], start.weights["whiten"]) if start else whitening(piece)
-    whiten = whiten * used(settings)[:, None]
+    whiten = whiten * input_mask(settings)[:, None]
     network = Network(len(mean), settings.memory, settings.hidden)
     if start is not None:
         network.load_state_dict({n: torch.tensor(start.weights[n]) for n in network.state_dict()})
@@ -110,7 +110,7 @@ def _fitted(piece: Piece, settings: CriticSettings, epochs: int, start: Critic |
         order = torch.randperm(len(data[0]))[: rounds * BATCH]
         for batch in torch.split(order, BATCH):
             optimiser.zero_grad()
-            loss = _loss(network, _biased([part[batch] for part in data], blur))
+            loss = _loss(network, _add_bias([part[batch] for part in data], blur))
             torch.autograd.backward(loss)
             optimiser.step()
             schedule.step()
@@ -134,31 +134,31 @@ def _tensors(piece: Piece, mean: Array, whiten: Array) -> list[Tensor]:
     whitened = (piece.inputs - mean.astype(np.float32)) @ whiten.astype(np.float32)
     whitened = whitened.clip(-FAR, FAR)
     known = np.isfinite(piece.displacement)
-    foretold = piece.foretold & piece.alive & known[:, None]
+    predicted = piece.predicted & piece.alive & known[:, None]
     displacement = np.nan_to_num(piece.displacement) / UNIT
-    arrays = (whitened, piece.moved / UNIT, piece.alive, foretold, displacement, piece.strip)
+    arrays = (whitened, piece.moved / UNIT, piece.alive, predicted, displacement, piece.strip)
     return [torch.tensor(array, dtype=torch.float32) for array in arrays]
 
 
-def _biased(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
+def _add_bias(batch: list[Tensor], whiten: Tensor) -> list[Tensor]:
     whitened, *others = batch
     return [whitened + (biases(len(whitened)) @ whiten)[:, None], *others]
 
 
 def _loss(network: Network, batch: list[Tensor]) -> Tensor:
-    whitened, moved, alive, foretold, displacement, strip = batch
-    # moments that foretell a displacement first, at random; a fold with few repeats some
-    score = torch.rand(alive.shape) + foretold + alive
+    whitened, moved, alive, predicted, displacement, strip = batch
+    # moments that predict a displacement first, at random; a fold with few repeats some
+    score = torch.rand(alive.shape) + predicted + alive
     picked = torch.topk(score, min(PICKED, alive.shape[1]), dim=1).indices
     out = network(whitened, alive[..., None], picked)
-    moved, alive, foretold = (values.gather(1, picked) for values in (moved, alive, foretold))
+    moved, alive, predicted = (values.gather(1, picked) for values in (moved, alive, predicted))
     expected = out[..., DISPLACEMENT] + out[..., SLOPE] * moved
     spread = out[..., SPREAD].clamp(-8.0, 4.0)
     error = displacement[:, None] - expected
     likely = _soft(error, spread, SOFT)
     off, sure = strip[:, None] - out[..., STRIP::2], out[..., STRIP + 1 :: 2].clamp(-8.0, 4.0)
     belief = _soft(off, sure, 0.0).sum(dim=-1)
-    return _mean(likely, foretold) + BELIEF * _mean(belief, alive)
+    return _mean(likely, predicted) + BELIEF * _mean(belief, alive)
 
 
 def _soft(error: Tensor, spread: Tensor, power: float) -> Tensor:

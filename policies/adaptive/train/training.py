@@ -10,10 +10,10 @@ from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, replace_file, writing
 from policies.adaptive.checkpoint import load_critic, save_critic
 from policies.adaptive.critic import Critic
-from policies.adaptive.train.piece import Piece, explore, gathered
+from policies.adaptive.train.piece import Piece, concatenate, explore
 from policies.adaptive.train.regression import fit
 from policies.adaptive.train.settings import CriticSettings
-from policies.adaptive.train.trial import Trial, calibrated
+from policies.adaptive.train.trial import Trial, calibrate_sigmas
 
 SETTINGS, CHECKPOINT = "adaptive.json", "adaptive.npz"
 
@@ -66,7 +66,7 @@ class CriticTraining:
             for piece in self._pieces(turn, self.settings.pieces[turn], executor):
                 done += 1
                 yield Progress(done, self.total, f"round {turn + 1}, piece {piece}")
-            self._critic = self._fitted(turn)
+            self._critic = self._fit(turn)
             done += 1
             yield Progress(done, self.total, f"round {turn + 1}, regression")
         for piece in self._pieces(self.settings.rounds, self.settings.trials, executor):
@@ -76,7 +76,7 @@ class CriticTraining:
 
     def _pieces(self, turn: int, count: int, executor: Executor) -> Iterator[int]:
         """Fold and store the pieces of a round that are not stored yet; their numbers."""
-        missing = [n for n in range(count) if self._stored(turn, n) is None]
+        missing = [n for n in range(count) if self._read(turn, n) is None]
         yield from sorted(set(range(count)) - set(missing))
         known = (self.settings, turn)
         asked = {executor.submit(explore, *known, n, self._critic): n for n in missing}
@@ -84,12 +84,12 @@ class CriticTraining:
             self._store(piece.result(), turn, asked[piece])
             yield asked[piece]
 
-    def _fitted(self, turn: int) -> Critic:
+    def _fit(self, turn: int) -> Critic:
         path = self.folder / f"critic-{turn}.npz"
         if path.exists():
             return load_critic(path)
         known = [(t, n) for t in range(turn + 1) for n in range(self.settings.pieces[t])]
-        piece = gathered([self._load(t, n) for t, n in known])
+        piece = concatenate([self._load(t, n) for t, n in known])
         seed, epochs = self.settings.seed, self.settings.epochs[turn]
         save_critic(path, fit(piece, self.settings, epochs, seed, self._critic), {"round": turn})
         return load_critic(path)
@@ -99,21 +99,21 @@ class CriticTraining:
         rounds = self.settings.rounds
         pieces = [self._load(rounds, n) for n in range(self.settings.trials)]
         last = load_critic(self.folder / f"critic-{rounds - 1}.npz")
-        self._critic, self._trial = calibrated(last, gathered(pieces))
+        self._critic, self._trial = calibrate_sigmas(last, concatenate(pieces))
         facts = {"settings": self.settings.model_dump(mode="json"), "trial": self._trial.facts()}
         save_critic(self.checkpoint, self._critic, {"training": facts})
 
     def _path(self, turn: int, number: int) -> FilePath:
         return self.folder / f"piece-{turn}-{number:02d}.npz"
 
-    def _stored(self, turn: int, number: int) -> Piece | None:
+    def _read(self, turn: int, number: int) -> Piece | None:
         try:
             return Piece.load(self._path(turn, number))
         except (OSError, ValueError, KeyError, EOFError):
             return None
 
     def _load(self, turn: int, number: int) -> Piece:
-        piece = self._stored(turn, number)
+        piece = self._read(turn, number)
         if piece is None:
             raise ConfigurationError(
                 f"{self._path(turn, number)}: cannot be read again; run the command again"

@@ -56,7 +56,7 @@ class FitQuality:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
-def fitted(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
+def fit_transfer(batch: FoldedBatch) -> tuple[Transfer, FitQuality]:
     """The transfer by `batch`, and how well it holds for folds that were left out, a tenth each
     time. Raises ValueError for fewer folds than the roll has terms.
     """

@@ -16,7 +16,7 @@ WITHIN = ((0.68, ONE), (0.95, TWO))  # share of outcomes, and sigmas that are to
 @dataclass(frozen=True, slots=True)
 class Trial:
     """|d| over folds in the rod [m], and the share of outcomes within one and 1.96 sigma of what
-    was foretold at the touch.
+    was predicted at the touch.
     """
 
     folds: int
@@ -31,7 +31,7 @@ class Trial:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
+def calibrate_sigmas(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
     """`critic` with sigmas that hold their share of the outcomes of `piece`, and the trial."""
     ratios = off_over_sigma(critic, piece)
     critic = critic.with_stretch(np.array([_stretch(each) for each in ratios]))
@@ -48,7 +48,7 @@ def calibrated(critic: Critic, piece: Piece) -> tuple[Critic, Trial]:
 
 
 def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array]:
-    """|outcome - foretold| / sigma of displacement and of the belief's three numbers, each (m,), at
+    """|outcome - predicted| / sigma of displacement and the belief's three numbers, (m,) each, at
     the `last` kept decisions before each touch.
     """
     found: list[list[Array]] = [[] for _ in range(4)]
@@ -57,8 +57,8 @@ def off_over_sigma(critic: Critic, piece: Piece, last: int = LAST) -> list[Array
     left = piece.alive[:, ::-1].cumsum(axis=1)[:, ::-1]
     for k in range(piece.alive.shape[1]):
         alive = piece.alive[:, k]
-        whitened = critic.whitened(piece.inputs[:, k].astype(np.float64))
-        memory += alive[:, None] * critic.recalled(whitened)
+        whitened = critic.whiten(piece.inputs[:, k].astype(np.float64))
+        memory += alive[:, None] * critic.memorise(whitened)
         told += alive[:, None]
         judged = critic.judge(whitened, memory / np.maximum(told, 1))
         near = alive & (left[:, k] <= last) & np.isfinite(piece.displacement)

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibration.calibration import Calibration, calibrated, changed
+from calibration.calibration import Calibration, change_calibration, make_calibration
 from calibration.homography import Homography
 from calibration.landmarks import Landmark, Landmarks
 from calibration.lens import Lens
-from cell.calibrating.calibration_in_use import age_days, check_usable, recorded
+from cell.calibrating.calibration_in_use import age_days, check_usable, record_entry
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
 
@@ -28,7 +28,7 @@ def made(**facts: object) -> Calibration:
     matrix = np.array([[3400.0, 0, 640], [0, 3400.0, 360], [0, 0, 1]])
     plane = np.linalg.inv(np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]]))
     given = {"residual_mm": 0.2, "date": "2026-11-18T12:00:00+00:00", "camera": "one", **facts}
-    return calibrated(Lens(1280, 720, matrix, np.zeros(5)), Homography.of(plane), **given)
+    return make_calibration(Lens(1280, 720, matrix, np.zeros(5)), Homography.of(plane), **given)
 
 
 def _hardware(camera: str = "one") -> Devices:
@@ -65,7 +65,7 @@ def test_date_that_is_none_is_refused() -> None:
 
 def test_run_records_id_residual_latency_and_age() -> None:
     calibration = made(latency=0.031)
-    assert recorded(calibration, NOW) == {
+    assert record_entry(calibration, NOW) == {
         "id": calibration.id,
         "error": 0.0002,
         "latency": 0.031,
@@ -76,7 +76,7 @@ def test_run_records_id_residual_latency_and_age() -> None:
 
 def test_run_records_why_a_refused_calibration_was_taken_anyway() -> None:
     reasons = ("a held-out point is 3.00 mm off", "the latency was not measured")
-    assert recorded(made(accepted_anyway=reasons), NOW)["accepted_anyway"] == [*reasons]
+    assert record_entry(made(accepted_anyway=reasons), NOW)["accepted_anyway"] == [*reasons]
 
 
 def test_locks_landmarks_and_override_are_part_of_the_identity(tmp_path) -> None:
@@ -88,5 +88,5 @@ def test_locks_landmarks_and_override_are_part_of_the_identity(tmp_path) -> None
         made(accepted_anyway=("why",)).id,
     }
     assert len(ids) == 4
-    assert changed(plain).id == plain.id
-    assert changed(made(landmarks=MARKS), landmarks=None).id == plain.id
+    assert change_calibration(plain).id == plain.id
+    assert change_calibration(made(landmarks=MARKS), landmarks=None).id == plain.id

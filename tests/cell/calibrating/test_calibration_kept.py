@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 import cell.calibrating.calibrate
-from calibration.calibration import Calibration, calibrated, load_calibration, save_calibration
+from calibration.calibration import (
+    Calibration,
+    load_calibration,
+    make_calibration,
+    save_calibration,
+)
 from calibration.homography import Homography
 from calibration.lens import Lens
 from cell.calibrating.calibrate import calibration_of, kept_calibration
@@ -26,7 +31,7 @@ def made(date: str = "2026-11-20T03:15:00+00:00") -> Calibration:
     lens = Lens(1280, 720, matrix, np.zeros(5))
     plane = np.linalg.inv(np.array([[1700.0, 0, 100], [0, -1700.0, 600], [0, 0, 1]]))
     identity = SETTINGS.twin.camera.identity
-    return calibrated(lens, Homography.of(plane), residual_mm=0.1, date=date, camera=identity)
+    return make_calibration(lens, Homography.of(plane), residual_mm=0.1, date=date, camera=identity)
 
 
 @pytest.fixture
@@ -111,7 +116,7 @@ def test_making_it_again_gives_the_same_id(cache) -> None:
 
 def test_one_of_another_camera_is_refused_before_anything_is_recorded(tmp_path) -> None:
     other = made()
-    alien = calibrated(
+    alien = make_calibration(
         other.lens, other.homography, residual_mm=0.1, date=other.date, camera="another"
     )
     facts = {"frames": None, "truth": True, "viz": "off", "configs": BESIDE, "checkpoint": None}

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import drivers.camera.kernel
 from cell.cli.app import app
 from cell.config.places import find_configs
-from cell.devices.camera_check import suggested
+from cell.devices.camera_check import suggest_settings
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_calibrated, check_drivers, open_cell
 from cell.devices.real_camera import with_real_camera
@@ -54,7 +54,7 @@ def test_device_that_cannot_be_opened_is_listed_with_the_reason(links: Path) -> 
 
 
 def test_suggested_settings_lock_exposure_where_it_stands() -> None:
-    settings = suggested(report(FakeKernel(), LINK))
+    settings = suggest_settings(report(FakeKernel(), LINK))
     assert settings == V4l2Settings(
         device=LINK,
         format="YUYV",

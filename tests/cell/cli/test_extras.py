@@ -21,9 +21,7 @@ def run_bare(*words: str, at: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize(
-    "words", [("home",), ("park",), ("jog", "--x", "1"), ("open",)], ids=lambda words: words[0]
-)
+@pytest.mark.parametrize("words", [("home",), ("jog", "--x", "1")], ids=lambda words: words[0])
 def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path) -> None:
     done = run_bare(*words, at=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -36,7 +34,6 @@ def test_arm_of_the_twin_moves_without_the_robots_library(words, tmp_path: Path)
         ("register",),
         ("fold", "--strip", "denim", "--arm", "fci"),
         ("home", "--arm", "fci"),
-        ("jog", "--arm", "fci"),
         ("calibrate", "check", "--arm", "fci"),
         ("train", "--cluster", "tcp://127.0.0.1:1"),
     ],

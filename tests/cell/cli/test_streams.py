@@ -33,7 +33,7 @@ def shell(command: str, cwd: Path, **environment: str) -> subprocess.CompletedPr
         cwd=cwd,
         capture_output=True,
         check=False,
-        timeout=120,
+        timeout=300,
         env={**os.environ, "PYTHONPATH": tree, "CELL": " ".join(CELL), **environment},
     )
 

@@ -76,8 +76,8 @@ def test_runs_by_hand_repeat_no_condition(tmp_path: Path, monkeypatch: pytest.Mo
 def test_through_images_the_cell_makes_as_many_motions_by_hand_as_standard_ones() -> None:
     standard = case("nothing", "nothing", {}).model_copy(update={"tier": "images"})
     by_hand = standard.model_copy(update={"motions": "by_hand"})
-    made = through_images._wanted(by_hand)
-    assert len(made) == len(through_images._wanted(standard))
+    made = through_images._requests(by_hand)
+    assert len(made) == len(through_images._requests(standard))
     assert [name for name, _ in made] == [f"{i:02d}-by-hand" for i in range(len(made))]
     paths = [
         make_policy(request.policy) for _, request in made if request.policy.startswith(MOTION)
@@ -88,7 +88,7 @@ def test_through_images_the_cell_makes_as_many_motions_by_hand_as_standard_ones(
 def test_a_sealed_run_by_hand_tells_its_number_and_no_seed() -> None:
     header = {"policy": "motion:by-hand-71-3", "condition": "motion:by-hand-71-3", "index": 3,
               "strip": "denim", "plant_sha256": "0"}  # fmt: skip
-    assert through_images._told(header) == {
+    assert through_images._sealed_header(header) == {
         "policy": "by-hand-4", "condition": "by-hand-4", "index": 3, "strip": "denim"
     }  # fmt: skip
 
@@ -102,5 +102,5 @@ def test_one_triple_in_three_is_moved_by_hand(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_every_level_of_scatter_meets_every_strength_and_kind_of_motion() -> None:
-    met = {(i % 3, (i // 3) % 3, draw._scattered(i)) for i in range(27)}
+    met = {(i % 3, (i // 3) % 3, draw._scatter_level(i)) for i in range(27)}
     assert len(met) == 27

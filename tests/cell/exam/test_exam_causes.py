@@ -178,10 +178,10 @@ def test_a_caught_thread_pulls_the_strip_back_until_it_tears() -> None:
 def test_a_creeping_grip_lets_the_edge_leave_the_fingers_along_the_strip() -> None:
     creeping = cause_of("creeping_grip", {"rate": 0.001})
     held = np.array([0.5, 0.1, 0.6])
-    gone = held - creeping.moved(held, 4.0)
+    gone = held - creeping.true_pose(held, 4.0)
     assert np.hypot(*gone[:2]) == pytest.approx(0.004)
     assert np.arctan2(gone[1], gone[0]) == pytest.approx(0.6)
-    assert np.array_equal(creeping.moved(held, 0.0), held)
+    assert np.array_equal(creeping.true_pose(held, 0.0), held)
 
 
 def test_specimen_changes_from_run_to_run_but_not_in_the_first() -> None:
@@ -197,7 +197,7 @@ def test_specimen_changes_from_run_to_run_but_not_in_the_first() -> None:
 def test_lost_damping_is_not_linear_in_the_runs() -> None:
     loss = cause_of("softening", {"loss": 0.8, "runs": 2.0})
     left = [
-        float(loss.described(described(index=i), np.random.default_rng()).mechanics.viscosity[0])
+        float(loss.alter(described(index=i), np.random.default_rng()).mechanics.viscosity[0])
         for i in (0, 3, 6)
     ]
     assert left[0] - left[1] > 2 * (left[1] - left[2]) > 0
@@ -248,7 +248,7 @@ def test_clock_that_drifts_shows_an_older_world_the_longer_the_run() -> None:
 def test_touched_lens_moves_the_edge_of_the_picture_by_pixels() -> None:
     settings = find_configs(None).cell().twin.camera
     lens = cause_of("lens", {"k1": 0.1})
-    now = settings.model_copy(update={"distortion": lens.distorted(settings.distortion)})
+    now = settings.model_copy(update={"distortion": lens.distortion(settings.distortion)})
     corner, middle = np.array([[0.62, 0.3]]), np.array([[settings.aim_x, settings.aim_z]])
     before, after = Optics.of(settings), Optics.of(now)
     assert 0.5 < np.linalg.norm(after.plane(corner) - before.plane(corner)) < 8.0

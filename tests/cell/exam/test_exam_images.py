@@ -11,7 +11,7 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.exam.case import Case
 from cell.exam.runs import through_images
-from cell.exam.runs.through_images import Open, exam_cell, make_runs, measured, plant_of
+from cell.exam.runs.through_images import Open, exam_cell, make_runs, plant_of, sealed_result
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.strip.runs import read_runs
 from cell.record.run import read_run
@@ -102,10 +102,10 @@ def test_a_touched_lens_leaves_the_camera_its_identity() -> None:
 
 def test_only_a_touch_that_was_measured_counts_as_one() -> None:
     whole = {"t_layer_touch": 5.0, "displacement": 0.0, "l1": 0.3, "l2": 0.3, "duration": 9.0}
-    assert measured({"outcome": "interrupted", **whole})["outcome"] == "layer_touch"
-    assert measured({"outcome": "interrupted", "reason": "x"}) == {"outcome": "interrupted"}
-    assert measured({"outcome": "image_lost", **whole})["outcome"] == "image_lost"
-    assert "duration" not in measured({"outcome": "layer_touch", **whole})
+    assert sealed_result({"outcome": "interrupted", **whole})["outcome"] == "layer_touch"
+    assert sealed_result({"outcome": "interrupted", "reason": "x"}) == {"outcome": "interrupted"}
+    assert sealed_result({"outcome": "image_lost", **whole})["outcome"] == "image_lost"
+    assert "duration" not in sealed_result({"outcome": "layer_touch", **whole})
 
 
 def test_an_unknown_cause_is_refused_before_anything_is_folded(tmp_path: Path) -> None:

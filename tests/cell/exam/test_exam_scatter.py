@@ -17,16 +17,16 @@ from tests.support.gap_strip_cases import denim
 
 
 def test_without_scatter_a_strip_is_held_and_made_as_described() -> None:
-    none = RunScatter.drawn("none", 1, 2)
+    none = RunScatter.draw("none", 1, 2)
     model = describe(denim())
-    assert none.held(model) is model
+    assert none.in_rig(model) is model
     pose = np.array([0.5, 0.1, 0.0])
-    np.testing.assert_array_equal(none.moved(pose, 1.0), pose)
+    np.testing.assert_array_equal(none.true_pose(pose, 1.0), pose)
 
 
 @pytest.mark.parametrize("level", ["half", "full"])
 def test_runs_differ_by_as_much_as_their_level_says(level) -> None:
-    drawn = [RunScatter.drawn(level, 3, index) for index in range(400)]
+    drawn = [RunScatter.draw(level, 3, index) for index in range(400)]
     of = LEVELS[level]
     assert np.std([d.grip for d in drawn]) == pytest.approx(of.grip, rel=0.1)
     assert np.std([d.damping for d in drawn]) == pytest.approx(of.damping, rel=0.1)
@@ -34,21 +34,21 @@ def test_runs_differ_by_as_much_as_their_level_says(level) -> None:
 
 
 def test_scatter_of_a_run_is_the_same_however_often_it_is_made() -> None:
-    first, second = (RunScatter.drawn("full", 5, 7) for _ in range(2))
+    first, second = (RunScatter.draw("full", 5, 7) for _ in range(2))
     np.testing.assert_array_equal(first.grip, second.grip)
     assert (first.damping, first.stiffness) == (second.damping, second.stiffness)
 
 
 def test_the_edge_moves_to_where_it_is_held_and_stays_there() -> None:
-    scatter, pose = RunScatter.drawn("full", 5, 7), np.zeros(3)
-    np.testing.assert_array_equal(scatter.moved(pose, 0.0), pose)
+    scatter, pose = RunScatter.draw("full", 5, 7), np.zeros(3)
+    np.testing.assert_array_equal(scatter.true_pose(pose, 0.0), pose)
     for time in (GRASP, 5.0):
-        np.testing.assert_allclose(scatter.moved(pose, time), [*scatter.grip, 0.0])
+        np.testing.assert_allclose(scatter.true_pose(pose, time), [*scatter.grip, 0.0])
 
 
 def test_rig_and_strip_of_a_model_are_scattered() -> None:
-    scatter, model = RunScatter.drawn("full", 5, 7), describe(denim())
-    held = scatter.held(model)
+    scatter, model = RunScatter.draw("full", 5, 7), describe(denim())
+    held = scatter.in_rig(model)
     assert (held.rig.grip_x, held.rig.grip_z) == pytest.approx(tuple(scatter.grip))
     ratio = held.mechanics.viscosity / model.mechanics.viscosity
     np.testing.assert_allclose(ratio, scatter.damping)

@@ -13,9 +13,9 @@ from cell.campaign.journal import Record
 from cell.campaign.part import Part
 from cell.campaign.progress import Quiet
 from cell.exam.case import Case, Kind
-from cell.exam.cases.answer_key import Sources, opened, seal
-from cell.exam.run import JOURNAL, LEDGER, run_exam, said, spread
-from cell.exam.run_case import VERDICTS, made
+from cell.exam.cases.answer_key import Sources, open_key, seal
+from cell.exam.run import JOURNAL, LEDGER, run_exam, spread, summarise
+from cell.exam.run_case import VERDICTS, keep_runs
 from cell.exam.sandbox.parent import FILES, NoVerdict, policy, run_sandboxed, stage
 from cell.exam.sandbox.restrict import version
 from cell.exam.scoring.results import Entry, Ledger
@@ -120,7 +120,7 @@ def test_where_the_kernel_does_not_help_no_other_program_is_started(desk: Path) 
 def test_a_key_comes_back_as_it_was_sealed(tmp_path: Path) -> None:
     whole = case("a", "single", {"seam": {"factor": 2.0}}, stiffness=1.1, strength="weak")
     path = seal(whole, tmp_path)
-    assert opened(tmp_path, "a") == whole
+    assert open_key(tmp_path, "a") == whole
     assert path.stat().st_mode & 0o077 == 0
 
 
@@ -150,7 +150,7 @@ def test_runs_are_kept_while_their_case_is_the_same(tmp_path: Path) -> None:
         asked.append(which.stiffness)
 
     for stiffness in (1.0, 1.0, 1.2):
-        made(case("a", "nothing", {}, stiffness=stiffness), tmp_path / "a", make)
+        keep_runs(case("a", "nothing", {}, stiffness=stiffness), tmp_path / "a", make)
     assert asked == [1.0, 1.2]
 
 
@@ -189,7 +189,7 @@ class Seen(Quiet):
         self.lines: list[str] = []
 
     def finished(self, part: Part, record: Record) -> None:
-        self.lines.append(part.key + said(record))
+        self.lines.append(part.key + summarise(record))
 
 
 def refused(_: Case, __: Path) -> None:

@@ -75,7 +75,7 @@ def finished(outcome: Outcome) -> FoldResult:
     return FoldResult(
         *("run", "unknown", "adaptive", 0, "layer_touch", "the layers touch"),
         *(-0.001, None, 5.0, None, None, 14.0, 20.0, "made", 0),
-        foretold=BELIEF.sentence(),
+        predicted=BELIEF.sentence(),
         warning=warning,
     )
 
@@ -105,7 +105,7 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
 
 def test_fold_without_a_prediction_or_a_touch_claims_nothing() -> None:
     trace, notes = traced(measured()), Notes()
-    for outcome in (replace(OUTCOME, foretold=None), replace(OUTCOME, touch=None)):
+    for outcome in (replace(OUTCOME, predicted=None), replace(OUTCOME, touch=None)):
         assert trace.reviewed(outcome, notes).agreement is None
     assert FoldTrace(STRIP).reviewed(OUTCOME, notes).agreement is None
     assert not notes.events

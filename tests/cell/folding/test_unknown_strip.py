@@ -10,9 +10,9 @@ from cell.folding.learned import LEARNED, learned_strip, offer
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
-from policies.foretelling import Estimate, Foretold
+from policies.prediction import Estimate, FoldPrediction
 
-FORETOLD = Foretold(
+PREDICTED = FoldPrediction(
     displacement=-0.0004,
     sigma=0.0007,
     bending_length=Estimate(0.0219, 0.0217, 0.0220),
@@ -42,7 +42,7 @@ def test_what_is_no_length_of_a_strip_is_refused(length: str) -> None:
 
 def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_path: Path) -> None:
     strip = without_file("0.6")
-    path = offer(tmp_path, strip, FORETOLD)
+    path = offer(tmp_path, strip, PREDICTED)
     assert path == tmp_path / LEARNED
     learned = load_strip(path)
     assert learned.bending_length == pytest.approx(0.0219)
@@ -56,5 +56,5 @@ def test_offered_file_is_a_strip_file_that_says_where_its_numbers_are_from(tmp_p
 def test_friction_that_is_hardly_there_is_not_written_down() -> None:
     strip = without_file("0.6")
     little = Estimate(1.0, 0.0, 3.0)
-    smooth = replace(FORETOLD, yield_curvature=little)
+    smooth = replace(PREDICTED, yield_curvature=little)
     assert not learned_strip(strip, smooth, "run").effects

@@ -118,7 +118,7 @@ def test_undo_killed_at_any_moment_can_be_finished(tmp_path: Path) -> None:
 
 
 def test_two_acceptances_at_once_leave_one_whole_file(tmp_path: Path) -> None:
-    for pair in range(60):
+    for pair in range(20):
         fit = fitted_both(tmp_path / str(pair))
         children = []
         for _ in range(2):

@@ -21,14 +21,14 @@ from cell.orchestrator.outcome import Outcome
 from cell.perception.measurement import SeenTouch
 from drivers.errors import ConfigurationError
 from drivers.strip.file import StripFile
-from policies.foretelling import Estimate, Foretold
 from policies.planned import Planned
+from policies.prediction import Estimate, FoldPrediction
 from policies.registry import make_policy
 
 SUBJECT = Subject("adaptive@1", "denim", "a")
 SETTINGS = LearningSettings()
 NUMBER = Estimate(0.02, 0.019, 0.021)
-FORETOLD = Foretold(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
+PREDICTED = FoldPrediction(-0.001, 0.0005, NUMBER, NUMBER, NUMBER, blind=False)
 STRIP = StripFile(
     name="felt",
     length=0.6,
@@ -39,10 +39,10 @@ STRIP = StripFile(
 )
 
 
-def outcome(displacement: float, foretold: Foretold | None = FORETOLD) -> Outcome:
+def outcome(displacement: float, predicted: FoldPrediction | None = PREDICTED) -> Outcome:
     l1, l2 = 0.3 + displacement / 2, 0.3 - displacement / 2
     touch = SeenTouch(5.0, 0.3, l1, l2, confidence=1.0, distance=0.001)
-    return Outcome("layer_touch", "the layers touch", 0, touch, -0.002, 14.0, foretold)
+    return Outcome("layer_touch", "the layers touch", 0, touch, -0.002, 14.0, predicted)
 
 
 def test_experiences_come_back_in_order_and_a_torn_line_is_skipped(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_the_second_fold_aims_at_the_opposite_of_the_first_ones_bias(tmp_path: P
 
 def test_what_is_learned_does_not_depend_on_the_correction_in_use(tmp_path: Path) -> None:
     corrected = Correction(0.003, 0.001)
-    shifted = replace(FORETOLD, displacement=FORETOLD.displacement + corrected.seen)
+    shifted = replace(PREDICTED, displacement=PREDICTED.displacement + corrected.seen)
     plain = experience_of("r0", SUBJECT, outcome(0.002), Correction(0.0, 0.0))
     again = experience_of("r0", SUBJECT, outcome(0.002, shifted), corrected)
     assert plain is not None
@@ -121,7 +121,7 @@ def test_experiences_of_other_weights_teach_nothing(tmp_path: Path) -> None:
 
 def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
     nothing = Correction(0.0, 0.0)
-    blind = replace(FORETOLD, blind=True)
+    blind = replace(PREDICTED, blind=True)
     assert experience_of("r", SUBJECT, outcome(0.001, blind), nothing) is None
     assert experience_of("r", SUBJECT, replace(outcome(0.0), name="force"), nothing) is None
     assert experience_of("r", SUBJECT, replace(outcome(0.0), touch=None), nothing) is None

@@ -6,19 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cell.perception.agreement import (
-    FRICTION,
-    RESIDUAL,
-    Agreement,
-    agreement,
-)
+from cell.perception.agreement import Agreement, agreement, agreement_limits
 from cell.perception.measured_fold import BINS, FEWEST, MeasuredFold
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
-from policies.foretelling import Estimate, Foretold
 from policies.path import triangular
+from policies.prediction import Estimate, FoldPrediction
 from policies.profile import POINTS, profiles
 
 STRIP = StripFile(
@@ -36,7 +31,7 @@ def about(value: float, spread: float) -> Estimate:
     return Estimate(value, value / spread, value * spread)
 
 
-BELIEF = Foretold(
+BELIEF = FoldPrediction(
     displacement=0.0,
     sigma=0.001,
     bending_length=about(0.019, 1.01),
@@ -69,7 +64,7 @@ def test_strip_of_the_models_law_agrees() -> None:
     found = agreement(STRIP, BELIEF, measured())
     assert found is not None
     assert found.like_model
-    assert found.residual < 0.6 * RESIDUAL
+    assert found.residual < 0.6 * agreement_limits().residual
     assert "behaves like the model" in found.sentence()
 
 
@@ -87,21 +82,24 @@ def test_noise_of_the_images_is_no_other_law() -> None:
     assert loud.noise == pytest.approx(0.0013, rel=0.2)
     found = agreement(STRIP, BELIEF, loud)
     assert found is not None
-    assert found.residual < RESIDUAL
+    assert found.residual < agreement_limits().residual
 
 
 def test_strip_of_another_law_is_flagged_and_the_sentence_names_what_to_do() -> None:
     another = measured(quadratic_damping=(("coefficient", 0.02),))
     found = agreement(STRIP, BELIEF, another)
     assert found is not None
-    assert found.residual > RESIDUAL
+    assert found.residual > agreement_limits().residual
     assert not found.like_model
     assert "does not behave like the model" in found.sentence()
     assert "`cell gap plan`" in found.sentence()
 
 
 def test_friction_beyond_the_training_is_flagged() -> None:
-    found = Agreement(residual=0.5 * RESIDUAL, yield_curvature=1.1 * FRICTION)
+    found = Agreement(
+        residual=0.5 * agreement_limits().residual,
+        yield_curvature=1.1 * agreement_limits().yield_curvature,
+    )
     assert not found.like_model
     assert "rub" in found.sentence()
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calibration.calibration import load_calibration, save_calibration
-from cell.devices.rig_correction import corrected
+from cell.devices.rig_correction import correct_calibration
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
@@ -62,7 +62,7 @@ class AffectedCamera(FoldCamera):
 def _looks(model: StripModel, believed: StripModel) -> tuple[Array, list[Array]]:
     """contact_x (k,) and profiles that a cell sees of `model` which believes `believed`."""
     fold, camera, settings = _fold(), AffectedCamera(model), PerceptionSettings()
-    calibration = corrected(twin_calibration(CAMERA), believed)
+    calibration = correct_calibration(twin_calibration(CAMERA), believed)
     appearance = inspect(camera.flat(DENIM), calibration, settings, DENIM).appearance
     assert appearance is not None
     perception = Perception(calibration, settings, DENIM, appearance)
@@ -105,7 +105,7 @@ def test_corrected_calibration_inverts_the_law_and_keeps_in_a_file(tmp_path: Pat
     observation = Observation(0.001, 0.02, 0.008, 0.004, -0.001, 0.003)
     model = replace(describe(DENIM), observation=observation, rig=Rig(desk_height=0.002))
     calibration = twin_calibration(CAMERA)
-    again = corrected(calibration, model)
+    again = correct_calibration(calibration, model)
     pixels = np.array([[200.0, 300.0], [900.0, 500.0]])
     expected = true_points(model, calibration.to_plane(pixels))
     np.testing.assert_allclose(again.to_plane(pixels), expected, atol=1e-9)
@@ -114,4 +114,4 @@ def test_corrected_calibration_inverts_the_law_and_keeps_in_a_file(tmp_path: Pat
     save_calibration(again, tmp_path / "c.yaml")
     read = load_calibration(tmp_path / "c.yaml")
     assert (read.id, read.contact_bias) == (again.id, again.contact_bias)
-    assert corrected(calibration, describe(DENIM)) is calibration
+    assert correct_calibration(calibration, describe(DENIM)) is calibration

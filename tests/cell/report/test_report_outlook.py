@@ -1,4 +1,4 @@
-"""The report shows what the policy foretold, and whether the strip behaved like the model."""
+"""The report shows what the policy predicted, and whether the strip behaved like the model."""
 
 import json
 import re
@@ -12,10 +12,10 @@ from cell.record.outlook import NAMES, Outlook, row_of
 from cell.record.run import Event, read_run
 from cell.report.outlook import outlook_figure, predictions
 from cell.report.page import write_report
-from policies.foretelling import Estimate, Foretold
+from policies.prediction import Estimate, FoldPrediction
 
-FORETOLD = asdict(
-    Foretold(
+PREDICTED = asdict(
+    FoldPrediction(
         displacement=0.0004,
         sigma=0.0009,
         bending_length=Estimate(0.0167, 0.0165, 0.0169),
@@ -33,17 +33,17 @@ UNLIKE = {
 
 
 @pytest.fixture
-def foretelling(make_run, tmp_path):
-    folder = make_run(tmp_path, foretold=FORETOLD, agreement=UNLIKE)
+def predicting(make_run, tmp_path):
+    folder = make_run(tmp_path, foretold=PREDICTED, agreement=UNLIKE)
     with (folder / EVENTS).open("a") as events:
         for k in range(60):
-            line = {"t": 2.0 + 0.05 * k, "kind": "foretold", **FORETOLD}
+            line = {"t": 2.0 + 0.05 * k, "kind": "foretold", **PREDICTED}
             events.write(json.dumps(line) + "\n")
     return folder
 
 
-def test_page_tells_and_draws_what_was_foretold(foretelling) -> None:
-    page = write_report(foretelling).read_text()
+def test_page_states_and_draws_what_was_predicted(predicting) -> None:
+    page = write_report(predicting).read_text()
     text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
     for claim in ("+0.4 mm ± 0.9 mm", "16.7 mm (16.5 to 16.9)", "27 ms (22 to 34)"):
         assert claim in text, claim
@@ -52,14 +52,14 @@ def test_page_tells_and_draws_what_was_foretold(foretelling) -> None:
     assert page.count("<svg") == 4
 
 
-def test_page_of_a_policy_that_foretells_nothing_has_no_such_part(finished) -> None:
+def test_page_of_a_policy_that_predicts_nothing_has_no_such_part(finished) -> None:
     run = read_run(finished)
     assert predictions(run.result) == []
     assert len(Outlook.of(run.events()).t) == 0
 
 
 def test_rows_hold_the_interval_of_each_value() -> None:
-    outlook = Outlook.of([Event(3.0, "foretold", FORETOLD), Event(2.0, "foretold", FORETOLD)])
+    outlook = Outlook.of([Event(3.0, "foretold", PREDICTED), Event(2.0, "foretold", PREDICTED)])
     assert outlook.t.tolist() == [2.0, 3.0]
     assert outlook.column("displacement_high") == pytest.approx([0.0013, 0.0013])
     assert outlook.column("retardation_time_low") == pytest.approx([0.022, 0.022])

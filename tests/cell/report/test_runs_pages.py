@@ -14,12 +14,12 @@ from cell.record.listing import list_runs, read_row
 from cell.report.page import write_report
 
 
-@pytest.fixture
-def three(finished: Path, tmp_path: Path) -> list[Path]:
-    """Three runs with pages; the second has another policy, the third died."""
-    folders = []
+@pytest.fixture(scope="module")
+def written(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of three runs with pages; the second has another policy, the third died."""
+    runs, folders = tmp_path_factory.mktemp("written") / "runs", []
     for number in range(3):
-        place = tmp_path / "runs" / f"2026112{number}T080000Z-denim-fold-000{number}"
+        place = runs / f"2026112{number}T080000Z-denim-fold-000{number}"
         shutil.copytree(finished, place)
         folders.append(place)
     head = yaml.safe_load((folders[1] / "run.yaml").read_text()) | {"policy": "circular"}
@@ -27,7 +27,13 @@ def three(finished: Path, tmp_path: Path) -> list[Path]:
     (folders[2] / "result.yaml").unlink()
     for folder in folders:
         write_report(folder)
-    return folders
+    return runs
+
+
+@pytest.fixture
+def three(written: Path, tmp_path: Path) -> list[Path]:
+    """The folders of a copy of them."""
+    return sorted(shutil.copytree(written, tmp_path / "runs").iterdir())
 
 
 def call(*words: object) -> str:

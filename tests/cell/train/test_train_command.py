@@ -130,7 +130,7 @@ def test_workers_end_with_the_process_that_leads_them() -> None:
     )
     command = [sys.executable, "-c", script]
     # Workers hold the pipe too: it closes when the last of them has ended.
-    told = subprocess.run(command, stdout=subprocess.PIPE, timeout=60, check=False)
+    told = subprocess.run(command, stdout=subprocess.PIPE, timeout=300, check=False)
     assert told.returncode == -signal.SIGKILL
     assert int(told.stdout) > 0
 

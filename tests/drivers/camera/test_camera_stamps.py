@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.camera.abi import BufferFlag
-from drivers.camera.stamps import Sequence, Shutter, StampSource, signed
+from drivers.camera.stamps import Sequence, Shutter, StampSource, signed_difference
 
 SHUTTER = Shutter(period=1 / 30, exposure=0.01, readout=0.006)
 START = BufferFlag.TIMESTAMP_MONOTONIC | BufferFlag.SOURCE_START_OF_EXPOSURE
@@ -62,4 +62,4 @@ def test_restart_counts_what_was_missed() -> None:
 
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_signed_difference_is_that_of_32_bits(difference: int) -> None:
-    assert signed(difference % 2**32) == difference
+    assert signed_difference(difference % 2**32) == difference

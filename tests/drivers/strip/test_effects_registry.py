@@ -17,7 +17,7 @@ from tests.support.effect_cases import (
     denim,
     folds,
     levels,
-    predicted,
+    prediction,
     usual,
 )
 
@@ -143,11 +143,11 @@ SHOWN_ELSEWHERE = {"contact_bias": {"contact_x"}, "layer_adhesion": set()}
 def test_every_effect_but_the_one_past_the_end_changes_the_prediction() -> None:
     models = [bare(), *(affected(e.name, **_middle(e)) for e in EFFECTS)]
     motions = folds(models)
-    without = predicted(models[0], motions[0])
+    without = prediction(models[0], motions[0])
     for effect, model, motion in zip(EFFECTS, models[1:], motions[1:], strict=True):
         changed = {
             channel
-            for channel, values in predicted(model, motion).items()
+            for channel, values in prediction(model, motion).items()
             if not np.array_equal(values, without.get(channel))
         }
         # Layers cling only once they touch, and there a rod's motion ends.

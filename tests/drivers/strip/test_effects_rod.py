@@ -110,7 +110,7 @@ def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(speed
 
 def test_relaxed_strip_hangs_as_one_of_what_rigidity_is_left() -> None:
     relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.5), describe(STIFF)
-    left = replace(straight, mechanics=straight.mechanics.stiffened(np.full(600, 0.6)))
+    left = replace(straight, mechanics=straight.mechanics.scale_rigidity(np.full(600, 0.6)))
     hung, expected, before = overhang([relaxed, left, straight])
     np.testing.assert_allclose(hung, expected, atol=1e-6)
     assert np.abs(hung - before).max() > 0.01
@@ -118,7 +118,7 @@ def test_relaxed_strip_hangs_as_one_of_what_rigidity_is_left() -> None:
 
 def test_fast_relaxation_is_a_softer_strip_and_slow_relaxation_none() -> None:
     fast, slow = (affected("relaxation", ratio=0.3, time=time) for time in (0.01, 100.0))
-    soft = replace(bare(), mechanics=replace(bare().mechanics.stiffened(np.full(600, 0.7))))
+    soft = replace(bare(), mechanics=replace(bare().mechanics.scale_rigidity(np.full(600, 0.7))))
     moved = [m.touch.displacement for m in folds([fast, slow, soft, bare()]) if m.touch]
     assert moved[1] == pytest.approx(moved[3], abs=1e-4)
     assert moved[0] - moved[3] < -1e-3

@@ -10,7 +10,7 @@ import pytest
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
 from drivers.twin.board import board_frame, facing
-from drivers.twin.renderer.curve import smoothed, through_nodes
+from drivers.twin.renderer.curve import smooth, through_nodes
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.renderer import Renderer
@@ -89,7 +89,7 @@ def test_chain_nodes_are_rounded_without_a_bias_of_desk_contact() -> None:
     s = np.linspace(0, 0.6, 6001)
     crossings = []
     for height in np.linspace(0.0005, 0.03, 60):
-        round_, _ = through_nodes(smoothed(links, coarse), coarse, s)
+        round_, _ = through_nodes(smooth(links, coarse), coarse, s)
         drawn = np.interp(height, round_[3500:, 1], round_[3500:, 0])
         crossings.append(drawn - np.interp(height, links[35:, 1], links[35:, 0]))
     hermite, _ = through_nodes(links, coarse, s)

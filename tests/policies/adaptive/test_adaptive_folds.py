@@ -74,7 +74,7 @@ def test_policy_that_sees_nothing_holds_its_line_and_then_takes_that_of_shifted(
     for k in range(20, 120):
         policy.decide(observed(k / 60, 0.4, nothing))
     assert policy.blind[0]
-    assert policy.foretold().blind
+    assert policy.prediction().blind
     assert policy.rise[0] == pytest.approx(UNKNOWING * strip.length, abs=1e-4)
 
 

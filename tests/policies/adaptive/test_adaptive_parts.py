@@ -57,7 +57,7 @@ def judged(displacement: float, length: float) -> Judgement:
     return Judgement(each, np.full(2, 0.9), np.full(2, 5e-4), Belief(told, told, told))
 
 
-def test_one_wild_judgement_of_five_is_not_foretold() -> None:
+def test_one_wild_judgement_of_five_is_not_predicted() -> None:
     usual = [judged(1e-4 * k, -3.9 + 0.01 * k) for k in range(4)]
     found = middle([*usual, judged(-0.012, -2.0)])
     assert found.displacement == pytest.approx([1e-4, 1.1e-3], abs=1e-4)
@@ -95,8 +95,8 @@ def test_weights_come_back_as_they_were_saved(tmp_path: Path) -> None:
     save_critic(tmp_path / "again.npz", critic, {"note": "copy"})
     again = load_critic(tmp_path / "again.npz")
     inputs = np.random.default_rng(0).normal(size=(3, COUNT)) * 0.1
-    whitened = critic.whitened(inputs)
-    memory = critic.recalled(whitened)
+    whitened = critic.whiten(inputs)
+    memory = critic.memorise(whitened)
     np.testing.assert_array_equal(
         critic.judge(whitened, memory).displacement, again.judge(whitened, memory).displacement
     )
@@ -145,9 +145,9 @@ def test_strip_or_speed_that_was_not_trained_is_refused(length: float, speed: fl
 
 def test_fold_that_rolls_further_is_displaced_further_to_the_other_side() -> None:
     critic = load_critic()
-    assert Adaptive(critic).foretold() is None
-    whitened = critic.whitened(critic.weights["mean"][None])
-    belief = critic.judge(whitened, critic.recalled(whitened)).belief
+    assert Adaptive(critic).prediction() is None
+    whitened = critic.whiten(critic.weights["mean"][None])
+    belief = critic.judge(whitened, critic.memorise(whitened)).belief
     smooth = belief._replace(friction=0.0 * belief.friction)
     rough = belief._replace(friction=0.0 * belief.friction + np.log1p(6.0))
     roll = load_transfer().roll

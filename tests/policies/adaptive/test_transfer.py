@@ -18,7 +18,7 @@ from policies.adaptive.checkpoint import (
     save_critic,
 )
 from policies.adaptive.roll import MOST, TERMS, Roll, roll_terms
-from policies.adaptive.train.transfer import FoldedBatch, fitted
+from policies.adaptive.train.transfer import FoldedBatch, fit_transfer
 from policies.adaptive.transfer import Transfer
 
 BIAS = np.array([0.7e-3, -1.0e-3, 0.5])
@@ -46,7 +46,7 @@ def folds(count: int, noise: float, wild: int = 0) -> FoldedBatch:
 @pytest.mark.parametrize("wild", [0, 3])
 def test_fit_finds_the_bias_and_the_roll_beside_a_few_wild_folds(wild: int) -> None:
     batch = folds(120, 2e-4, wild)
-    transfer, quality = fitted(batch)
+    transfer, quality = fit_transfer(batch)
     bias = transfer.bias
     assert (bias.always, bias.of_length, bias.of_thickness) == pytest.approx(
         BIAS, abs=3e-4, rel=0.2
@@ -60,13 +60,13 @@ def test_fit_finds_the_bias_and_the_roll_beside_a_few_wild_folds(wild: int) -> N
 
 
 def test_sigma_grows_where_folds_scatter_by_more_than_was_stated() -> None:
-    (little, _), (much, _) = fitted(folds(120, 2e-4)), fitted(folds(120, 1e-3))
+    (little, _), (much, _) = fit_transfer(folds(120, 2e-4)), fit_transfer(folds(120, 1e-3))
     assert much.bias.sigma == pytest.approx(5.0 * little.bias.sigma, rel=0.3)
 
 
 def test_fewer_folds_than_the_roll_has_terms_are_refused() -> None:
     with pytest.raises(ValueError, match=f"the fit needs {TERMS}"):
-        fitted(folds(TERMS - 1, 1e-4))
+        fit_transfer(folds(TERMS - 1, 1e-4))
 
 
 def test_committed_weights_say_how_their_transfer_came_about() -> None:

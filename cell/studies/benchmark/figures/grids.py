@@ -87,8 +87,8 @@ def _map(axes: Any, folds: RangeFolds) -> Any:
     size = np.abs(folds.d[np.isfinite(folds.d)])
     mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
     axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=15)
-    told = f"mean {numeral(float(mean))}, worst {numeral(float(worst))}"
-    axes.text(0, 1.03, told, transform=axes.transAxes, fontsize=7.6, color=MUTED)
+    caption = f"mean {numeral(float(mean))}, worst {numeral(float(worst))}"
+    axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=7.6, color=MUTED)
     axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
     return shown
 

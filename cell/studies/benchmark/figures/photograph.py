@@ -27,13 +27,13 @@ def photograph(results: Results) -> str:
     """
     for fold in results.repeats("feedback") or results.folds("feedback"):
         try:
-            return _drawn(read_run(Path(fold.run)))
+            return _draw(read_run(Path(fold.run)))
         except ConfigurationError:
             continue
     return ""
 
 
-def _drawn(run: Run) -> str:
+def _draw(run: Run) -> str:
     calibration, sights = run.calibration(), run.sights()
     notes = [n for n in run.frame_index() if n.file is not None and n.stamp > 0]
     if calibration is None or not notes or sights.stamp.size == 0:

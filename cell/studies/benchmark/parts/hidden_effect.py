@@ -1,4 +1,4 @@
-"""A policy on strips with an effect that it is not told of, in the rod."""
+"""A policy on strips with an effect that it does not know, in the rod."""
 
 from dataclasses import dataclass
 

@@ -13,7 +13,7 @@ from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.domain import strip_at
 from policies.path import Path
-from policies.planned import plan, raised
+from policies.planned import plan, raise_path
 
 STEP = 0.005  # s
 LINKS = 120
@@ -40,7 +40,7 @@ class LaidDown:
         strip = strip_at(self.stiffness, DAMPING)
         chain = Chain(LINKS)
         chain.reset([describe(strip)])
-        path = raised(strip.length, float(plan([strip], SPEED)[0]))
+        path = raise_path(strip.length, float(plan([strip], SPEED)[0]))
         touch, pose = _fold(chain, path)
         end = np.array([touch.x - touch.to_grasped, strip.thickness, np.pi])
         steps = round(float(np.hypot(*(end - pose)[:2])) / LAY_SPEED / STEP)

@@ -25,8 +25,8 @@ from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.rod.engine import Rod
 from drivers.types import STILL, ArmState, Frame, HandState, Pose
-from policies.foretelling import Estimate, Foretold
 from policies.path import triangular
+from policies.prediction import Estimate, FoldPrediction
 from tests.cell.conftest import HEADER
 
 STRIP = StripFile.model_validate(HEADER["strip_file"])
@@ -125,15 +125,15 @@ def test_watched_fold_is_recorded(tmp_path):
     assert rows["/signals/along/contact_x"] == 100 + 1
 
 
-def test_what_was_foretold_is_a_signal_with_its_interval(tmp_path):
-    def belief(k: int) -> Foretold:
+def test_what_was_predicted_is_a_signal_with_its_interval(tmp_path):
+    def belief(k: int) -> FoldPrediction:
         about = Estimate(0.02, 0.01, 0.03)
-        return Foretold(0.001 * k, 0.002, about, about, about, blind=False)
+        return FoldPrediction(0.001 * k, 0.002, about, about, about, blind=False)
 
     viz = Viz("save", tmp_path, STRIP)
     watch(viz, 10)
     for k in range(10, 100):
-        viz.see(replace(snapshot(k), foretold=belief(k // 30)))
+        viz.see(replace(snapshot(k), predicted=belief(k // 30)))
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
     assert rows["/signals/outlook/displacement"] >= 3 + 1

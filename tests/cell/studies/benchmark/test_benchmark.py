@@ -28,7 +28,7 @@ from cell.studies.benchmark.results import (
     Refused,
     Results,
 )
-from cell.studies.benchmark.run import measured as measured_parts
+from cell.studies.benchmark.run import measure_parts
 from cell.studies.benchmark.spec import QUICK, BenchmarkSpec
 from drivers.errors import ConfigurationError
 from tests.support.campaign_parts import Deadly, Fine, Impossible, Noted, Plain
@@ -155,7 +155,7 @@ def test_other_weights_of_one_policy_are_other_parts_of_that_policy_alone(
 
 def test_one_impossible_and_one_deadly_part_leave_the_others_measured(tmp_path: Path) -> None:
     parts = [Plain(Fine("a")), Plain(Impossible("b")), Plain(Deadly("c")), Plain(Fine("d"))]
-    found = dict(measured_parts(parts, tmp_path, Local(2), Noted()))
+    found = dict(measure_parts(parts, tmp_path, Local(2), Noted()))
     assert found.keys() == set("abcd")
     assert found["b"] == Refused(part="b", reason="this strip cannot be folded")
     assert found["c"] == Refused(part="c", reason="its process died 2 times, code 3")

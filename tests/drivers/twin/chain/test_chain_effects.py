@@ -154,7 +154,7 @@ def test_quadratic_damping_is_its_coefficient_times_the_square_of_the_rate(rate:
 
 def test_relaxed_strip_stands_out_as_one_of_what_rigidity_is_left() -> None:
     relaxed, straight = affected("relaxation", STIFF, ratio=0.4, time=0.1), describe(STIFF)
-    left = replace(straight, mechanics=straight.mechanics.stiffened(np.full(600, 0.6)))
+    left = replace(straight, mechanics=straight.mechanics.scale_rigidity(np.full(600, 0.6)))
     stood, expected, before = (standing_out(model) for model in (relaxed, left, straight))
     np.testing.assert_allclose(stood, expected, atol=1e-4)
     assert np.abs(stood - before).max() > 0.01

@@ -19,7 +19,7 @@ class Estimate:
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
+class FoldPrediction:
     """Expected `displacement` and one `sigma` of it [m]; estimated strip: bending length [m],
     retardation time [s], yield curvature of yarn friction [1/m].
 
@@ -36,17 +36,17 @@ class Foretold:
     def sentence(self) -> str:
         """Text for the operator."""
         return (
-            f"foretold {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm; bending "
-            f"length {self.bending_length.text(1e3, 1)} mm, retardation time "
+            f"predicted {1e3 * self.displacement:+.1f} mm, sigma {1e3 * self.sigma:.1f} mm; "
+            f"bending length {self.bending_length.text(1e3, 1)} mm, retardation time "
             f"{self.retardation_time.text(1e3, 0)} ms, yarn friction "
             f"{self.yield_curvature.text(1.0, 0)} 1/m"
         )
 
 
 @runtime_checkable
-class Foretelling(Protocol):
+class Predicting(Protocol):
     """A policy that predicts the result of its fold."""
 
-    def foretold(self) -> Foretold | None:
+    def prediction(self) -> FoldPrediction | None:
         """Prediction for the first fold of the batch; None before the first decision."""
         ...
