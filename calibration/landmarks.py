@@ -174,8 +174,8 @@ def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
 
 
 def peak(scores: Array, at: int) -> float:
-    """Place of the maximum of `scores` (n,), within a pixel of index `at` and relative to it, by a
-    parabola through three of them.
+    """Place of the maximum, within a pixel of index `at` and relative to it, of a parabola through
+    three `scores` of (n,).
     """
     if not 0 < at < len(scores) - 1:
         return 0.0

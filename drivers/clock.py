@@ -1,7 +1,10 @@
 """Wall clock for runs on hardware; the twin's clock is `drivers.twin.clock`."""
 
+import ctypes
 import os
 import time
+
+LOCK_CURRENT, LOCK_ON_FAULT = 1, 4  # of mlockall(2)
 
 
 class WallClock:
@@ -28,6 +31,17 @@ class WallClock:
         remaining = time_s - self.now()
         if remaining > 0:
             time.sleep(remaining)
+
+
+def lock_memory() -> bool:
+    """Keep what this process has in memory, or touches of it from now on, there; False where this
+    user may not.
+
+    A page that was given up is read from the disk again, for some milliseconds. What is allocated
+    later is not locked: where little may be locked, allocating it would fail. Source: mlockall(2).
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    return int(libc.mlockall(LOCK_CURRENT | LOCK_ON_FAULT)) == 0
 
 
 def take_priority(priority: int) -> bool:

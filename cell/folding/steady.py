@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from drivers.arm.scheduling import wake_promptly
-from drivers.clock import take_priority
+from drivers.clock import lock_memory, take_priority
 
 PRIORITY = 20  # of 1 to 99, of the loop's thread: far below the process that owns the robot
 TURNS = 0.0005  # s after which a thread that computes hands the interpreter on
@@ -31,13 +31,15 @@ def without_long_collections() -> Iterator[None]:
 @contextmanager
 def punctual(real_time: bool) -> Iterator[None]:
     """On the wall clock, the thread of the control loop goes before those that only record or show:
-    with real-time priority where this user may have it, else in short slices of processor time.
+    with real-time priority where this user may have it, else in short slices of processor time. Its
+    memory stays where it is.
     """
     if not real_time:
         yield
         return
     before, interval = (os.sched_getscheduler(0), os.sched_getparam(0)), sys.getswitchinterval()
     sys.setswitchinterval(TURNS)
+    lock_memory()
     if not take_priority(PRIORITY):
         wake_promptly()
     try:

@@ -35,7 +35,9 @@ TOUCH = 6
 MOST_POINTS = 500  # of a profile
 START = 60.0  # s for the process to start, its libraries included
 ENDING = 1.0  # s for it to end
-NICE = -10  # before what only records or shows; never real-time, since it computes
+NICE = (
+    -10
+)  # before what only records or shows, where this user may; never real-time, since it computes
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,9 +275,9 @@ def _unpack(values: Array) -> Seen:
     one, touch = values[HEADER:start].tolist(), None
     stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:MEASURED]
     count = int(one[-1])
-    seen_touch = one[MEASURED + SHIFT : -1]
-    if not np.isnan(seen_touch[0]):
-        touch = SeenTouch(*seen_touch)
+    touching = one[MEASURED + SHIFT : -1]
+    if not np.isnan(touching[0]):
+        touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
     tip = (tip_x, tip_z)
     measurement = StripMeasurement(

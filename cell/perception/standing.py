@@ -17,7 +17,7 @@ from drivers.types import Array, Image, Pose
 
 SIDE = 32  # px, of a patch
 REACH = 12  # px by which it is looked for around its place
-MOST, LEAST = 16, 2  # patches that are remembered, and that must be found for a shift
+MOST, LEAST = 16, 2  # patches that are remembered, and that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
 SURE = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 SOFT = 1.5  # px over which noise is averaged

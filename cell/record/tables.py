@@ -75,8 +75,8 @@ def tick_table(ticks: pa.Table, sights: pa.Table) -> pa.Table:
     """
     t = _numbers(ticks, "t")
     latest = np.maximum.accumulate(np.concatenate([[-np.inf], t]))[:-1]
-    numbers = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
-    ticks = ticks.filter(pa.array((t > latest) & numbers))
+    finite = np.isfinite([_numbers(ticks, name) for name in ("x", "z", "pitch")]).all(axis=0)
+    ticks = ticks.filter(pa.array((t > latest) & finite))
     t = _numbers(ticks, "t")
     contact_x, contact_t = place_contacts(
         t, _numbers(sights, "stamp"), _numbers(sights, "contact_x")

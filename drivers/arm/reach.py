@@ -21,7 +21,7 @@ SHARE = 0.9  # of a joint's allowed velocity
 NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 ENOUGH = 5  # problems of one way, after which it is given up
-ELBOWS = (-1.2, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 1.2)  # rad of joint 3 that are tried
+ELBOWS = (-1.2, -0.9, -0.6, -0.3, -0.15, 0.0, 0.15, 0.3, 0.6, 0.9, 1.2)  # rad of joint 3, tried
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ import os
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.settings import RealTime
+from drivers.clock import lock_memory
 
 PRIORITY = 80  # of 1 to 99, above ordinary threads and below the kernel's own
 SLICE = 100_000  # ns, the shortest that the kernel grants
@@ -31,6 +32,8 @@ def schedule(mode: RealTime) -> None:
 
     Raises Failed where it may not have the real-time priority that is asked for.
     """
+    if mode != "ignore":
+        lock_memory()
     if mode == "priority":
         _take_priority()
     elif mode == "ignore":

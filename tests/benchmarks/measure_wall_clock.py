@@ -14,6 +14,7 @@ seconds, is the reference for this machine. After each of the first
 """
 
 import argparse
+import gc
 import json
 import os
 import signal
@@ -49,7 +50,7 @@ from cell.perception.beside import Seen, StripSight, Subject
 from drivers.arm.errands import go_to
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.process import Task
-from drivers.clock import WallClock, take_priority
+from drivers.clock import WallClock, lock_memory, take_priority
 from drivers.errors import Fault
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.settings import ServerSettings
@@ -345,6 +346,9 @@ def serve(joints: list[float]) -> None:
     server = RobotServer(
         ServerSettings(lock_step=False), start=frozen(joints), between=lambda: 0.001
     )
+    lock_memory()
+    gc.collect()
+    gc.freeze()  # a robot collects no garbage
     print(server.address, flush=True)
     server.serve()
 

@@ -41,12 +41,17 @@ def page(outcomes: Sequence[Outcome]) -> str:
     for fault in FAULTS:
         cases = [o for o in outcomes if o.case.values["fault"] == fault]
         lines += [_row(fault, cases)] if cases else []
-    lines += ["", "| stopped by | cases | faults |", "|---|---|---|"]
+    missing = [
+        state for state in STATES if not any(o.case.values["state"] == state for o in outcomes)
+    ]
+    if missing:
+        lines += ["", f"{len(outcomes)} cases; not measured yet: {', '.join(missing)}."]
+    lines += ["", "| stopped by | cases | faults | do |", "|---|---|---|---|"]
     found = [o for o in outcomes if o.values["verdict"] == "stopped"]
     for name in sorted({str(o.values["outcome"]) for o in found}):
         mine = [o for o in found if o.values["outcome"] == name]
         causes = "; ".join(sorted({str(o.case.values["fault"]) for o in mine}))
-        lines.append(f"| `{name}` | {len(mine)} | {causes} |")
+        lines.append(f"| `{name}` | {len(mine)} | {causes} | {_remedy(name)} |")
     return "\n".join([*lines, ""])
 
 
@@ -67,18 +72,53 @@ def _row(fault: str, cases: Sequence[Outcome]) -> str:
     return f"| {fault} | {verdicts} | {named} | {codes} | {' | '.join(worst)} | {said[:120]} |"
 
 
+def _remedy(outcome: str) -> str:
+    """What to do after a run that ended so."""
+    return next(words for begin, words in REMEDIES if outcome.startswith(begin))
+
+
 def _worst(cases: Sequence[Outcome], key: str, scale: float) -> str:
     values = [float(o.values[key]) for o in cases if o.values.get(key) is not None]
     return f"{scale * max(values):.2f}" if values else "-"
 
 
+REMEDIES = (
+    ("camera_moved", "fasten the camera, calibrate again"),
+    ("image", "see [camera](camera-frozen-or-moved.md)"),
+    (
+        "low_confidence",
+        "look at the last pictures of the record: light, exposure, something in the way",
+    ),
+    ("preflight", "do what the message says: it names the check and its remedy"),
+    ("arm_pose", "keep the record; look at the robot's log before it moves again"),
+    ("arm_state", "find what else computes on this machine: `cell doctor`"),
+    ("setpoint", "find what else computes on this machine: `cell doctor`"),
+    ("arm_", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
+    ("motion", "see [recovery](reflex-recovery.md): look, then `cell home --recover`"),
+    ("tracking", "look what holds the arm; check load and tool: `cell doctor`"),
+    ("overspeed", "keep the record; check robot and limits: `cell doctor`"),
+    ("workspace", "`cell home`, by eye; check the place of robot and desk in cell.yaml"),
+    ("force", "look what presses on the gripper, free it, then `cell home`"),
+    ("gr", "lay the strip anew; look at the fingers"),
+    ("state_overtime", "look what the cell waits for: the hand, most often, or a camera"),
+    ("command", "fold with another policy; keep the record"),
+    ("turn", "fold with another policy; keep the record"),
+    ("record", "make room on the disk"),
+    ("simulation", "report the plant: only a twin ends so"),
+    ("interrupted", "nothing: it was asked for"),
+    ("", "keep the record, and say what happened"),
+)
 HEAD = """# Faults, and who notices them
+`cell study faults` writes this page; nothing of it was tried on hardware. After a stop: see that
+the arm stands and that nobody moves it, read the message, then do what the second table says.
+
 Every fault strikes a fold of the twin in every state, 0.25 s after the state began (at once in
 TOUCHED and STOPPING). *Stopped*: by a named fault, with exit code 2 to 130. *Harmless*: the fold
 went through, and its displacement was measured within 3 mm of the truth, or it said that it did not
 fold. *Not struck*: the state never came. Worst of the stopped cases: seconds from the fault to the
-stop command and to rest, millimetres on the way. `cell study faults` writes this page. Nothing of
-it was tried on hardware.
+stop command and to rest, millimetres on the way. A policy that hangs or decides on no number is
+noticed once it is asked, and one that hangs costs time of the machine only: the simulated clock
+stands. On the wall clock a turn ends after 1 s.
 """
 
 STUDY = Study(

@@ -30,7 +30,7 @@ def test_elbow_stays_where_the_motion_began() -> None:
 def test_without_an_elbow_the_robot_s_own_inverse_lets_it_wander() -> None:
     inner = LossyRobot(JOINTS, 1, 1, share=0.0)
     inner.robot.chooses_elbow = True
-    assert wandered(inner, inner) > 0.05  # into a reflex, a moment later
+    assert wandered(inner, inner) > 0.2  # into a reflex, a moment later
 
 
 @pytest.mark.parametrize(("worst", "share"), LOSSES)
