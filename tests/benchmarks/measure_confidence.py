@@ -30,7 +30,7 @@ from cell.exam.report.page import table
 from cell.exam.runs.from_model import make_runs
 from cell.exam.scoring.score import RIGHT, score
 from cell.exam.scoring.statistics import brier, calibration_error, reliability
-from cell.exam.scoring.targets import shown
+from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
 from cell.gap.verdict.confidence import CALIBRATION, Calibration, Signs, Weight, calibration
 from cell.record.documents import write_document
@@ -136,7 +136,8 @@ def shares(found: Sequence[Name], without: float) -> Array:
 def fitted(found: Sequence[Name], counts: Array, source: str) -> Calibration:
     """The calibration that is most probable given these verdicts.
 
-    Logistic regression with normal priors of what each sign weighs: few verdicts are wrong.
+    Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
+    sign speaks against its sense.
     """
     columns = np.array(
         [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
@@ -149,7 +150,10 @@ def fitted(found: Sequence[Name], counts: Array, source: str) -> Calibration:
         nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
         return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
 
-    intercept, *weights = optimize.minimize(loss, np.zeros(1 + len(WEIGHTS)), method="BFGS").x
+    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in WEIGHTS.values()]
+    begin = np.concatenate([[0.0], prior])
+    best = optimize.minimize(loss, begin, method="L-BFGS-B", bounds=[(None, None), *speaks]).x
+    intercept, *weights = best
     moved = {
         sign: w.model_copy(update={"weight": float(value)})
         for (sign, w), value in zip(WEIGHTS.items(), weights, strict=True)
@@ -179,7 +183,7 @@ def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) 
 def reliable(stated: Sequence[tuple[float, bool]]) -> str:
     """The reliability table, in fifths of the stated probability, as Markdown."""
     rows = [
-        (f"{b.confidence:.2f}", shown(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
+        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
         for b in reliability(stated, FIFTHS)
     ]
     wrong = [p for p, right in stated if not right]

@@ -1,0 +1,79 @@
+"""The calibration of the stated confidence, from verdicts held against the truth."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cell.gap.verdict.confidence import Signs, calibration
+from tests.benchmarks.measure_confidence import (
+    OUTSIDE,
+    WEIGHTS,
+    Name,
+    fitted,
+    log_loss,
+    names,
+    reliable,
+    shares,
+)
+
+
+def drawn(count: int, seed: int = 0) -> list[Name]:
+    """Names that are right the more often the farther they lead, whatever else is seen."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for i in range(count):
+        ahead, left = float(np.exp(rng.uniform(0.0, 5.0))), float(rng.uniform(0.5, 2.0))
+        right = bool(rng.uniform() < 0.3 + 0.13 * np.log1p(ahead))
+        found.append(Name(Signs(ahead, left, 0.0, 2.0, 1.0), right, False, str(i)))
+    return found
+
+
+def test_what_is_stated_comes_true_as_often() -> None:
+    by = fitted(drawn(2000), np.ones(2000), "drawn")
+    fresh = drawn(2000, seed=1)
+    stated = [(by.probability(name.signs), name.right) for name in fresh]
+    high = [right for p, right in stated if p > 0.8]
+    low = [right for p, right in stated if p < 0.6]
+    assert np.mean(high) == pytest.approx(np.mean([p for p, _ in stated if p > 0.8]), abs=0.05)
+    assert np.mean(low) == pytest.approx(np.mean([p for p, _ in stated if p < 0.6]), abs=0.07)
+    assert log_loss(stated) < log_loss([(0.7, name.right) for name in fresh])
+    assert "2000 verdicts that name" in reliable(stated)
+
+
+def test_no_sign_speaks_against_its_sense() -> None:
+    contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
+    by = fitted(contrary, np.ones(400), "drawn")
+    assert by.weights["left"].weight == 0.0
+    assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in WEIGHTS.items())
+
+
+def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
+    found = [Name(Signs(9.0, 1.0, 0.0, 2.0, 1.0), i > 3, i < 4, str(i)) for i in range(10)]
+    counts = shares(found, 0.4)
+    assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE)
+
+
+def test_ledgers_hold_names_and_all_cases(tmp_path: Path) -> None:
+    signs = {"ahead": 9.0, "left": 0.6, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
+    outcome = {"case": "a", "verdict": "named", "result": "right_strict", "signs": signs}
+    lines = [
+        {"outcome": outcome, "without": []},
+        {"outcome": {**outcome, "result": "wrong_name"}, "without": ["seam"]},
+        {"outcome": {**outcome, "verdict": "no_gap"}, "without": ["seam"]},
+        {"outcome": outcome},
+    ]
+    path = tmp_path / "ledger.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    found, without = names([path])
+    assert [name.right for name in found] == [True, False, True]
+    assert without == 0.5
+
+
+def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
+    by = calibration()
+    assert "verdicts that name" in by.source
+    stated = [by.probability(Signs(n, 0.6, 0.0, 2.0, 1.0)) for n in (1.0, 20.0, 150.0)]
+    assert stated == sorted(stated)
+    assert 0.0 < stated[0] < stated[2] < 1.0
