@@ -101,7 +101,8 @@ def test_a_shell_completes_commands_names_and_choices(typed, offered, monkeypatc
     assert set(capsys.readouterr().out.split()) == offered
 
 
-def test_completion_can_be_installed(capsys) -> None:
+def test_completion_can_be_installed(capsys, monkeypatch) -> None:
+    monkeypatch.setattr("shellingham.detect_shell", lambda: ("bash", "/bin/bash"))
     with pytest.raises(SystemExit):
         app(["--show-completion", "bash"], prog_name="cell")
     assert "_CELL_COMPLETE=complete_bash" in capsys.readouterr().out

@@ -90,7 +90,8 @@ def test_verdict_file_is_the_contract_and_holds_only_numbers(rubbing: Path) -> N
     verdict = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} in verdict.json"))
     assert list(verdict) == [
         "schema", "verdict", "effects", "ambiguous", "unexplained", "base", "where", "gap",
-        "candidates", "advice", "detectable", "held_out", "runtime", "simulations", "notes",
+        "candidates", "advice", "detectable", "held_out", "runtime", "simulations", "posterior",
+        "notes",
     ]  # fmt: skip
     assert verdict["schema"] == 1
     assert list(verdict["effects"][0]) == ["name", "of", "parameters", "confidence"]
