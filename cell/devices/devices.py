@@ -10,7 +10,7 @@ from calibration.wizard.coverage import WantedView
 from cell.config.drivers import Driver, arms, cameras
 from cell.config.settings import CellSettings
 from drivers.protocols import Arm, Camera, Clock, Hand
-from drivers.types import Frame
+from drivers.types import Array, Frame, frozen
 
 
 class Closable(Protocol):
@@ -42,8 +42,10 @@ class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
     `camera_locks` tells the values to which the camera controls are locked, `others` are what else
-    must be closed at the end; `arm_timing` tells, once closed, how evenly the states of a
-    free-running arm came. In `real_time` the clock is the wall's, and waits for nobody.
+    must be closed at the end. Once closed, `arm_timing` tells how evenly the states of a
+    free-running arm came, and `arm_joints` what a robot said of its joints at every tick, rows
+    (n, 29) as `drivers.arm.joint_log` keeps them on the clock's time. In `real_time` the clock is
+    the wall's, and waits for nobody.
     """
 
     clock: Clock
@@ -56,6 +58,7 @@ class Devices:
     camera_locks: Callable[[], Mapping[str, int]] = dict
     others: tuple[Closable, ...] = ()
     arm_timing: Callable[[], Mapping[str, Any]] = dict
+    arm_joints: Callable[[], Array] = lambda: frozen([])
     real_time: bool = False
 
     def connect(self) -> None:

@@ -93,6 +93,7 @@ def fci_devices(
         plant=TwinPlant(desk, plant),
         others=tuple(others),
         arm_timing=lambda: arm.timing,
+        arm_joints=lambda: arm.joints,
         real_time=not settings.fci.in_lock_step,
     )
 
@@ -123,6 +124,7 @@ def robot_devices(
         plant=None,
         others=(hand,),
         arm_timing=lambda: arm.timing,
+        arm_joints=lambda: arm.joints,
         real_time=True,
     )
 
@@ -170,9 +172,10 @@ def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> 
     installation = settings.fci.installed(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
-    behind = ServerSettings(delay=settings.twin.arm.robot_delay, lag=settings.twin.arm.robot_lag)
+    twin = settings.twin.arm
+    mechanics = ServerSettings(delay=twin.robot_delay, lag=twin.robot_lag, plant=twin.robot_plant)
     server = RobotServer(
-        behind,
+        mechanics,
         start=frozen(start),
         surroundings=surroundings,
         between=surroundings.between,

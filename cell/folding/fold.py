@@ -198,6 +198,7 @@ def conduct(
     timing = devices.arm_timing()
     if timing:
         run_suppressed(lambda: recorder.describe(arm_timing=dict(timing)))
+    run_suppressed(lambda: recorder.joints(devices.arm_joints()))
     content = result_content(outcome)
     try:
         outcome = reviewed(outcome, recorder)

@@ -8,7 +8,7 @@ from cell.perception.measurement import StripMeasurement
 from cell.record.origin import LIFT, ORIGIN
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
-from drivers.types import Frame
+from drivers.types import Array, Frame
 from policies.policy import Decision
 
 
@@ -117,6 +117,11 @@ class Recorder:
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """Add an event at `clock` [s]."""
         self._writer.event(clock, kind, **facts)
+
+    def joints(self, rows: Array) -> None:
+        """Add what a robot said of its joints at every tick, rows (n, 29) on the cell's clock."""
+        if rows.size:
+            self._writer.joints(rows, self.origin)
 
     def finish(self, result: dict[str, Any]) -> None:
         """Complete the record; allowed twice."""

@@ -5,6 +5,7 @@ from pathlib import Path
 
 RUN, RESULT, EVENTS, TRUTH = "run.yaml", "result.yaml", "events.jsonl", "truth.yaml"
 TICKS, PROFILE, SIGHTS = "ticks.parquet", "profile.parquet", "sights.parquet"
+JOINTS = "joints.parquet"  # of a robot, tick by tick, from before the lift on
 TICK_STREAM, SIGHT_STREAM = "ticks.arrows", "sights.arrows"
 CALIBRATION, RECORDING, REPORT = "calibration.yaml", "run.rrd", "report.html"
 REBUILT = "rebuilt.rrd"  # by `cell viz`, beside the one of the fold itself

@@ -125,6 +125,18 @@ def profile_table(sights: pa.Table) -> pa.Table:
     )
 
 
+def joint_table(rows: Array, origin: float) -> pa.Table:
+    """Ticks of a robot's joints, rows (n, 29) of t [s] on the cell's clock, q, dq, q_d and tau_J,
+    as columns `t` from `origin` on, negative before it, and `q_1` to `tau_J_7`.
+    """
+    columns = {"t": pa.array(rows[:, 0] - origin)}
+    for k, field in enumerate(("q", "dq", "q_d", "tau_J")):
+        for joint in range(7):
+            column = rows[:, 1 + 7 * k + joint].astype(np.float32)
+            columns[f"{field}_{joint + 1}"] = pa.array(column)
+    return pa.table(columns)
+
+
 def write_parquet(path: Path, table: pa.Table) -> None:
     """Write `table` to `path` atomically, with the schema's number in the file's metadata."""
     marked = table.replace_schema_metadata({"schema": str(SCHEMA)})

@@ -11,19 +11,19 @@ from typing import Any, Self
 
 from cell.perception.measurement import StripMeasurement
 from cell.record.documents import write_document
-from cell.record.files import EVENTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
+from cell.record.files import EVENTS, JOINTS, RESULT, RUN, SIGHT_STREAM, TICK_STREAM
 from cell.record.film import Encoder
 from cell.record.frame_writer import FrameWriter
 from cell.record.frames import Keep
 from cell.record.header import Header, Result
 from cell.record.json_lines import json_line
 from cell.record.stream import SIGHT_ROWS, TICK_ROWS, StreamFile
-from cell.record.tables import assemble, write_tables
+from cell.record.tables import assemble, joint_table, write_parquet, write_tables
 from cell.record.tick import Tick
 from drivers.errors import ConfigurationError, Fault
 from drivers.files import new_file, write_all
 from drivers.settings import SCHEMA, parse
-from drivers.types import Frame
+from drivers.types import Array, Frame
 
 
 class RunWriter:
@@ -113,6 +113,11 @@ class RunWriter:
         self._mark = self._mark or kind == "state"
         with self._recording():
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
+
+    def joints(self, rows: Array, origin: float) -> None:
+        """Add what a robot said of its joints at every tick, see `joint_table`."""
+        with self._recording():
+            write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 
     def finish(self, result: Mapping[str, Any]) -> None:
         """Close the streams, write the tables, and last of all result.yaml; allowed twice.

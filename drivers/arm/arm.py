@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from drivers.arm.bridge import Bridge
+from drivers.arm.joint_log import joint_rows
 from drivers.arm.messages import Kind, Report
 from drivers.errors import Fault
 from drivers.installation import Installation
 from drivers.motion import TICK
 from drivers.protocols import Clock
-from drivers.types import ArmState, Pose, Velocity
+from drivers.types import ArmState, Array, Pose, Velocity, frozen
 
 SOURCE = "fci arm"
 ROUNDING = 1e-6  # of a tick, between the clock's time and whole ticks
@@ -111,6 +114,17 @@ class FciArm:
         if self._bridge is None or self._bridge.lock_step:
             return {}
         return self._bridge.timing
+
+    @property
+    def joints(self) -> Array:
+        """What the robot said of its joints at every tick, once closed: rows (n, 29) as
+        `drivers.arm.joint_log` keeps them, on the clock's time [s].
+        """
+        if self._bridge is None:
+            return joint_rows(b"")
+        rows = np.array(self._bridge.joints)
+        rows[:, 0] += self._begun if self._bridge.lock_step else 0.0
+        return frozen(rows)
 
     def _caught_up(self) -> Bridge:
         """The bridge, after advancing the robot to the clock's time."""

@@ -5,6 +5,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from drivers.arm.failure import Cause, Failure, decoded, encoded
+from drivers.arm.joint_log import joint_rows
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Report
 from drivers.arm.process import Task, run
@@ -33,6 +34,7 @@ class Bridge:
         self._ended = False
         self.ticks = 0
         self.timing: dict[str, Any] = {}
+        self.joints = joint_rows(b"")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(
             target=run, args=(task, theirs, orders, reports), daemon=True
@@ -90,9 +92,11 @@ class Bridge:
             return
         self._ended = True
         if self._failure is None:
-            with suppress(OSError, Fault):
+            with suppress(OSError, EOFError, Fault):
                 self._pipe.send_bytes(encoded({"close": True}))
                 self._answer(ENDING)
+                if self._pipe.poll(ENDING):
+                    self.joints = joint_rows(self._pipe.recv_bytes())
         self._process.join(ENDING)
         self._kill()
         self._pipe.close()

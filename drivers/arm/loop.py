@@ -9,6 +9,7 @@ from drivers.arm.departure import Departure
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.force import Drift, ForceGuard
 from drivers.arm.guard import REACTION, ReachGuard, Soon
+from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
 from drivers.arm.plane import BESIDE, LEANING, StripPlane
@@ -60,6 +61,7 @@ class Loop:
         *,
         lock_step: bool = True,
         guard: ForceGuard | None = None,
+        joints: JointLog | None = None,
     ) -> None:
         self._robot = robot
         self._settings = settings
@@ -68,6 +70,7 @@ class Loop:
         self._reports = reports
         self._now = now
         self._lock_step = lock_step
+        self._joints = joints
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = Drift(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
@@ -226,6 +229,8 @@ class Loop:
             self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
             here = self._path[-1][:3] if self._path else here
         self._path.append((*here, state.time.to_sec()))
+        if self._joints is not None:
+            self._joints.add(self.ticks * TICK if self._lock_step else self._now(), state)
         rate = self._rate()
         calm = hypot(rate[0], rate[1]) < CALM[0] and abs(rate[2]) < CALM[1]
         self._reports.write(

@@ -8,6 +8,7 @@ from typing import Any
 
 from drivers.arm.by_joints import ByJoints
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
+from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
@@ -53,6 +54,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     robot.require_ready()
     robot.require_tool()
     robot.configure(task.settings.collision)
+    joints = JointLog()
     loop = Loop(
         ByJoints(robot),
         task.settings,
@@ -62,6 +64,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
         clock.now,
         lock_step=task.lock_step,
         guard=robot.guard(),
+        joints=joints,
     )
     loop.begin()
     pipe.send_bytes(encoded({"ready": True}))
@@ -72,6 +75,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     if loop.halted is not None:
         raise Failed(loop.halted)
     pipe.send_bytes(encoded({"ended": True, "timing": timing.content()}))
+    pipe.send_bytes(joints.content())
 
 
 def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock) -> None:

@@ -11,6 +11,7 @@ from drivers.fci_server.robot import Robot
 from drivers.fci_server.state_packet import PLACES, Indices, StatePacket
 from drivers.fci_server.wire import Controller, Generator
 from drivers.franka.gravity import holding_torques
+from drivers.types import Array
 
 HAND_INERTIA = (0.001, 0.0, 0.0, 0.0, 0.0025, 0.0, 0.0, 0.0, 0.0017)  # kg m^2
 MEASURED = ("q", "dq", "O_T_EE", "O_F_ext_hat_K", "K_F_ext_hat_K", "tau_ext_hat_filtered")
@@ -117,13 +118,19 @@ class Publisher:
         self._packet.put(_WHERE, robot.posture.vector[_SOURCE])
         if robot.measured is not robot.posture:
             self._packet.put(_OWN_WHERE, robot.measured.vector[_OWN_SOURCE])
+        self._packet.fields["tau_J"][:] = self._torques(robot) - robot.contact.torque
+
+    def _torques(self, robot: Robot) -> Array:
+        """Torques (7,) [N m] of the arm itself: of its plant, or gravity's alone."""
+        if robot.dynamics is not None:
+            return robot.dynamics.reading(robot.measured, robot.ticks)
         q, held = robot.measured.q, robot.configuration
         if self._held is not held or np.abs(q - self._q).max() > TURNED:
             self._q, self._held = np.array(q), held
             mass = held.hand_mass + held.load_mass
             moment = held.hand_mass * held.hand_centre + held.load_mass * held.load_centre
             self._gravity = holding_torques(q, mass, moment / mass)
-        self._packet.fields["tau_J"][:] = self._gravity - robot.contact.torque
+        return self._gravity
 
     def _put_contact(self, robot: Robot) -> None:
         fields, contact = self._packet.fields, robot.contact

@@ -14,6 +14,7 @@ import numpy as np
 from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
 from drivers.fci_server.contact import NOTHING, Contact
+from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.generators import extrapolated, follow, readable, warm
 from drivers.fci_server.limits import Box
 from drivers.fci_server.posture import Posture
@@ -75,6 +76,7 @@ class Robot:
     surroundings: Surroundings | None = None
     body: BodyCheck = field(default_factory=BodyCheck)
     trailing: Trailing | None = None
+    dynamics: Dynamics | None = None
     chooses_elbow: bool = False
     configuration: Configuration = field(default_factory=Configuration)
     mode: Mode = Mode.IDLE

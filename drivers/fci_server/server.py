@@ -14,12 +14,13 @@ from drivers.errors import ConfigurationError
 from drivers.fci_server.arm_port import ArmPort
 from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.disturbance import Disturbance
+from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.faults import DropFault, Fault, FreezeFault, VersionFault
 from drivers.fci_server.hand import Between, Hand
 from drivers.fci_server.hand_port import HandPort
 from drivers.fci_server.limits import Box
 from drivers.fci_server.pace import Pace, Stopwatch
-from drivers.fci_server.robot import Surroundings, resting_robot
+from drivers.fci_server.robot import Robot, Surroundings, resting_robot
 from drivers.fci_server.settings import ServerSettings
 from drivers.fci_server.trailing import Trailing
 from drivers.fci_server.wire import RobotCommand
@@ -108,8 +109,8 @@ class RobotServer:
     ) -> None:
         settings = settings or ServerSettings()
         self.robot = resting_robot(start, box, surroundings)
-        robot, tool = self.robot, self.robot.configuration.tool
-        robot.trailing = Trailing.of(robot.posture, tool, settings.delay, settings.lag)
+        robot = self.robot
+        _give_mechanics(robot, settings)
         robot.body, robot.chooses_elbow = BodyCheck(solids), settings.chooses_elbow
         self.hand = Hand(between)
         self._poll = select.epoll()
@@ -309,3 +310,14 @@ class RobotServer:
         if requests:
             self._hand_port.discard()
         return events
+
+
+def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
+    """Let the arm trail its setpoint, and feel what its plant makes it feel."""
+    delay, sag, plant = settings.delay, None, settings.plant
+    if plant is not None:
+        robot.dynamics = Dynamics(plant, robot.configuration)
+        delay += plant.delay
+        sag = robot.dynamics.sag if robot.dynamics.bends else None
+    tool = robot.configuration.tool
+    robot.trailing = Trailing.of(robot.posture, tool, delay, settings.lag, sag)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
+from drivers.franka.plant import ArmPlant
 from drivers.settings import Settings
 
 
@@ -19,7 +20,7 @@ class ServerSettings(Settings):
     `lock_step` a motion advances one control period for each command; otherwise it runs by the wall
     clock, where a late command counts as missed. The arm stands `delay` and a first-order `lag` [s]
     behind its setpoint, as a real one does; one that `chooses_elbow` reaches poses without an elbow
-    by the smallest turns of its joints.
+    by the smallest turns of its joints. Without a `plant` it feels gravity alone.
     """
 
     address: Annotated[str, AfterValidator(_address)] | None = None
@@ -27,3 +28,4 @@ class ServerSettings(Settings):
     delay: float = Field(0.0, ge=0, le=0.1)
     lag: float = Field(0.0, ge=0, le=0.1)
     chooses_elbow: bool = False
+    plant: ArmPlant | None = None

@@ -1,6 +1,7 @@
-"""How a real arm trails its setpoint: a delay and a first-order lag."""
+"""How a real arm trails its setpoint: a delay, a first-order lag, and gears that twist."""
 
 from collections import deque
+from collections.abc import Callable
 from math import exp
 from typing import Self
 
@@ -10,29 +11,47 @@ from drivers.fci_server.limits import TICK, Course
 from drivers.fci_server.posture import Posture
 from drivers.types import Array
 
+Sag = Callable[[Posture], Array]
+
 
 class Trailing:
-    """The arm's own posture, `delay` [s] and a `lag` [s] behind the commanded one."""
+    """The arm's own posture, `delay` [s] and a `lag` [s] behind the commanded one; its links stand
+    a `sag` (7,) [rad] behind its motors, where there is one.
+    """
 
-    def __init__(self, posture: Posture, tool: Array, delay: float, lag: float) -> None:
+    def __init__(
+        self, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
+    ) -> None:
         """From rest in `posture` with a tool (4, 4) on the flange."""
-        self.posture = posture
-        self._tool = tool
+        self._tool, self._sag = tool, sag
         self._share = 1.0 if lag == 0 else 1.0 - exp(-TICK / lag)
         self._past = deque([posture.q] * (1 + round(delay / TICK)))
+        self._motors = self.posture = posture
+        if sag is not None:
+            self.posture = Posture.resting(posture.q - sag(posture), tool)
 
     @classmethod
-    def of(cls, posture: Posture, tool: Array, delay: float, lag: float) -> Self | None:
+    def of(
+        cls, posture: Posture, tool: Array, delay: float, lag: float, sag: Sag | None = None
+    ) -> Self | None:
         """One at rest in `posture` with a tool (4, 4); None where nothing trails."""
-        return cls(posture, tool, delay, lag) if delay or lag else None
+        return cls(posture, tool, delay, lag, sag) if delay or lag or sag is not None else None
 
     def tick(self, commanded: Array) -> None:
         """One tick on, with joints `commanded` (7,) [rad]."""
         self._past.append(commanded)
         self._past.popleft()
-        here = self.posture
+        here = self._motors
         q = here.q + self._share * (self._past[0] - here.q)
-        velocity = (q - here.q) / TICK
-        acceleration = (velocity - here.joints.velocity) / TICK
-        if not np.array_equal(q, here.q) or here.joints.velocity.any():
-            self.posture = Posture.of(q, self._tool, Course(velocity, acceleration))
+        if np.array_equal(q, here.q) and not here.joints.velocity.any():
+            return
+        self._motors = self._moved(here, q)
+        if self._sag is None:
+            self.posture = self._motors
+        else:
+            self.posture = self._moved(self.posture, q - self._sag(self._motors))
+
+    def _moved(self, before: Posture, q: Array) -> Posture:
+        velocity = (q - before.q) / TICK
+        acceleration = (velocity - before.joints.velocity) / TICK
+        return Posture.of(q, self._tool, Course(velocity, acceleration))

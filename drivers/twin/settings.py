@@ -6,6 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from drivers.franka.plant import ArmPlant
 from drivers.settings import Settings
 from drivers.twin.renderer.looks import PLAIN, check_look
 
@@ -96,13 +97,15 @@ class ArmSettings(Settings):
     """The twin's arm. Lengths [m], angles [rad], times [s].
 
     It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
-    sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead.
+    sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead; with a
+    `robot_plant` it reports torques of a moving arm, with whatever is wrong with it.
     """
 
     home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
     lag: float = Field(0.004, ge=0, le=0.1)
     robot_delay: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)
     robot_lag: float = Field(0.0, ge=0, le=0.1, exclude_if=lambda time: time == 0)
+    robot_plant: ArmPlant | None = Field(None, exclude_if=lambda plant: plant is None)
     noise: float = Field(2e-5, ge=0, le=0.005)
     pitch_noise: float = Field(1e-4, ge=0, le=0.05)
 

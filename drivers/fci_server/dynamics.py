@@ -1,0 +1,75 @@
+"""Torques that the joints of an emulated arm take, and by how much they bend it."""
+
+import mujoco
+import numpy as np
+
+from drivers.fci_server.configuration import Configuration
+from drivers.fci_server.posture import Posture
+from drivers.franka.dynamics import arm_mjcf
+from drivers.franka.kinematics import FLANGE
+from drivers.franka.plant import ArmPlant
+from drivers.types import Array
+
+SLOW = 0.005  # rad/s over which dry friction changes sign
+
+
+class Dynamics:
+    """Inverse dynamics of the published model with what a `plant` has beside it."""
+
+    def __init__(self, plant: ArmPlant, configuration: Configuration) -> None:
+        """With the hand that a client or Desk states in `configuration`."""
+        self._plant = plant
+        model = mujoco.MjModel.from_xml_string(
+            arm_mjcf(configuration.hand_mass, tuple(configuration.hand_centre))
+        )
+        for i in range(7):
+            heavier = 1.0 + plant.mass_error[i]
+            model.body(f"link{i + 1}").mass *= heavier
+            model.body(f"link{i + 1}").inertia *= heavier
+        x, y = plant.tilt
+        gravity = np.array(model.opt.gravity)
+        about_x = gravity[2] * np.array([0.0, -np.sin(x), np.cos(x)])
+        turned = (about_x[2] * np.sin(y), about_x[1], about_x[2] * np.cos(y))
+        model.opt.gravity[:] = turned
+        self._model, self._data = model, mujoco.MjData(model)
+        self._tool = np.add(plant.payload_at, (0.0, 0.0, FLANGE))
+
+    def torque(self, posture: Posture) -> Array:
+        """Torques (7,) [N m] at the joints of an arm in motion."""
+        plant, data, course = self._plant, self._data, posture.joints
+        q = posture.q - plant.encoder_bias
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, course.velocity, course.acceleration
+        mujoco.mj_inverse(self._model, data)
+        taken = np.array(data.qfrc_inverse)
+        if plant.payload:
+            taken += self._carried(course.velocity, course.acceleration)
+        taken += np.multiply(plant.friction, np.tanh(course.velocity / SLOW))
+        taken += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
+        return np.asarray(taken)
+
+    def reading(self, posture: Posture, tick: int) -> Array:
+        """What the sensors of torque read (7,) [N m] at a tick; the same tick reads the same."""
+        plant = self._plant
+        noise = np.random.default_rng((plant.seed, tick)).standard_normal(7)
+        felt = self.torque(posture) * (1.0 + np.array(plant.torque_scale))
+        return np.asarray(felt + plant.torque_bias + plant.torque_noise * noise)
+
+    def sag(self, posture: Posture) -> Array:
+        """By how much (7,) [rad] links stand behind their motors in a posture of the motors."""
+        return np.asarray(np.multiply(self._plant.compliance, self.torque(posture)))
+
+    @property
+    def bends(self) -> bool:
+        """Whether links stand elsewhere than their motors."""
+        return any(self._plant.compliance)
+
+    def _carried(self, velocity: Array, acceleration: Array) -> Array:
+        """Torques (7,) [N m] of the payload: J' m (J ddq + dJ dq - g) of a point."""
+        model, data = self._model, self._data
+        body = model.body("link7").id
+        point = data.xpos[body] + data.xmat[body].reshape(3, 3) @ self._tool
+        jacobian, rate = np.zeros((3, 7)), np.zeros((3, 7))
+        mujoco.mj_jac(model, data, jacobian, None, point, body)
+        mujoco.mj_jacDot(model, data, rate, None, point, body)
+        pull = jacobian @ acceleration + rate @ velocity - model.opt.gravity
+        return np.asarray(self._plant.payload * jacobian.T @ pull)
