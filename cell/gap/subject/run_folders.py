@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from cell.record.files import JOINTS
 from cell.record.parquet_file import read_parquet
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
 HEAD = "run.yaml"
-TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet")
+TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet", JOINTS)
 
 
 @dataclass(frozen=True, slots=True)

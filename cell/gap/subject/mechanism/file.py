@@ -14,13 +14,16 @@ OWNERS = {"body": ("mass", "com", "inertia"), "joint": ("damping", "armature", "
 
 
 class SignalSpec(Settings):
-    """What a column measures, and its one-sigma noise [SI], or that repeats show the noise."""
+    """What a column measures, and its one-sigma noise [SI], or that repeats show the noise.
+
+    `tracking` is a measured position minus the commanded one.
+    """
 
     joint: str | None = None
     actuator: str | None = None
     site: str | None = None
     sensor: str | None = None
-    is_: Literal["position", "velocity", "torque"] | None = Field(None, alias="is")
+    is_: Literal["position", "velocity", "torque", "tracking"] | None = Field(None, alias="is")
     axis: Literal["x", "y", "z"] | None = None
     sigma: Positive | Literal["repeats"]
 
@@ -29,7 +32,9 @@ class SignalSpec(Settings):
         named = [k for k in ("joint", "actuator", "site", "sensor") if getattr(self, k) is not None]
         if len(named) != 1:
             raise ValueError("names one of joint, actuator, site and sensor")
-        kinds = {"joint": ("position", "velocity"), "actuator": ("torque",)}.get(named[0], (None,))
+        kinds = {"joint": ("position", "velocity", "tracking"), "actuator": ("torque",)}.get(
+            named[0], (None,)
+        )
         if self.is_ not in kinds:
             raise ValueError(f"is: of a {named[0]} is one of {kinds}")
         if (self.axis is not None) != (named[0] == "site"):
@@ -86,6 +91,7 @@ class MechanismFile(Settings):
     uncertain: tuple[UncertainSpec, ...] = ()
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
     provenance: tuple[Provenance, ...] = ()
+    cell: bool = False  # the cell's own arm: what is found concerns cell.yaml, too
 
     @model_validator(mode="after")
     def _mode(self) -> Self:
@@ -94,6 +100,8 @@ class MechanismFile(Settings):
             raise ValueError("mode prescribed compares torques; no signal is: torque")
         if self.mode == "prescribed" and not any(k == "position" for k in self.inputs.values()):
             raise ValueError("mode prescribed needs inputs: {JOINT: position}, the given motion")
+        if self.mode == "forward" and any(s.is_ == "tracking" for s in self.signals.values()):
+            raise ValueError("is: tracking is for mode prescribed; forward compares positions")
         if self.mode == "forward" and "position" in self.inputs.values():
             raise ValueError("inputs: position is for mode prescribed; forward takes ctrl, torque")
         return self

@@ -106,9 +106,9 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     check_indices([f.path for f in folders],
                   [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in file.signals.items() if not _given(s, file))  # fmt: skip
+                    for n, s in _ordered(file) if not _given(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
-    columns += [n for n, s in file.signals.items() if s.is_ != "torque"]
+    columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
     check_effects(file.effects, mechanism, str(path))
     mix = np.array([_mixed(s, file.signals[s.name], model) for s in signals])
@@ -128,9 +128,14 @@ def _check_load(recording: Recording, model: Any) -> None:
     named(model, "body", str(recording.load.get("body")), origin, "body")
 
 
+def _ordered(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
+    """Signals in the order of the file, what tracks behind what is measured as such."""
+    return sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
+
+
 def _given(spec: SignalSpec, file: MechanismFile) -> bool:
     """Whether a signal is part of the given motion, and nothing to compare with."""
-    return file.mode == "prescribed" and spec.is_ != "torque"
+    return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 
 
 def _signal(name: str, spec: SignalSpec, model: Any,
@@ -153,7 +158,7 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     elif spec.sensor is not None and kind == "sensor":
         joint = 3 * model.nsite + int(model.sensor_adr[model.sensor(spec.sensor).id])
     zone = "grasped"
-    if kind in ("position", "velocity", "torque"):
+    if kind in ("position", "velocity", "torque", "tracking"):
         zone = "fixed" if joint == 0 else "grasped" if joint == model.njnt - 1 else "middle"
     return Signal(name, kind, name, float(sigma), zone, joint, floor)
 
@@ -213,7 +218,8 @@ def _mechanism(file: MechanismFile, xml: str, model: Any, recordings: Sequence[R
     encoders = tuple(j.name for j in joints) if prescribed else tuple(measured_at)
     actuators = tuple(model.actuator(i).name for i in range(model.nu))
     return Mechanism(file.name, file.mode, file.step, xml, model, joints, actuators, encoders,
-                     torque, smooth, bool(min(j.inertia for j in joints) >= LIGHT))  # fmt: skip
+                     torque, smooth, bool(min(j.inertia for j in joints) >= LIGHT),
+                     tuple((s.name, s.joint) for s in signals if s.kind == "tracking"))  # fmt: skip
 
 
 def _rates(recordings: Sequence[Recording], column: str) -> tuple[float, float]:

@@ -39,8 +39,9 @@ class Joint:
 class Mechanism:
     """A compiled model (`xml` is its text) with its joints, to be simulated in a `mode`.
 
-    `smooth` [rad/s] is the rate over which compiled dry friction changes sign; `native` says that
-    MuJoCo's own is used. `sites` and `sensors` are named signals beside the joints.
+    Compared `torques` and `trackings` are named with the number of their joint; where there are
+    trackings, positions are those of links, and motors follow commands. `smooth` [rad/s] is the
+    rate over which compiled dry friction changes sign; `native` says that MuJoCo's own is used.
     """
 
     name: str
@@ -54,7 +55,7 @@ class Mechanism:
     torques: tuple[tuple[str, int], ...]
     smooth: Array
     native: bool
-    signals: tuple[str, ...] = ()
+    trackings: tuple[tuple[str, int], ...] = ()
 
     @property
     def torque(self) -> Array:

@@ -97,16 +97,35 @@ class Prescribed:
         motion: Motion = case.content.motion
         q, v, a = _corrected(motion, case, self._mechanism)
         inverse = self._inverse(motion, model, q, v, a, case)
-        for kind, values in (("elastic", case.readings.elastic), ("gap", case.readings.gap)):
-            if values is not None and np.any(values):
-                q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
-                inverse = self._inverse(motion, model, q, v, a, None)
+        gears = (("elastic", case.readings.elastic), ("gap", case.readings.gap))
+        turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
+        if self._mechanism.trackings:
+            turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
+            return np.vstack([self._needed(model, case, q, v, inverse),
+                              self._tracked(motion, case, turns)])  # fmt: skip
+        for kind, values in turned:
+            q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
+            inverse = self._inverse(motion, model, q, v, a, None)
+        return self._needed(model, case, q, v, inverse)
+
+    def _needed(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         user = np.array(model.jnt_user)
         needed = inverse - self._torques.along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
                 needed = needed - effect.path(self._mechanism, values, q, v)
         return self._measured(needed, model, case)
+
+    def _tracked(self, motion: Motion, case: Case, turns: Array) -> Array:
+        """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
+        their motors, which follow commands late.
+        """
+        late, rows = motion.t + case.readings.command, []
+        for _, joint in self._mechanism.trackings:
+            motor = motion.q[:, joint] + turns[:, joint]
+            row = motion.q[:, joint] - np.interp(late, motion.t, motor)
+            rows.append(np.interp(case.content.cut.t, motion.t, row))
+        return np.array(rows)
 
     def _measured(self, needed: Array, model: Any, case: Case) -> Array:
         """What the sensors of torque read of the torques (m, joints) that are needed."""
@@ -166,14 +185,18 @@ def _behind(
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Motion of the links behind gears that twist or have play, under `torque` (m, joints)."""
     q, v, a = moved
-    if kind == "elastic":
-        links = q - values * torque
-    else:
-        links = q - 0.5 * values * np.tanh(torque / (0.05 * torque.std(axis=0) + 1e-12))
+    links = q - _turn(torque, values, kind)
     dt, width = motion.t[1] - motion.t[0], 2 * PER_WIDTH + 1
     bent, turn, jerk = (savgol_filter(links - q, width, ORDER, deriv=k, delta=dt, axis=0)
                         for k in range(3))  # fmt: skip
     return q + bent, v + turn, a + jerk
+
+
+def _turn(torque: Array, values: Array, kind: str) -> Array:
+    """By how much links stand behind their motors (m, joints) under `torque` (m, joints)."""
+    if kind == "elastic":
+        return np.asarray(values * torque)
+    return np.asarray(0.5 * values * np.tanh(torque / (0.05 * torque.std(axis=0) + 1e-12)))
 
 
 @cache

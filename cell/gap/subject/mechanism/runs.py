@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.subject.run_folders import HEAD, RunFolder, check_time, read_table
+from cell.gap.subject.run_folders import HEAD, RunFolder, check_time, column, read_table
 from cell.gap.subject.subject import Samples
+from cell.record.files import JOINTS
 from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA, read_yaml
 from drivers.types import Array, frozen
@@ -67,7 +68,11 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     if isinstance(index, bool) or not isinstance(index, int) or index < 0:
         raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
     path = folder.path / "signals.parquet"
-    table = read_table(path)
+    if file.cell and not path.is_file():
+        path = folder.path / JOINTS
+        table = arm_columns(path)
+    else:
+        table = read_table(path)
     if "t" not in table:
         raise ConfigurationError(f"{path}: t: this column is missing (or not numbers); add it")
     t = table["t"]
@@ -99,11 +104,28 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
     return Recording(folder.name, condition, index, frozen(t - t[0]), kept, load)
 
 
+def arm_columns(path: Path) -> dict[str, Array]:
+    """Columns (m,) of a robot's joints as a mechanism's: `joint1` [rad], `torque1` [N m],
+    `tracking1` [rad], and so on. Raises ConfigurationError for a table that lacks one.
+    """
+    if not path.is_file():
+        raise ConfigurationError(
+            f"{path}: is missing; folds by `cell fold --arm fci` hold it, others do not"
+        )
+    table = read_table(path)
+    found = {"t": column(table, "t", path)}
+    for i in range(1, 8):
+        q, commanded = column(table, f"q_{i}", path), column(table, f"q_d_{i}", path)
+        found |= {f"joint{i}": q, f"tracking{i}": q - commanded,
+                  f"torque{i}": column(table, f"tau_J_{i}", path)}  # fmt: skip
+    return found
+
+
 def _check_head(head: Mapping[str, Any], path: Path, file: MechanismFile) -> None:
     schema, name = head.get("schema"), head.get("mechanism")
     if isinstance(schema, bool) or not isinstance(schema, int) or not 0 < schema <= SCHEMA:
         raise ConfigurationError(f"{path}: schema: is {schema!r}, this version reads {SCHEMA}")
-    if name != file.name:
+    if name != file.name and not (file.cell and name is None):
         raise ConfigurationError(
             f"{path}: mechanism: is {name!r}, but the file describes {file.name}; give runs of "
             "one mechanism and its file"

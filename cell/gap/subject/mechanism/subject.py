@@ -45,9 +45,16 @@ from drivers.types import Array
 BLOCK = 0.4  # rad of the fastest signal in one sample
 # of positions [rad, m] and rates; of torques a share of their spread, for those of geared drives
 # follow from current or duty, whose constants, ripple and supply are known to some 10 to 20 %
-TOLERANCE = {"position": 1e-3, "velocity": 1e-2, "torque": 0.2, "site": 1e-3, "sensor": 0.0}
-KEYS = {"position": ("mrad", 1e3), "velocity": ("mrads", 1e3), "torque": ("Nm", 1.0),
-        "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
+TOLERANCE = {
+    "position": 1e-3,
+    "velocity": 1e-2,
+    "torque": 0.2,
+    "tracking": 1e-4,
+    "site": 1e-3,
+    "sensor": 0.0,
+}
+KEYS = {"position": ("mrad", 1e3), "tracking": ("mrad", 1e3), "velocity": ("mrads", 1e3),
+        "torque": ("Nm", 1.0), "site": ("mm", 1e3), "sensor": ("si", 1.0)}  # fmt: skip
 THIRD = 1.0 / 3.0  # of its noise, by which half the step may move a signal
 
 

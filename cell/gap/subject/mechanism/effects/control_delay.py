@@ -7,7 +7,8 @@ from drivers.types import Array
 
 
 def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    if mechanism.mode != "forward" or not mechanism.actuators:
+    forward = mechanism.mode == "forward" and bool(mechanism.actuators)
+    if not (forward or mechanism.trackings):
         return ()
     return single("time", "s", 0.1 * mechanism.step)
 
