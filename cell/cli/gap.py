@@ -34,6 +34,10 @@ Strip = Annotated[
 Model = Annotated[
     Path | None, typer.Option("--model", help="The mechanism file, in place of a strip.")
 ]
+Subject = Annotated[
+    str | None,
+    typer.Option("--subject", help="A mechanism of the configuration by name: the cell's `arm`."),
+]
 Jobs = Annotated[
     int | None, typer.Option(min=1, help="Simulations side by side; all cores if not given.")
 ]
@@ -46,6 +50,7 @@ def fit(
     out: Annotated[Path, typer.Option("--out", help="Folder for verdict, report and patches.")],
     strip: Strip = None,
     model: Model = None,
+    subject: Subject = None,
     hold_out: Annotated[
         list[str] | None, typer.Option(help="A run that only judges; repeatable.")
     ] = None,
@@ -60,7 +65,7 @@ def fit(
     as_json: Json = False,
 ) -> None:
     """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
-    file = _one_of(strip, model, configs)
+    file = _one_of(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
     from cell.gap.verdict.accept import LAW_PATCH
@@ -78,6 +83,7 @@ def fit(
     files = [f"  {out / name}" for name in ("report.html", "overlay.rrd")]
     law = (out / LAW_PATCH).is_file()
     option = f"--model {model}" if model is not None else f"--strip {file}"
+    option = option if subject is None else f"--subject {subject}"
     following = f"next: {_next(verdict, out, option, law=law)}"
     sys.stdout.write("\n".join([*_summary(verdict), *files, following]) + "\n")
 
@@ -88,6 +94,7 @@ def check(
     out: Annotated[Path, typer.Option("--out", help="Folder for check.json and check.html.")],
     strip: Strip = None,
     model: Model = None,
+    subject: Subject = None,
     jobs: Jobs = None,
     configs: Configs = None,
     as_json: Json = False,
@@ -102,7 +109,7 @@ def check(
     from drivers.errors import ConfigurationError
     from drivers.files import writing
 
-    file, cores = _one_of(strip, model, configs), os.cpu_count() or 1
+    file, cores = _one_of(strip, model, configs, subject), os.cpu_count() or 1
     found = look(runs, file, min(jobs or cores, cores))
     with writing(f"--out {out}"):
         out.mkdir(parents=True, exist_ok=True)
@@ -121,6 +128,7 @@ def accept(
     fitted: Fitted,
     strip: Strip = None,
     model: Model = None,
+    subject: Subject = None,
     law: Annotated[
         bool, typer.Option("--law", help="Accept the law that describes what nothing explains.")
     ] = False,
@@ -133,7 +141,10 @@ def accept(
     """
     from cell.gap.verdict.accept import accept as put
 
-    file, cell_file = _one_of(strip, model, configs), _cell_file(configs) if model is None else None
+    file, cell_file = (
+        _one_of(strip, model, configs, subject),
+        _cell_file(configs) if model is None else None,
+    )
     accepted = put(fitted, file, cell_file, law=law)
     _tell("accepted", accepted.effects, accepted.files, as_json=as_json)
 
@@ -143,13 +154,17 @@ def undo(
     fitted: Fitted,
     strip: Strip = None,
     model: Model = None,
+    subject: Subject = None,
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
     """Bring the files back as they were before the acceptance."""
     from cell.gap.verdict.accept import undo as take_back
 
-    file, cell_file = _one_of(strip, model, configs), _cell_file(configs) if model is None else None
+    file, cell_file = (
+        _one_of(strip, model, configs, subject),
+        _cell_file(configs) if model is None else None,
+    )
     undone = take_back(fitted, file, cell_file)
     _tell("undone", undone.effects, undone.files, as_json=as_json)
 
@@ -215,14 +230,21 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         yield f"  note: {note}"
 
 
-def _one_of(strip: str | None, model: Path | None, configs: Path | None) -> Path:
+def _one_of(
+    strip: str | None, model: Path | None, configs: Path | None, subject: str | None
+) -> Path:
     """The file that is fitted; ConfigurationError unless exactly one is given."""
     from drivers.errors import ConfigurationError
 
-    if (strip is None) == (model is None):
+    if sum(given is not None for given in (strip, model, subject)) != 1:
         raise ConfigurationError(
-            "--strip, --model: give one: a strip file, or a mechanism file with the model's name"
+            "--strip, --model, --subject: give one: a strip file, a mechanism file with the "
+            "model's name, or the name of a mechanism of this cell"
         )
+    if subject is not None:
+        from cell.config.places import find_configs
+
+        return near(find_configs(configs).mechanism_path(subject))
     return model or _subject(strip or "", configs)
 
 

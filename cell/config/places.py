@@ -60,6 +60,17 @@ class Configs:
             return unknown_strip(name.removeprefix(MARK))
         return load_strip(self.strip_path(name))
 
+    def mechanism_path(self, name: str) -> Path:
+        """The file of a mechanism given by name; ConfigurationError for a name that none has."""
+        known = sorted(p.parent.name for p in self.folder.glob("mechanisms/*/mechanism.yaml"))
+        if name not in known:
+            raise ConfigurationError(
+                f"--subject: there is no mechanism {name!r} in {self.folder / 'mechanisms'}"
+                f"{suggestion(name, known)}; known: {', '.join(known) or 'none'}; "
+                "name one, or give the path to any by --model"
+            )
+        return self.folder / "mechanisms" / name / "mechanism.yaml"
+
     def strip_names(self) -> tuple[str, ...]:
         """Names of all strips, sorted."""
         return tuple(sorted(path.stem for path in (self.folder / "strips").glob("*.yaml")))

@@ -1,6 +1,6 @@
 """A Franka arm: with the twin's strip and camera, which follow its measured poses, or alone."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from cell.config.cell import CellFile
@@ -182,6 +182,10 @@ def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> 
         solids=floor_of(installation),
     )
     server.hand.width = settings.fci.hand.opening
+    tool = settings.fci.tool  # Desk says what the cell says
+    server.robot.configuration = replace(
+        server.robot.configuration, hand_mass=tool.mass, hand_centre=frozen(tool.centre)
+    )
     return server.start()
 
 

@@ -18,7 +18,7 @@ from cell.gap.report.page import write_report
 from cell.gap.selection import hold_out as hold
 from cell.gap.subject.copies import counted_once, note
 from cell.gap.subject.run_folders import RunFolder, find_runs
-from cell.gap.subject.subject import EditsModel
+from cell.gap.subject.subject import EditsModel, HasConsequences
 from cell.gap.verdict.accept import (
     BASE_PATCH,
     CELL_PATCH,
@@ -81,6 +81,8 @@ def fit(
     verdict = compose(found, time.monotonic() - began, tape.total)
     deviates = deviations(subject.scope.base, verdict.base)
     notes = [*map(note, copies, copies.values()), *subject.notes]
+    if isinstance(subject, HasConsequences):
+        notes += subject.consequences(*_values(verdict))
     verdict = verdict.model_copy(update={"notes": notes, "deviates": deviates})
     progress("write", 0.97)
     _write(found, verdict, file, out)
@@ -113,14 +115,19 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
     if verdict.verdict != "named" and not offers_values:
         return
-    base = {name: v.value for name, v in verdict.base.items()}
-    effects = {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
+    base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
     write_text(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
     if isinstance(found.subject, EditsModel):
         write_text(out / MODEL_PATCH, found.subject.model_text(base, effects))
     if cell_patch is not None:
         write_text(out / CELL_PATCH, dump_text(cell_patch))
+
+
+def _values(verdict: Verdict) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Values of the base, and of the named effects by their parameters."""
+    base = {name: v.value for name, v in verdict.base.items()}
+    return base, {e.name: {k: v.value for k, v in e.parameters.items()} for e in verdict.effects}
 
 
 def _key(file: Path, runs: Sequence[RunFolder], held: Sequence[str]) -> str:

@@ -3,7 +3,6 @@
 import mujoco
 import numpy as np
 
-from drivers.fci_server.configuration import Configuration
 from drivers.fci_server.posture import Posture
 from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE
@@ -16,12 +15,10 @@ SLOW = 0.005  # rad/s over which dry friction changes sign
 class Dynamics:
     """Inverse dynamics of the published model with what a `plant` has beside it."""
 
-    def __init__(self, plant: ArmPlant, configuration: Configuration) -> None:
-        """With the hand that a client or Desk states in `configuration`."""
+    def __init__(self, plant: ArmPlant) -> None:
+        """With a hand as it is, whatever Desk states."""
         self._plant = plant
-        model = mujoco.MjModel.from_xml_string(
-            arm_mjcf(configuration.hand_mass, tuple(configuration.hand_centre))
-        )
+        model = mujoco.MjModel.from_xml_string(arm_mjcf())
         for i in range(7):
             heavier = 1.0 + plant.mass_error[i]
             model.body(f"link{i + 1}").mass *= heavier

@@ -316,7 +316,7 @@ def _give_mechanics(robot: Robot, settings: ServerSettings) -> None:
     """Let the arm trail its setpoint, and feel what its plant makes it feel."""
     delay, sag, plant = settings.delay, None, settings.plant
     if plant is not None:
-        robot.dynamics = Dynamics(plant, robot.configuration)
+        robot.dynamics = Dynamics(plant)
         delay += plant.delay
         sag = robot.dynamics.sag if robot.dynamics.bends else None
     tool = robot.configuration.tool

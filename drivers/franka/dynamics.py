@@ -24,9 +24,9 @@ HAND_INERTIA = (0.001, 0.0025, 0.0017)  # kg m^2, about its own axes, as Desk st
 HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Desk states them
 
 
-def arm_mjcf(hand_mass: float = HAND_MASS, hand_centre: tuple[float, ...] = HAND_CENTRE) -> str:
-    """MJCF of joints `joint1` to `joint7` with a motor each, the hand [kg, m in the flange] and a
-    site `tip` between its fingers.
+def arm_mjcf() -> str:
+    """MJCF of joints `joint1` to `joint7` with a motor each, the hand and a site `tip` between its
+    fingers.
     """
     bodies, ends = "", ""
     for i, (a, d, alpha) in enumerate(PARAMETERS):
@@ -40,10 +40,10 @@ def arm_mjcf(hand_mass: float = HAND_MASS, hand_centre: tuple[float, ...] = HAND
         )
         ends += "</body>"
     tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
-    centre = np.add(hand_centre, (0.0, 0.0, FLANGE))
+    centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
     bodies += (
         f'<site name="tip" pos="{_text(tip)}"/><body name="hand">'
-        f'<inertial pos="{_text(centre)}" mass="{hand_mass:.9g}" '
+        f'<inertial pos="{_text(centre)}" mass="{HAND_MASS:.9g}" '
         f'diaginertia="{_text(HAND_INERTIA)}"/></body>'
     )
     motors = "".join(

@@ -244,6 +244,17 @@ class Subject(Protocol):
 
 
 @runtime_checkable
+class HasConsequences(Protocol):
+    """A subject whose effects matter for something that an operator cares about."""
+
+    def consequences(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    ) -> Sequence[str]:
+        """What an operator must know of named effects."""
+        ...
+
+
+@runtime_checkable
 class EditsModel(Protocol):
     """A subject whose acceptance writes a model of its own beside the file."""
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cell.config.settings import CellSettings
 from cell.gap.subject.mechanism.file import MechanismFile
@@ -214,12 +215,16 @@ def _check_patch(patch: Path) -> None:
 
 
 def _with_cell(path: Path, patch: Path) -> str:
-    """Text of the cell file with the effects of `patch` merged in."""
-    added = load(patch, Patch, bare=True).effects
-    check_effects(added, origin=str(patch), of="cell")
+    """Text of the cell file with the effects and settings of `patch` merged in."""
+    added = load(patch, Patch, bare=True)
+    check_effects(added.effects, origin=str(patch), of="cell")
     content = read_yaml(path)
     _check_cell(content, path)
-    merged = {**content, "effects": {**(content.get("effects") or {}), **added}}
+    merged = {**content, "effects": {**(content.get("effects") or {}), **added.effects}}
+    for key, parts in (("fci", added.fci), ("twin", added.twin)):
+        if parts:
+            had: dict[str, Any] = content.get(key) or {}
+            merged[key] = had | {k: (had.get(k) or {}) | part for k, part in parts.items()}
     _check_cell(merged, path)
     return edit_text(read_text(path), merged)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -63,9 +63,14 @@ class Acceptance(Stored):
 
 
 class Patch(Stored):
-    """What every patch holds, of whatever subject: effects and their parameters."""
+    """What every patch holds, of whatever subject: effects and their parameters.
+
+    That of an arm may hold settings of the cell: its tool, and the delay of its twin.
+    """
 
     effects: dict[str, dict[str, float]]
+    fci: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    twin: dict[str, dict[str, Any]] = Field(default_factory=dict)
 
 
 S = TypeVar("S", bound=BaseModel)

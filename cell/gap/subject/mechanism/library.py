@@ -91,3 +91,11 @@ def user_numbers(table: Any, at: int, values: Array) -> None:
     """Put values (keys, joints) of a law into the user numbers (joints, slots) from `at` on."""
     keys, joints = values.shape
     table[:joints, at : at + keys] = values.T
+
+
+def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
+    """Values of an effect's parameters (k,) in its own order, what was not given at its start."""
+    every = (*effect.parameters(mechanism), *effect.finer(mechanism))
+    found = [values.get(p.name, p.start) for p in every]
+    return np.array([1.0 / v if p.inverse and p.name in values else v
+                     for p, v in zip(every, found, strict=True)])  # fmt: skip

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.case import ModelFields
-from cell.gap.subject.mechanism.library import Accepted, effect_of
+from cell.gap.subject.mechanism.library import Accepted, effect_of, ordered_values
 from cell.gap.subject.mechanism.load import LIMITLESS, Opened
 from cell.gap.subject.mechanism.model import Mechanism
 from drivers.types import Array
@@ -62,7 +62,7 @@ def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -
     for name, values in effects.items():
         effect = effect_of(name)
         if effect.edits(m) and effect.edit is not None:
-            effect.edit(m, _ordered(effect, m, values), fields)
+            effect.edit(m, ordered_values(effect, m, values), fields)
     fields.finish()
     root = _root(m.xml)
     _write_bodies(root, m, edited)
@@ -72,13 +72,6 @@ def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -
     _write_pairs(root, m, edited)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _ordered(effect: Any, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
-    every = (*effect.parameters(mechanism), *effect.finer(mechanism))
-    found = [values.get(p.name, p.start) for p in every]
-    return np.array([1.0 / v if p.inverse and p.name in values else v
-                     for p, v in zip(every, found, strict=True)])  # fmt: skip
 
 
 def _root(xml: str) -> ET.Element:

@@ -14,12 +14,14 @@ from cell.gap.subject.mechanism.case import Case, Content
 from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.forward import Forward, commands_of
+from cell.gap.subject.mechanism.gripper_path import cell_patch, read, sentences, shift
 from cell.gap.subject.mechanism.library import (
     accepted_parameters,
     described,
     effect_of,
     grouped,
     offered,
+    ordered_values,
     user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
@@ -286,7 +288,34 @@ class MechanismSubject:
         """The mechanism file with refitted base and named effects; see `patch`."""
         from cell.gap.subject.mechanism.patch import patched
 
-        return patched(self.opened, base, effects, source), None
+        of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
+        return patched(self.opened, base, effects, source), of_cell
+
+    def consequences(
+        self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+    ) -> Sequence[str]:
+        """What named effects do to the cell's gripper, and where they can be accepted."""
+        if not self.opened.file.cell:
+            return ()
+        told = list[str]()
+        for name, values in effects.items():
+            ordered = ordered_values(effect_of(name), self._mechanism, values)
+            shifts = [self._shift(run, name, ordered, base) for run in self._runs]
+            told += sentences(name, np.concatenate(shifts))
+        return told
+
+    def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
+        """Distance (k,) [m] by which an effect alone moves the gripper, along a run."""
+        about = np.array([base.get(p.name, p.start) for p in self._scope.base])
+        own = np.array([p.start for p in run.local])
+        cases = [self._case(Request(run, about, e, own)) for e in ({name: values}, {})]
+        having, lacking = self._engine.predict(cases)
+        content = _content(run)
+        if having is None or lacking is None:
+            return np.zeros(0)
+        q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
+        changed = having - lacking
+        return shift(q.T, (changed[:7], changed[7:]), read(name, self.opened, values))
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]

@@ -1,0 +1,71 @@
+"""What effects in the cell's own arm do to the path of its gripper, and where they may be put."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cell.gap.subject.mechanism.bodies import tip
+from cell.gap.subject.mechanism.effect import Readings
+from cell.gap.subject.mechanism.library import effect_of
+from cell.gap.subject.mechanism.load import Opened
+from drivers.franka.kinematics import FLANGE, forward
+from drivers.types import Array
+
+# N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
+STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
+FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of cell.yaml
+
+
+def shift(q: Array, predicted: tuple[Array, Array], readings: Readings) -> Array:
+    """Distance (k,) [m] by which the tip stands elsewhere for measured joints `q` (k, 7) [rad].
+
+    `predicted` are torques (7, k) [N m] and tracking (7, k) [rad] with an effect less those
+    without; torques that the robot does not expect push its joints out by its STIFFNESS.
+    """
+    torque, tracking = predicted
+    bias = np.array([readings.bias.get(f"joint{i}", 0.0) for i in range(1, 8)])
+    scale = 1.0 + np.array([readings.scale.get(f"joint{i}", 0.0) for i in range(1, 8)])
+    other = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
+    apart = forward(q)[:, :3, 3] - forward(other)[:, :3, 3]
+    return np.asarray(np.linalg.norm(apart, axis=1))
+
+
+def sentences(name: str, shifts: Array) -> list[str]:
+    """What an operator must know of the effect `name` that moves the tip by `shifts` (k,) [m]."""
+    rms = float(np.sqrt(np.mean(shifts**2)))
+    moves = f"{name}: the gripper stands up to {1e3 * shifts.max():.2f} mm (rms {1e3 * rms:.2f})"
+    if name in FIELDS:
+        where = f"`cell gap accept` puts it into cell.yaml, {FIELDS[name]}"
+    else:
+        where = "cell.yaml has no field for it: `cell gap accept` puts it into the arm's model only"
+    return [f"{moves} from where the model has it, in these runs", f"{name}: {where}"]
+
+
+def cell_patch(
+    opened: Opened, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
+) -> dict[str, object] | None:
+    """What of the effects belongs into cell.yaml: the tool with its load, the arm's delay."""
+    found: dict[str, object] = {}
+    delay = effects.get("control_delay", {}).get("time", base.get("control_delay.time"))
+    if delay is not None:
+        found["twin"] = {"arm": {"robot_delay": round(delay, 4)}}
+    if "payload" in effects:
+        found["fci"] = {"tool": _tool(opened, effects["payload"]["mass"])}
+    return {"effects": {}, **found} if found else None
+
+
+def _tool(opened: Opened, mass: float) -> dict[str, object]:
+    """Mass [kg] and centre of mass [m in the flange] of the hand with a load at the tip."""
+    m = opened.mechanism
+    hand, last = m.model.body("hand").id, m.model.body("link7").id
+    had, centre = float(m.model.body_mass[hand]), np.array(m.model.body_ipos[hand])
+    both = (had * centre + mass * tip(m, last)) / (had + mass) - (0.0, 0.0, FLANGE)
+    return {"mass": round(had + mass, 4), "centre": [round(float(x), 5) for x in both]}
+
+
+def read(name: str, opened: Opened, values: Array) -> Readings:
+    """What an effect with `values` (parameters,) changes between the world and its record."""
+    readings, effect = Readings(), effect_of(name)
+    if effect.read is not None:
+        effect.read(opened.mechanism, values, readings)
+    return readings

@@ -1,0 +1,79 @@
+"""Causes hidden in mechanisms of two to seven joints, found blind: an exam of `cell gap`."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.gap.fit import fit
+from cell.gap.verdict.schema import Verdict
+from cell.report.statistic import Quantity, Statistic
+from cell.studies.kit.hidden_mechanisms import OUTSIDE, make_runs
+from cell.studies.study import Study, Values
+
+TURN = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
+        "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip
+OTHERS = {"outside": OUTSIDE, "tracked": ("control_delay", "joint_elasticity"),
+          "read": ("torque_bias", "encoder_bias")}  # fmt: skip
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """The next cause, in a chain of two to seven joints or a pendulum on a cart."""
+    turn, slot = divmod(number, len(TURN))
+    name = TURN[slot]
+    if name in OTHERS:
+        seen = number // 6 if name == "outside" else turn
+        name = OTHERS[name][seen % len(OTHERS[name])]
+    kind = "tracked" if name in OTHERS["tracked"] else "outside" if name in OUTSIDE else name
+    if kind not in ("tracked", "outside", "nothing"):
+        kind = "effect"
+    cart = bool(rng.random() < 0.2) and kind != "tracked"
+    joints = 2 if cart else int(rng.integers(2, 5 if kind == "tracked" else 8))
+    return {"kind": kind, "hidden": name, "joints": joints, "cart": cart,
+            "size": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(2**31))}  # fmt: skip
+
+
+def measure(case: Values) -> Values:
+    """What the verdict says of a case: `right`, by `class`, `wrong` names."""
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        file = make_runs(folder, case["hidden"], case["joints"], case["size"], case["seed"],
+                         cart=case["cart"])  # fmt: skip
+        verdict = fit([folder / "runs"], file, folder / "out")
+    return {**score(case["hidden"], verdict), "verdict": verdict.verdict,
+            "named": [e.name for e in verdict.effects], "ambiguous": verdict.ambiguous}  # fmt: skip
+
+
+def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
+    """Whether a verdict on what was `hidden` is right, right by class, or names what is not there.
+
+    Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open.
+    """
+    named = [e.name for e in verdict.effects]
+    if hidden == "nothing":
+        right = verdict.verdict == "no_gap"
+        return {"right": right, "by_class": right, "wrong": bool(named)}
+    if hidden in OUTSIDE:
+        return {"right": not named, "by_class": not named, "wrong": bool(named)}
+    others = [name for name in named if name != hidden]
+    among = hidden in named or any(hidden in group for group in verdict.ambiguous)
+    return {"right": named == [hidden] and not verdict.ambiguous,
+            "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
+
+
+STUDY = Study(
+    name="mechanisms",
+    question="Does `cell gap fit --model` name what is hidden in a mechanism, and nothing else?",
+    draw=draw,
+    measure=measure,
+    by=("kind",),
+    quantities=(
+        Quantity("right", Statistic.SHARE, "%", 100.0, bar=85.0, floor=True, digits=0),
+        Quantity("by_class", Statistic.SHARE, "%", 100.0, bar=93.0, floor=True, label="by class",
+                 digits=0),
+        Quantity("wrong", Statistic.SHARE, "%", 100.0, bar=3.0, label="wrong names", digits=0),
+    ),
+    usual=120,
+    quick=1,
+    seconds=60.0,
+)  # fmt: skip

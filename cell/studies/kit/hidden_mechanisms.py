@@ -1,0 +1,233 @@
+"""Mechanisms with one cause hidden in them, made by another integrator at a fifth of the step.
+
+Chains of motors on hinges, or a pendulum on a cart; damping and the last mass differ from run to
+run. Torques are read with noise; what is measured is written as runs beside the mechanism's file.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import yaml
+
+from cell.gap.subject.mechanism.importer import write_run
+from drivers.types import Array
+
+RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # ... s, s, steps a reading
+ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
+STIFF = 300.0  # 1/rad: gain of a servo whose motor follows its command, of the weight it bears
+Columns = dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """A mechanism of `joints`, on a `cart` where it has one; `weight` (joints,) [N m or N] is what
+    gravity may ask of each, and its motor's gain is `gain` times that.
+    """
+
+    joints: int
+    cart: bool
+    gain: float
+    weight: Array
+
+    @classmethod
+    def of(cls, joints: int, *, cart: bool, gain: float = 12.0) -> "Chain":
+        """A chain of equal links of 0.3 m, each lighter than the one before."""
+        masses = 1.0 * 0.7 ** np.arange(joints)
+        places = 0.3 * np.arange(joints) + 0.15
+        bears = [9.81 * float(masses[i:] @ (places[i:] - 0.3 * i)) for i in range(joints)]
+        if cart:
+            bears[0] = 9.81 * float(masses.sum())
+        return cls(joints, cart, gain, np.array(bears))
+
+    def xml(self) -> str:
+        """Its MJCF, as its owner states it."""
+        bodies, motors = "", ""
+        for i in range(self.joints):
+            slide = self.cart and i == 0
+            axis = "1 0 0" if slide or i % 2 else "0 1 0"
+            if self.cart and i == 1:
+                axis = "0 1 0"
+            mass, weight = 0.7**i, self.weight[i]
+            place = "" if i == 0 or (self.cart and i == 1) else ' pos="0 0 -0.3"'
+            bodies += (
+                f'<body name="link{i + 1}"{place}><joint name="j{i + 1}" axis="{axis}" '
+                f'type="{"slide" if slide else "hinge"}" damping="{0.05 * weight:.6g}" '
+                f'armature="{0.01 * weight:.6g}"/><inertial pos="0 0 -0.15" mass="{mass:.6g}" '
+                f'diaginertia="{0.008 * mass:.6g} {0.008 * mass:.6g} {0.001 * mass:.6g}"/>'
+                f'<site name="s{i + 1}" pos="0 0 -0.3"/>'
+            )
+            motors += f'<position name="a{i + 1}" joint="j{i + 1}" kp="{self.gain * weight:.6g}"/>'
+        ends = "</body>" * self.joints
+        return (
+            '<mujoco model="chain"><compiler angle="radian"/><option integrator="RK4"/>'
+            f"<worldbody>{bodies}{ends}</worldbody><actuator>{motors}</actuator></mujoco>\n"
+        )
+
+    def file(self, *, tracking: bool) -> dict[str, Any]:
+        """Content of its file; `tracking` where motors follow their commands."""
+        names = range(1, self.joints + 1)
+        signals: dict[str, Any] = {
+            f"t{i}": {"actuator": f"a{i}", "is": "torque",
+                      "sigma": round(TORQUE * float(self.weight[i - 1]), 6)}
+            for i in names
+        }  # fmt: skip
+        if tracking:
+            signals |= {f"e{i}": {"joint": f"j{i}", "is": "tracking", "sigma": ANGLE}
+                        for i in names}  # fmt: skip
+        return {"schema": 1, "kind": "mechanism", "name": "chain", "model": "chain.xml",
+                "mode": "prescribed", "signals": signals,
+                "inputs": {f"j{i}": "position" for i in names},
+                "uncertain": [{"joint": "*", "field": "damping", "spread": "50%"},
+                              {"body": "*", "field": "mass", "spread": "1%"},
+                              {"body": "*", "field": "com", "spread": 0.002}]}  # fmt: skip
+
+
+Edit = Callable[[Any, Chain, float], None]
+Reading = Callable[[Columns, Chain, float, np.random.Generator], None]
+
+
+def _friction(m: Any, c: Chain, s: float) -> None:
+    m.dof_frictionloss[:] = 0.06 * s * c.weight
+
+
+def _quadratic(m: Any, c: Chain, s: float) -> None:
+    m.dof_dampingpoly[:, 0] = 0.03 * s * c.weight
+
+
+def _spring(m: Any, c: Chain, s: float) -> None:
+    m.jnt_stiffness[:] = 0.15 * s * c.weight
+
+
+def _armature(m: Any, c: Chain, s: float) -> None:
+    m.dof_armature[:] += 0.01 * s * c.weight
+
+
+def _payload(m: Any, _c: Chain, s: float) -> None:
+    last, more = m.nbody - 1, 0.15 * s * float(m.body_mass[m.nbody - 1])
+    whole = float(m.body_mass[last]) + more
+    m.body_ipos[last, 2] -= 0.15 * more / whole
+    m.body_inertia[last, :2] += 0.15**2 * more * float(m.body_mass[last]) / whole
+    m.body_mass[last] = whole
+
+
+def _constant(m: Any, _c: Chain, s: float) -> None:
+    m.actuator_gainprm[:, 0] *= 1.0 + 0.08 * s
+    m.actuator_biasprm[:, 1] *= 1.0 + 0.08 * s
+
+
+def _bent(m: Any, _c: Chain, s: float) -> None:
+    """A link that is bent: the last one leaves its joint at another angle."""
+    turn, last = np.zeros(4), m.nbody - 1
+    mujoco.mju_axisAngle2Quat(turn, np.array([0.6, 0.8, 0.0]), 0.12 * s)
+    m.body_quat[last] = turn
+
+
+def _bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    for i in range(c.joints):
+        columns[f"t{i + 1}"] += (-1) ** i * 0.06 * s * c.weight[i]
+
+
+def _encoder(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    columns[f"j{c.joints}"] += 0.05 * s
+
+
+def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    """A loose bolt: a gap that opens where the load passes what still holds it."""
+    load = columns[f"t{c.joints}"] / c.weight[-1]
+    columns[f"j{c.joints}"] += 0.06 * s * np.sign(load) * (np.abs(load) > 0.25)
+
+
+def _catch(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    """A cable that catches at one angle of the last joint, and pulls there alone."""
+    angle = columns[f"j{c.joints}"]
+    columns[f"t{c.joints}"] += 0.3 * s * c.weight[-1] * np.exp(-(((angle - 0.2) / 0.08) ** 2))
+
+
+def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> None:
+    """A supply whose voltage wanders: what currents say of torques wanders with it."""
+    steps = rng.standard_normal(8)
+    t = columns["t"]
+    slow = np.interp(t, np.linspace(0.0, t[-1], 8), steps)
+    for i in range(c.joints):
+        columns[f"t{i + 1}"] *= 1.0 + 0.08 * s * slow
+
+
+EDITS: Mapping[str, Edit] = {
+    "dry_friction": _friction, "quadratic_damping": _quadratic, "cable_spring": _spring,
+    "armature": _armature, "payload": _payload, "torque_constant": _constant, "bent_link": _bent,
+}  # fmt: skip
+READINGS: Mapping[str, Reading] = {
+    "torque_bias": _bias, "encoder_bias": _encoder, "loose_bolt": _bolt,
+    "catching_cable": _catch, "wandering_supply": _supply,
+}  # fmt: skip
+TRACKED = ("control_delay", "joint_elasticity")
+OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
+
+
+def make_runs(
+    folder: Path, hidden: str, joints: int, size: float, seed: int, *, cart: bool = False
+) -> Path:
+    """Runs of a mechanism with `hidden` in it by `size`, in `folder`/runs; the mechanism's file."""
+    rng, tracked = np.random.default_rng(seed), hidden in TRACKED
+    chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else 12.0)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "chain.xml").write_text(chain.xml())
+    file = folder / "chain.yaml"
+    file.write_text(yaml.safe_dump(chain.file(tracking=tracked), sort_keys=False))
+    for k in range(RUNS):
+        model = mujoco.MjModel.from_xml_string(chain.xml())
+        model.opt.timestep = STEP
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        if hidden in EDITS:
+            EDITS[hidden](model, chain, size)
+        model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
+        columns = _moved(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
+        if hidden in READINGS:
+            READINGS[hidden](columns, chain, size, rng)
+        for i in range(joints):
+            columns[f"j{i + 1}"] += rng.normal(0.0, ANGLE, len(columns["t"]))
+            noise = rng.normal(0.0, 0.5 * TORQUE * chain.weight[i], len(columns["t"]))
+            columns[f"t{i + 1}"] += noise
+            columns[f"e{i + 1}"] = columns[f"j{i + 1}"] - columns.pop(f"c{i + 1}")
+        write_run(folder / "runs" / f"{k:02d}", columns, {"mechanism": "chain", "index": k})
+    return file
+
+
+def _moved(
+    model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
+) -> Columns:
+    """Columns (m,) of a motion there and back: joints, torques, and commands `c1` on.
+
+    A delayed command comes late; behind a gear that twists, the link swings on a spring, its motor
+    at the command.
+    """
+    data, rows, n = mujoco.MjData(model), list[Array](), chain.joints
+    late = 0.006 * size if hidden == "control_delay" else 0.0
+    if hidden == "joint_elasticity":  # the servo's gain is the gear's stiffness: the link springs
+        soft = chain.weight / (0.02 * size)
+        model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = soft, -soft
+        model.dof_damping[:] *= 0.3
+    rates = pace * (1.5 + 0.6 * rng.random((2, n)))
+    phases = rng.uniform(0.0, 6.3, (2, n))
+    reach = 0.5 * 0.85 ** np.arange(n)
+
+    def wanted(t: float) -> Array:
+        begin = min(max(t, 0.0) / 0.5, 1.0)
+        swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
+        return np.asarray(reach * begin**3 * (10 - 15 * begin + 6 * begin**2) * swing)
+
+    for k in range(round(SPAN / STEP)):
+        data.ctrl[:] = wanted(data.time - late)
+        if k % EVERY == 0:
+            mujoco.mj_forward(model, data)
+            force = data.actuator_force.copy()
+            rows.append(np.concatenate([[data.time], data.qpos, force, wanted(data.time)]))
+        mujoco.mj_step(model, data)
+    columns = np.array(rows).T
+    names = ["t", *(f"{key}{i + 1}" for key in "jtc" for i in range(n))]
+    return {name: np.array(column) for name, column in zip(names, columns, strict=True)}

@@ -1,0 +1,148 @@
+"""The cell's own arm as a mechanism: its file, its records, what is accepted into cell.yaml."""
+
+import json
+import shutil
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from cell.config.places import BESIDE, find_configs
+from cell.gap.subject.mechanism.gripper_path import cell_patch
+from cell.gap.subject.mechanism.subject import open_mechanism
+from cell.gap.subject.run_folders import RunFolder
+from cell.gap.subject.subject import Request
+from cell.gap.verdict.accept import accept, sha256, undo
+from cell.record.tables import joint_table, write_parquet
+from drivers.errors import ConfigurationError
+from drivers.fci_server.dynamics import Dynamics
+from drivers.fci_server.limits import Course
+from drivers.fci_server.posture import Posture
+from drivers.fci_server.trailing import Trailing
+from drivers.franka.dynamics import arm_mjcf
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
+from drivers.franka.plant import ArmPlant
+from drivers.yaml_edit import dump_text
+
+FILE = BESIDE / "mechanisms" / "arm" / "mechanism.yaml"
+TICKS = 2000
+SOFT = 8e-5
+
+
+def record(folder: Path, plant: ArmPlant, phase: float) -> RunFolder:
+    """A run of an arm that swings all its joints, as a fold keeps it."""
+    dynamics = Dynamics(plant)
+    sag = dynamics.sag if dynamics.bends else None
+    t = 1e-3 * np.arange(TICKS)
+    swing = 0.25 * np.sin(np.outer(t, np.linspace(1.5, 4.0, 7)) + phase)
+    begin = np.minimum(t / 0.5, 1.0)
+    commanded = HOME + swing * (begin**3 * (10.0 - 15.0 * begin + 6.0 * begin**2))[:, None]
+    course = Course(np.zeros(7), np.zeros(7))
+    begun = Posture.of(commanded[0], FLANGE_TO_TIP, course)
+    arm = Trailing(begun, FLANGE_TO_TIP, plant.delay, 0.0, sag)
+    rows = []
+    for k, q_d in enumerate(commanded):
+        arm.tick(q_d)
+        here = arm.posture
+        torque = dynamics.reading(here, k)
+        rows.append([t[k], *here.q, *here.joints.velocity, *q_d, *torque])
+    folder.mkdir(parents=True)
+    write_parquet(folder / "joints.parquet", joint_table(np.array(rows), 0.0))
+    head = {"schema": 1, "strip": "denim", "index": int(10 * phase)}
+    (folder / "run.yaml").write_text(yaml.safe_dump(head))
+    return RunFolder(folder, folder.name)
+
+
+@pytest.fixture(scope="module")
+def soft(tmp_path_factory):
+    """Two runs of an arm that carries a load, twists and lags, as the subject opens them."""
+    folder = tmp_path_factory.mktemp("soft")
+    plant = ArmPlant(payload=0.3, compliance=(SOFT,) * 7, delay=0.006, torque_noise=0.0)
+    return open_mechanism(FILE, [record(folder / f"{k}", plant, 0.1 * k) for k in range(2)])
+
+
+def test_the_model_of_the_arm_is_the_published_one():
+    whole = ET.fromstring(arm_mjcf())  # noqa: S314  our own text
+    ET.indent(whole)
+    text = ET.tostring(whole, encoding="unicode") + "\n"
+    assert (FILE.parent / "model.xml").read_text() == text
+    assert find_configs(None).mechanism_path("arm").samefile(FILE)
+
+
+def left(subject, effects) -> dict[str, float]:
+    """Rms of what torques [N m] and tracking [rad] leave, by kind."""
+    base = np.array([p.start for p in subject.scope.base])
+    found = {"torque": [], "tracking": []}
+    asked = [Request(run, base, effects, np.zeros(0)) for run in subject.runs]
+    for run, residuals in zip(subject.runs, subject.simulate(asked), strict=True):
+        for kind, values in found.items():
+            own = np.char.startswith(run.samples.channel.astype(str), kind)
+            values.extend(residuals.mean[own])
+    return {kind: float(np.sqrt(np.mean(np.square(v)))) for kind, v in found.items()}
+
+
+def test_what_was_hidden_explains_torques_and_tracking(soft):
+    hidden = {"payload": np.array([0.3]), "control_delay": np.array([0.006]),
+              "joint_elasticity": np.full(7, SOFT)}  # fmt: skip
+    none, whole = left(soft, {}), left(soft, hidden)
+    assert none["torque"] > 0.5
+    assert whole["torque"] < 0.1 * none["torque"]  # the rest is what smoothing takes
+    assert none["tracking"] > 1e-3
+    assert whole["tracking"] < 5e-5
+    late = left(soft, {k: v for k, v in hidden.items() if k != "joint_elasticity"})
+    stiff = left(soft, {k: v for k, v in hidden.items() if k != "control_delay"})
+    assert min(late["tracking"], stiff["tracking"]) > 10 * whole["tracking"]
+
+
+def test_consequences_are_millimetres_of_the_gripper_and_where_they_go(soft):
+    words = soft.consequences({}, {"control_delay": {"time": 0.006},
+                                   "dry_friction": {f"torque_joint{i}": 3.0 for i in range(1, 8)},
+                                   "encoder_bias": {"bias_joint4": 0.01}})  # fmt: skip
+    assert [w.split(":")[0] for w in words[::2]] == [
+        "control_delay", "dry_friction", "encoder_bias"]  # fmt: skip
+    millimetres = [float(w.split("up to ")[1].split(" mm")[0]) for w in words[::2]]
+    assert 2.0 < millimetres[0] < 20.0
+    assert 0.2 < millimetres[1] < 5.0
+    assert 4.0 < millimetres[2] < 8.0  # 10 mrad about the elbow, half a metre away
+    assert "twin.arm.robot_delay" in words[1]
+    assert "no field" in words[3]
+
+
+def test_load_and_delay_are_accepted_into_the_cell(soft, tmp_path):
+    shutil.copytree(FILE.parent, tmp_path / "arm")
+    shutil.copy(BESIDE / "cell.yaml", tmp_path / "cell.yaml")
+    file, out, cell = tmp_path / "arm" / "mechanism.yaml", tmp_path / "out", tmp_path / "cell.yaml"
+    out.mkdir()
+    base = {p.name: p.start for p in soft.scope.base}
+    effects = {"payload": {"mass": 0.3}, "control_delay": {"time": 0.006}}
+    patch, of_cell = soft.patch(base, effects, "test")
+    (out / "patch.yaml").write_text(dump_text(patch))
+    (out / "cell-patch.yaml").write_text(dump_text(of_cell))
+    (out / "model-patch.xml").write_text(soft.model_text(base, effects))
+    stated = {"file_sha256": sha256(file), "effects": list(effects)}
+    (out / "fit.json").write_text(json.dumps(stated))
+    before = cell.read_text()
+    accept(out, file, cell)
+    found = yaml.safe_load(cell.read_text())
+    assert found["twin"]["arm"]["robot_delay"] == 0.006
+    assert found["fci"]["tool"]["mass"] == pytest.approx(1.03)
+    assert found["fci"]["tool"]["centre"][2] == pytest.approx((0.73 * 0.03 + 0.3 * 0.1034) / 1.03,
+                                                              abs=1e-5)  # fmt: skip
+    assert found["twin"]["world"] == yaml.safe_load(before)["twin"]["world"]
+    assert yaml.safe_load(file.read_text())["effects"]["control_delay"]["time"] == 0.006
+    undo(out, file, cell)
+    assert cell.read_text() == before
+
+
+def test_what_cell_yaml_cannot_say_makes_no_patch_of_it(soft):
+    assert cell_patch(soft.opened, {}, {"dry_friction": {"torque_joint1": 0.3}}) is None
+
+
+def test_a_fold_without_joints_is_refused_in_one_line(tmp_path):
+    run = tmp_path / "0"
+    run.mkdir()
+    (run / "run.yaml").write_text(yaml.safe_dump({"schema": 1, "strip": "denim"}))
+    with pytest.raises(ConfigurationError, match="cell fold --arm fci"):
+        open_mechanism(FILE, [RunFolder(run, "0")])
