@@ -115,7 +115,9 @@ class RunWriter:
             write_all(self._events, json_line({"t": t, "kind": kind, **facts}))
 
     def joints(self, rows: Array, origin: float) -> None:
-        """Add what a robot said of its joints at every tick, see `joint_table`."""
+        """Add what a robot said of its joints at every tick, rows (n, 29) as `joint_table` takes
+        them, t [s] on the clock of `origin` [s].
+        """
         with self._recording():
             write_parquet(self.folder / JOINTS, joint_table(rows, origin))
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from drivers.franka.plant import ArmPlant
+from drivers.arm_plant import ArmPlant
 from drivers.settings import Settings
 
 

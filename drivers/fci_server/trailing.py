@@ -45,13 +45,13 @@ class Trailing:
         q = here.q + self._share * (self._past[0] - here.q)
         if np.array_equal(q, here.q) and not here.joints.velocity.any():
             return
-        self._motors = self._moved(here, q)
+        self._motors = self._step(here, q)
         if self._sag is None:
             self.posture = self._motors
         else:
-            self.posture = self._moved(self.posture, q - self._sag(self._motors))
+            self.posture = self._step(self.posture, q - self._sag(self._motors))
 
-    def _moved(self, before: Posture, q: Array) -> Posture:
+    def _step(self, before: Posture, q: Array) -> Posture:
         velocity = (q - before.q) / TICK
         acceleration = (velocity - before.joints.velocity) / TICK
         return Posture.of(q, self._tool, Course(velocity, acceleration))

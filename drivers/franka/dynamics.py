@@ -25,8 +25,8 @@ HAND_MASS, HAND_CENTRE = 0.73, (-0.01, 0.0, 0.03)  # kg, m in the flange, as Des
 
 
 def arm_mjcf() -> str:
-    """MJCF of joints `joint1` to `joint7` with a motor each, the hand and a site `tip` between its
-    fingers.
+    """MJCF of joints `joint1` to `joint7` with a motor each, the hand, and the sites `flange` and
+    `tip`, between its fingers.
     """
     bodies, ends = "", ""
     for i, (a, d, alpha) in enumerate(PARAMETERS):
@@ -42,7 +42,8 @@ def arm_mjcf() -> str:
     tip = np.add(FLANGE_TO_TIP[:3, 3], (0.0, 0.0, FLANGE))
     centre = np.add(HAND_CENTRE, (0.0, 0.0, FLANGE))
     bodies += (
-        f'<site name="tip" pos="{_text(tip)}"/><body name="hand">'
+        f'<site name="flange" pos="0 0 {FLANGE}"/><site name="tip" pos="{_text(tip)}"/>'
+        '<body name="hand">'
         f'<inertial pos="{_text(centre)}" mass="{HAND_MASS:.9g}" '
         f'diaginertia="{_text(HAND_INERTIA)}"/></body>'
     )

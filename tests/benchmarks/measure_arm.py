@@ -25,15 +25,15 @@ from cell.gap.fit import fit
 from cell.record.files import JOINTS, RUN
 from cell.record.tables import joint_table, write_parquet
 from drivers.arm.reach import dense
+from drivers.arm_plant import ArmPlant
 from drivers.fci_server.server import RobotServer
 from drivers.fci_server.settings import ServerSettings
 from drivers.franka.dynamics import arm_mjcf
-from drivers.franka.plant import ArmPlant
 from drivers.twin.clock import TwinClock
 from drivers.types import Array, Velocity, frozen
 
 ARM = Path(__file__).parents[2] / "configs" / "mechanisms" / "arm"
-FOLDS = ((0.60, 0.16), (0.45, 0.12), (0.52, 0.19), (0.42, 0.18))
+FOLDS = ((0.60, 0.19), (0.42, 0.14), (0.50, 0.19))
 STEP, GAIN, RAISED = 0.02, 3.0, 0.1  # s, 1/s, m
 FAULTS: Mapping[str, Mapping[str, Any]] = {
     "nothing": {},

@@ -13,6 +13,7 @@ from drivers.types import Array
 
 HEAD = "run.yaml"
 TABLES = ("ticks.parquet", "profile.parquet", "angles.parquet", "signals.parquet", JOINTS)
+JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
 
 @dataclass(frozen=True, slots=True)

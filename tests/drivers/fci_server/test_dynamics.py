@@ -7,6 +7,7 @@ import pytest
 
 from drivers.arm import joint_log
 from drivers.arm.joint_log import JointLog, joint_rows
+from drivers.arm_plant import ArmPlant
 from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.limits import Course
 from drivers.fci_server.posture import Posture
@@ -14,7 +15,6 @@ from drivers.fci_server.trailing import Trailing
 from drivers.franka.dynamics import HAND_CENTRE, HAND_MASS
 from drivers.franka.gravity import holding_torques
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
-from drivers.franka.plant import ArmPlant
 
 Q = HOME + np.linspace(-0.2, 0.3, 7)
 SEVEN = (1.0,) * 7

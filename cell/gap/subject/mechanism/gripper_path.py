@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 
+import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.bodies import tip
 from cell.gap.subject.mechanism.effect import Readings
 from cell.gap.subject.mechanism.library import effect_of
 from cell.gap.subject.mechanism.load import Opened
-from drivers.franka.kinematics import FLANGE, forward
 from drivers.types import Array
 
 # N m/rad of the robot's joint impedance. Source: setJointImpedance in libfranka's examples.
@@ -16,18 +16,30 @@ STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
 FIELDS = {"payload": "fci.tool", "control_delay": "twin.arm.robot_delay"}  # of cell.yaml
 
 
-def shift(q: Array, predicted: tuple[Array, Array], readings: Readings) -> Array:
+def shift(opened: Opened, q: Array, predicted: tuple[Array, Array], readings: Readings) -> Array:
     """Distance (k,) [m] by which the tip stands elsewhere for measured joints `q` (k, 7) [rad].
 
     `predicted` are torques (7, k) [N m] and tracking (7, k) [rad] with an effect less those
     without; torques that the robot does not expect push its joints out by its STIFFNESS.
     """
     torque, tracking = predicted
-    bias = np.array([readings.bias.get(f"joint{i}", 0.0) for i in range(1, 8)])
-    scale = 1.0 + np.array([readings.scale.get(f"joint{i}", 0.0) for i in range(1, 8)])
+    names = [joint.name for joint in opened.mechanism.joints]
+    bias = np.array([readings.bias.get(name, 0.0) for name in names])
+    scale = 1.0 + np.array([readings.scale.get(name, 0.0) for name in names])
     other = (q - bias) / scale - torque.T / STIFFNESS + tracking.T
-    apart = forward(q)[:, :3, 3] - forward(other)[:, :3, 3]
-    return np.asarray(np.linalg.norm(apart, axis=1))
+    return np.asarray(np.linalg.norm(_tips(opened, q) - _tips(opened, other), axis=1))
+
+
+def _tips(opened: Opened, q: Array) -> Array:
+    """Places (k, 3) [m] of the tip for joints (k, 7) [rad]."""
+    model = opened.mechanism.model
+    data, number = mujoco.MjData(model), model.site("tip").id
+    found = np.empty((len(q), 3))
+    for k, joints in enumerate(q):
+        data.qpos[:] = joints
+        mujoco.mj_kinematics(model, data)
+        found[k] = data.site_xpos[number]
+    return found
 
 
 def sentences(name: str, shifts: Array) -> list[str]:
@@ -59,11 +71,11 @@ def _tool(opened: Opened, mass: float) -> dict[str, object]:
     m = opened.mechanism
     hand, last = m.model.body("hand").id, m.model.body("link7").id
     had, centre = float(m.model.body_mass[hand]), np.array(m.model.body_ipos[hand])
-    both = (had * centre + mass * tip(m, last)) / (had + mass) - (0.0, 0.0, FLANGE)
+    both = (had * centre + mass * tip(m, last)) / (had + mass) - m.model.site("flange").pos
     return {"mass": round(had + mass, 4), "centre": [round(float(x), 5) for x in both]}
 
 
-def read(name: str, opened: Opened, values: Array) -> Readings:
+def readings_of(name: str, opened: Opened, values: Array) -> Readings:
     """What an effect with `values` (parameters,) changes between the world and its record."""
     readings, effect = Readings(), effect_of(name)
     if effect.read is not None:

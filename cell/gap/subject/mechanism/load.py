@@ -106,7 +106,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     check_indices([f.path for f in folders],
                   [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in _ordered(file) if not _given(s, file))  # fmt: skip
+                    for n, s in _in_order(file) if not _given(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
     columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
@@ -128,7 +128,7 @@ def _check_load(recording: Recording, model: Any) -> None:
     named(model, "body", str(recording.load.get("body")), origin, "body")
 
 
-def _ordered(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
+def _in_order(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
     """Signals in the order of the file, what tracks behind what is measured as such."""
     return sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
 

@@ -101,14 +101,14 @@ class Prescribed:
         turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
         if self._mechanism.trackings:
             turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
-            return np.vstack([self._needed(model, case, q, v, inverse),
-                              self._tracked(motion, case, turns)])  # fmt: skip
+            return np.vstack([self._joint_torques(model, case, q, v, inverse),
+                              self._tracking(motion, case, turns)])  # fmt: skip
         for kind, values in turned:
             q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
-        return self._needed(model, case, q, v, inverse)
+        return self._joint_torques(model, case, q, v, inverse)
 
-    def _needed(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
+    def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         user = np.array(model.jnt_user)
         needed = inverse - self._torques.along(q, v, inverse, user)
         for effect, values in case.paths:
@@ -116,14 +116,15 @@ class Prescribed:
                 needed = needed - effect.path(self._mechanism, values, q, v)
         return self._measured(needed, model, case)
 
-    def _tracked(self, motion: Motion, case: Case, turns: Array) -> Array:
+    def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
         their motors, which follow commands late.
         """
-        late, rows = motion.t + case.readings.command, []
+        ahead, rows = case.readings.command, []
+        soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
         for _, joint in self._mechanism.trackings:
-            motor = motion.q[:, joint] + turns[:, joint]
-            row = motion.q[:, joint] - np.interp(late, motion.t, motor)
+            behind = np.interp(motion.t + ahead, motion.t, turns[:, joint])
+            row = motion.q[:, joint] - soon[:, joint] - behind
             rows.append(np.interp(case.content.cut.t, motion.t, row))
         return np.array(rows)
 

@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.subject.run_folders import HEAD, RunFolder, check_time, column, read_table
+from cell.gap.subject.run_folders import (
+    HEAD,
+    JOINT_TABLE,
+    RunFolder,
+    check_time,
+    column,
+    read_table,
+)
 from cell.gap.subject.subject import Samples
-from cell.record.files import JOINTS
 from drivers.errors import ConfigurationError
 from drivers.settings import SCHEMA, read_yaml
 from drivers.types import Array, frozen
@@ -69,7 +75,7 @@ def read_recording(folder: RunFolder, file: MechanismFile, hinges: Sequence[str]
         raise ConfigurationError(f"{path}: index: is {index!r}; allowed: 0, 1, 2, ...")
     path = folder.path / "signals.parquet"
     if file.cell and not path.is_file():
-        path = folder.path / JOINTS
+        path = folder.path / JOINT_TABLE
         table = arm_columns(path)
     else:
         table = read_table(path)

@@ -14,7 +14,7 @@ from cell.gap.subject.mechanism.case import Case, Content
 from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
 from cell.gap.subject.mechanism.effects import torques
 from cell.gap.subject.mechanism.forward import Forward, commands_of
-from cell.gap.subject.mechanism.gripper_path import cell_patch, read, sentences, shift
+from cell.gap.subject.mechanism.gripper_path import cell_patch, readings_of, sentences, shift
 from cell.gap.subject.mechanism.library import (
     accepted_parameters,
     described,
@@ -297,12 +297,12 @@ class MechanismSubject:
         """What named effects do to the cell's gripper, and where they can be accepted."""
         if not self.opened.file.cell:
             return ()
-        told = list[str]()
+        words = list[str]()
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)
             shifts = [self._shift(run, name, ordered, base) for run in self._runs]
-            told += sentences(name, np.concatenate(shifts))
-        return told
+            words += sentences(name, np.concatenate(shifts))
+        return words
 
     def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
         """Distance (k,) [m] by which an effect alone moves the gripper, along a run."""
@@ -315,7 +315,8 @@ class MechanismSubject:
             return np.zeros(0)
         q = np.array([np.interp(content.cut.t, content.motion.t, x) for x in content.motion.q.T])
         changed = having - lacking
-        return shift(q.T, (changed[:7], changed[7:]), read(name, self.opened, values))
+        readings = readings_of(name, self.opened, values)
+        return shift(self.opened, q.T, (changed[:7], changed[7:]), readings)
 
     def model_text(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]

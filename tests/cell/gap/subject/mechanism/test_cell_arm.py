@@ -16,6 +16,7 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.subject import Request
 from cell.gap.verdict.accept import accept, sha256, undo
 from cell.record.tables import joint_table, write_parquet
+from drivers.arm_plant import ArmPlant
 from drivers.errors import ConfigurationError
 from drivers.fci_server.dynamics import Dynamics
 from drivers.fci_server.limits import Course
@@ -23,11 +24,10 @@ from drivers.fci_server.posture import Posture
 from drivers.fci_server.trailing import Trailing
 from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE_TO_TIP, HOME
-from drivers.franka.plant import ArmPlant
 from drivers.yaml_edit import dump_text
 
 FILE = BESIDE / "mechanisms" / "arm" / "mechanism.yaml"
-TICKS = 2000
+TICKS = 1500
 SOFT = 8e-5
 
 
@@ -90,10 +90,10 @@ def test_what_was_hidden_explains_torques_and_tracking(soft):
     assert none["torque"] > 0.5
     assert whole["torque"] < 0.1 * none["torque"]  # the rest is what smoothing takes
     assert none["tracking"] > 1e-3
-    assert whole["tracking"] < 5e-5
+    assert whole["tracking"] < 1e-4
     late = left(soft, {k: v for k, v in hidden.items() if k != "joint_elasticity"})
     stiff = left(soft, {k: v for k, v in hidden.items() if k != "control_delay"})
-    assert min(late["tracking"], stiff["tracking"]) > 10 * whole["tracking"]
+    assert min(late["tracking"], stiff["tracking"]) > 5 * whole["tracking"]
 
 
 def test_consequences_are_millimetres_of_the_gripper_and_where_they_go(soft):
