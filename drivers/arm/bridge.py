@@ -12,6 +12,7 @@ from drivers.arm.process import Task, run
 from drivers.errors import Fault
 
 ENDING = 1.5  # s for the arm to come to rest and the process to end
+SENDING = 20.0  # s for what is left to say once the arm rests
 
 
 class Bridge:
@@ -95,7 +96,7 @@ class Bridge:
             with suppress(OSError, EOFError, Fault):
                 self._pipe.send_bytes(encoded({"close": True}))
                 self._answer(ENDING)
-                if self._pipe.poll(ENDING):
+                if self._pipe.poll(SENDING):
                     self.joints = joint_rows(self._pipe.recv_bytes())
         self._process.join(ENDING)
         self._kill()

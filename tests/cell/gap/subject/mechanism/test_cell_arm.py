@@ -71,6 +71,11 @@ def test_the_model_of_the_arm_is_the_published_one():
     assert find_configs(None).mechanism_path("arm").samefile(FILE)
 
 
+def test_a_mechanism_that_no_configuration_has_is_refused_with_those_there_are():
+    with pytest.raises(ConfigurationError, match=r"--subject: .*'amr'.*known: arm, "):
+        find_configs(None).mechanism_path("amr")
+
+
 def left(subject, effects) -> dict[str, float]:
     """Rms of what torques [N m] and tracking [rad] leave, by kind."""
     base = np.array([p.start for p in subject.scope.base])
