@@ -302,7 +302,7 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
         return devices
 
     class Watch:
-        state = ""
+        state, pose = "", None
 
         def see(self, snapshot) -> None:
             self.pose = snapshot.arm.pose
