@@ -71,7 +71,7 @@ class Loop:
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = Drift(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
-        self._beat, self._unheard = -1, 0
+        self._beat, self._heard_at = 0, 0.0  # of the cell, and when, by the robot's time [s]
         self._new = False  # whether a command has come since the last look ahead
         self._reason: Failure | None = None
         self.ticks = 0
@@ -144,18 +144,18 @@ class Loop:
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
-        """Take a new command, unless the arm has braked for good; brake when
-        the heartbeat stops.
+        """Take a new command, unless the arm has braked for good; brake when the heartbeat stops,
+        once it has begun.
         """
         if self._taken < 0 or self._reason is not None:
             return
-        self._unheard = 0 if order.beat != self._beat else self._unheard + 1
-        self._beat = order.beat
+        if order.beat != self._beat:
+            self._beat, self._heard_at = order.beat, self._time
+        silence = self._time - self._heard_at if self._beat else 0.0
         if order.number != self._taken:
             self._taken = order.number
             self._take(order)
-        elif self._unheard * TICK > self._settings.silence and self._profile.moving:
-            silence = self._unheard * TICK
+        elif silence > self._settings.silence and self._profile.moving:
             self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
 
     def _take(self, order: Order) -> None:

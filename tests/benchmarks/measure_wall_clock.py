@@ -12,10 +12,9 @@ of the process that measures. The same loop without images, the robot held still
 seconds, is the reference for this machine. After each of the first
 `--films` folds comes one that keeps a film, as `cell fold` does; their ticks are counted apart.
 
-A witness on each core, before which nothing goes that a program may ask for, notes when it is not
-woken in time: then the machine itself stood still, as a virtual one does whose host is busy. How
-many late ticks fall into such moments is told beside the figures, which count them all; a robot
-gives its loop up after 20 ms.
+Beside the figures stands what a virtual machine's host took of its processors meanwhile: while it
+does, nothing of this machine runs, and a robot gives its loop up after 20 ms. And how many late
+ticks followed a turn that itself took too long; the others were not woken in time.
 """
 
 import argparse
@@ -65,7 +64,6 @@ RATE = 60.0  # Hz, of the played images
 AHEAD = 150  # images among which the one of a pose is looked for: more than a rest lasts
 PLAYER = 30  # of 1 to 99, its priority
 GAP = 1.0  # s without a state, after which another fold has begun
-WITNESS, LOOK = 99, 1e-3  # priority; s between its looks
 BAR, LATE, STOP = 99.9, 2e-3, 20e-3  # %, s, s
 THIS = "tests.benchmarks.measure_wall_clock"
 LENGTH = 0.36  # m, of the strip: a short fold
@@ -203,10 +201,13 @@ class TellingArm:
 
 
 class Late(NamedTuple):
-    """When something was due, in the machine's time, and by how much it came late [s]."""
+    """When something was due, in the machine's time, by how much it came late [s], and whether it
+    was waited for: else what came before took too long.
+    """
 
     due: float
     by: float
+    awaited: bool = True
 
 
 class TimingClock(WallClock):
@@ -217,33 +218,15 @@ class TimingClock(WallClock):
         self.late: list[Late] = []
 
     def wait_until(self, time_s: float) -> None:
+        awaited = self.now() < time_s
         super().wait_until(time_s)
-        self.late.append(Late(self.origin + time_s, self.now() - time_s))
+        self.late.append(Late(self.origin + time_s, self.now() - time_s, awaited))
 
 
-def bear_witness(core: int, file: Path) -> None:
-    """Write down when this process is woken late on `core`, until killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.sched_setaffinity(0, {core})
-    if not take_priority(WITNESS):
-        return
-    with file.open("w", buffering=1) as notes:
-        while True:
-            due = time.monotonic() + LOOK
-            time.sleep(LOOK)
-            if (by := time.monotonic() - due) > LATE:
-                notes.write(json.dumps([due, by]) + "\n")
-
-
-def stalls(folder: Path) -> list[Late]:
-    """Moments in which a core of this machine stood still."""
-    lines = [line for file in folder.glob("witness-*") for line in file.read_text().splitlines()]
-    return [Late(*json.loads(line)) for line in lines]
-
-
-def within(tick: Late, some: list[Late]) -> bool:
-    """Whether the machine stood still while a tick was due, or in the tick before."""
-    return any(s.due < tick.due + tick.by and s.due + s.by > tick.due - 0.01 for s in some)
+def taken() -> float:
+    """Processor time that the host of a virtual machine has taken from it so far [s]."""
+    ticks = Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]
+    return int(ticks) / os.sysconf("SC_CLK_TCK")
 
 
 @dataclass
@@ -431,25 +414,18 @@ def bench() -> Iterator[Bench]:
         places, shows = allocate(PLACE, context), allocate(SHOWN, context)
         player = context.Process(target=play, args=(film.poses, places, shows), daemon=True)
         player.start()
-        witnesses = [
-            context.Process(target=bear_witness, args=(k, folder / f"witness-{k}"), daemon=True)
-            for k in sorted(os.sched_getaffinity(0))
-        ]
-        for witness in witnesses:
-            witness.start()
         try:
             yield Bench(
                 folder, find_configs(configs).cell(), configs, calibration, address, joints, film,
                 Latest(places, Place, PLACE), Latest(shows, Shown, SHOWN),
             )  # fmt: skip
         finally:
-            for process in (player, *witnesses):
-                process.kill()
+            player.kill()
 
 
-def told(name: str, late: list[Late], stood: list[Late]) -> bool:
-    """Print the lateness of ticks, and how many late ones a machine that `stood` still explains;
-    whether it keeps its bar.
+def told(name: str, late: list[Late], stolen: float) -> bool:
+    """Print the lateness of ticks, and for how long the host had `stolen` a processor [s]; whether
+    it keeps its bar.
     """
     if not late:
         print(f"{name}: no tick was made", flush=True)
@@ -458,16 +434,9 @@ def told(name: str, late: list[Late], stood: list[Late]) -> bool:
     share = 100.0 * float((some <= 1e3 * LATE).mean())
     words = f"{len(some)} ticks, {share:.2f} % at most {1e3 * LATE:g} ms late (bar {BAR})"
     edges = ", ".join(f"{p} %: {np.percentile(some, p):.2f} ms" for p in (50, 99, 99.9, 100))
-    print(f"{name}: {words}; {edges}", flush=True)
-    first, last = late[0].due, late[-1].due
-    stood = [s for s in stood if first < s.due < last]
     slow = [tick for tick in late if tick.by > LATE]
-    print(
-        f"  {sum(within(tick, stood) for tick in slow)} of the {len(slow)} late ones while the "
-        f"machine stood still: {len(stood)} times, {sum(s.by for s in stood):.2f} s in all, "
-        f"{1e3 * max((s.by for s in stood), default=0.0):.0f} ms at most",
-        flush=True,
-    )
+    after = f"{sum(not tick.awaited for tick in slow)} of {len(slow)} after a turn too long"
+    print(f"{name}: {words}; {edges}; {after}; host took {stolen:.2f} s", flush=True)
     return share >= BAR
 
 
@@ -486,23 +455,23 @@ def main() -> int:
     late, through, kept, filmed = [], 0, True, []
     with bench() as table:
         table.go_home()
-        told("without images", idle(table, asked.idle), stalls(table.folder))
+        begun = taken()
+        told("without images", idle(table, asked.idle), taken() - begun)
+        begun = taken()
         for number in range(asked.folds):
             table.go_home()
             outcome, more, _ = one_fold(table)
             late, through = late + more, through + outcome.startswith("layer_touch")
-            stood = [s.by for s in stalls(table.folder) if more and s.due > more[0].due]
-            still = f"the machine stood still for {1e3 * max(stood, default=0.0):.0f} ms at most"
-            sys.stderr.write(f"{outcome}; {still}\n")
+            sys.stderr.write(f"{outcome}\n")
             if number < asked.films:
                 table.go_home()
                 outcome, more, _ = one_fold(table, film=True)
                 filmed += more
                 sys.stderr.write(f"with a film: {outcome}\n")
         if filmed:
-            told("the same with a film", filmed, stalls(table.folder))
+            told("the same with a film", filmed, taken() - begun)
         if asked.folds:
-            kept = told(f"images of {1e3 * asked.image:g} ms", late, stalls(table.folder))
+            kept = told(f"images of {1e3 * asked.image:g} ms", late, taken() - begun)
             print(f"{through} of {asked.folds} folds got through", flush=True)
         for name, cause in (("operator", interrupt), ("reader killed", kill_reader)):
             times = []
