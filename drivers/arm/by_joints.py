@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.way import UNHEARD, Course, go_on
-from drivers.franka.kinematics import pose_and_jacobian
+from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK
 from drivers.types import Array
@@ -110,7 +110,7 @@ def _trail(here: Course) -> list[Array]:
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate
     ways = (place, before, before - TICK * (rate - TICK * change))
-    return [pose_and_jacobian(joints)[0] for joints in ways]
+    return list(forward(np.array(ways)))  # at the price of one: the next answer waits for it
 
 
 def _twist(now: Array, before: Array) -> Array:

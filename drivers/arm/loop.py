@@ -15,6 +15,7 @@ from drivers.arm.plane import BESIDE, LEANING, StripPlane
 from drivers.arm.settings import FciSettings
 from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
+from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
@@ -23,6 +24,7 @@ FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
 SPAN = 8  # states over which the velocity is measured
 REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
+SLOW = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -83,15 +85,14 @@ class Loop:
         """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
-        self._plane = plane_of(self._installation, state.O_T_EE_c)
-        state = self._heard(state)
         pose = state.O_T_EE_c
+        self._plane = plane_of(self._installation, pose)
         self._plane.take_over(pose)
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        self._state = state
+        self._state = state = self._heard(state)  # from here on the robot counts what it misses
         self._whereabouts = Whereabouts(state)
         self._time = state.time.to_sec()
         self._publish(state)
@@ -256,6 +257,23 @@ class Loop:
             return 0.0, 0.0, 0.0
         x, z, pitch = ((b - a) / (now - begun) for a, b in zip(first, last, strict=True))
         return x, z, pitch
+
+
+def rehearse(installation: Installation) -> None:
+    """Do once, without a robot, what the first ticks do: the first time takes as long as some ticks
+    in which a robot would hear nothing.
+    """
+    plane = StripPlane(installation.mounting.transform())
+    limits, space = installation.limits, installation.workspace
+    x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
+    profile = MotionProfile(limits, space, Pose(x, z, pitch))
+    guard = ReachGuard(plane, limits, HOME.tolist())
+    profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
+    for _ in range(LOOK):
+        x, z, pitch = profile.tick()
+        plane.command(x, z, pitch, Departure().tick())
+        guard.objection(Soon(*profile.soon(REACTION)))
+        profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 
 def at_rest(state: Any) -> bool:
