@@ -55,7 +55,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     robot.require_tool()
     robot.configure(task.settings.collision)
     loop = Loop(
-        ByJoints(robot),
+        ByJoints(robot, own_clock=not task.lock_step),
         task.settings,
         task.installation,
         Latest(orders, Order, ORDER_LAYOUT),

@@ -130,8 +130,8 @@ class Robot:
             )
         return motion
 
-    def read(self, motion: Motion) -> Any:
-        """The next state of a motion; on the robot's own clock one that has just come.
+    def read(self, motion: Motion, *, awaited: bool = True) -> Any:
+        """The next state of a motion; on the robot's own clock one that was `awaited`.
 
         A state that lay there came while the last one was answered. Its answer would be late, and
         with it the next: a loop that fell behind once, and needs most of its tick, would lose all.
@@ -139,7 +139,8 @@ class Robot:
         with _named(self._stopped):
             begun = perf_counter()
             state = motion.readOnce()[0]
-            if not self._settings.in_lock_step and perf_counter() - begun < AWAITED:
+            own_clock = not self._settings.in_lock_step
+            if awaited and own_clock and perf_counter() - begun < AWAITED:
                 state = motion.readOnce()[0]
             return state
 
