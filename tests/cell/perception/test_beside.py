@@ -98,7 +98,6 @@ def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -
     process.close()
 
 
-@pytest.mark.slow
 def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
     process, pipe = started(), SimpleNamespace(poll=lambda _: False)
     process._pipe, pipe.close = pipe, process._pipe.close
