@@ -1,10 +1,13 @@
 """Simulated sensing for policies: late, noisy and incomplete observations, as through a camera."""
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
+from drivers.settings import Settings, load
 from drivers.strip.engine import Observables
 from drivers.types import Array
 from policies.policy import Observation
@@ -62,19 +65,33 @@ EXACT = Sensing(
     profile_bias=0.0,
 )
 
-IMAGES = Sensing(
-    contact_sigma=0.0005,
-    tip_sigma=0.0004,
-    contact_bias=0.0006,
-    delay=(0.02, 0.04),
-    tip_z_sigma=0.003,
-    tip_bias=0.0004,
-    profile_sigma=0.0003,
-    profile_bias=0.0005,
-    wild=0.002,
-    delay_error=0.002,
-)
-"""Images of the twin (`cell study perception`)."""
+
+class ImageNoise(Settings):
+    """Noise and biases of the twin's images, as in `Sensing`. Written by `cell study perception`.
+
+    Biases are over strips.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    contact_sigma: float
+    contact_bias: float
+    tip_sigma: float
+    tip_z_sigma: float
+    tip_bias: float
+    profile_sigma: float
+    profile_bias: float
+    wild: float
+    strips: int
+    source: str
+    belongs_to: str
+
+    def sensing(self) -> Sensing:
+        """Images whose stamps are read as well as a calibrated camera's are."""
+        sizes = self.model_dump(exclude={"schema_", "strips", "source", "belongs_to"})
+        return Sensing(**sizes, delay=(0.02, 0.04), delay_error=0.002)
+
+
+IMAGES = load(Path(__file__).with_suffix(".yaml"), ImageNoise).sensing()
 TRAINING = replace(
     IMAGES, delay=(0.0, 0.06), wild=0.01, dropped=(0.0, 0.5), delay_error=0.005, factor=(0.5, 6.0)
 )

@@ -16,12 +16,13 @@ from tests.support.rooms import (
     ladder,
     modules,
     sizes,
+    tree,
 )
 from tests.support.words import is_participle, ledger, participles, told_lines
 
 LONGEST_MODULE, LONGEST_FUNCTION = 400, 60  # lines
 ROOMS, LARGEST_ROOM, DOORS = 40, 5000, 240
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in modules()}
+TREES = {name: tree(path) for name, path in modules()}
 
 
 def test_rooms_are_few_and_none_hides_behind_its_parent() -> None:
@@ -49,8 +50,8 @@ def test_no_modules_import_each_other_in_a_circle_not_even_inside_functions() ->
 
 def test_no_module_and_no_function_is_too_long() -> None:
     long = [n for n, path in modules() if len(path.read_text().splitlines()) > LONGEST_MODULE]
-    for name, tree in TREES.items():
-        for node in ast.walk(tree):
+    for name, whole in TREES.items():
+        for node in ast.walk(whole):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 long += [f"{name}:{node.name}"] if lines > LONGEST_FUNCTION else []

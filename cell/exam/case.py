@@ -11,6 +11,7 @@ Kind = Literal["nothing", "single", "pair", "outside"]
 Strength = Literal["weak", "medium", "strong"]
 Scattered = Literal["none", "half", "full"]
 Motions = Literal["standard", "by_hand"]
+Plant = Literal["the model itself", "another engine", "another law"]
 
 STRENGTHS: dict[Strength, float] = {"weak": 1.0, "medium": 2.5, "strong": 6.0}
 """Excess gap that is left after the base is refitted."""
@@ -28,8 +29,9 @@ class Case(Settings):
     `answer` are the names that are right: those of the effects, and of effects that a cause
     resembles though its law is another one (`alike` false); empty where nothing or nothing of
     the library is hidden. `scatter` says how much runs differ for no reason, `motions`
-    how the gripper moves. From the state, `repeats` says how often each motion is made; by hand,
-    where none is made twice, how many times as many there are.
+    how the gripper moves. From the state, the plant is the `engine`: the rod that the model is
+    too, or a chain, which alone has `causes` in it; `repeats` says how often each motion is made;
+    by hand, where none is made twice, how many times as many there are.
     """
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9-]*$")
@@ -47,6 +49,14 @@ class Case(Settings):
     scatter: Scattered = "none"
     motions: Motions = "standard"
     repeats: int = Field(1, ge=1, le=8)
+
+    @property
+    def plant(self) -> Plant:
+        """What was simulated: the model's own engine, another one, or other laws in that."""
+        if self.causes and self.answer:
+            return "another law"
+        own = self.tier == "state" and self.engine == "rod"
+        return "the model itself" if own else "another engine"
 
     @property
     def alike(self) -> bool:

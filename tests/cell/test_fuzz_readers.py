@@ -4,15 +4,15 @@ from tests.benchmarks.fuzz_readers import fuzz_acceptance, fuzz_documents, fuzz_
 
 
 def test_hostile_documents_are_read_or_refused(tmp_path) -> None:
-    took = fuzz_documents(252, 1, tmp_path)
-    took += fuzz_acceptance(40, 1, tmp_path / "fit")
-    assert took["strip refused"] > 10
-    assert took["result read"] > 0
-    assert sum(took.values()) == 252 + 80
+    took = fuzz_documents(126, 1, tmp_path)
+    took += fuzz_acceptance(12, 1, tmp_path / "fit")
+    assert took["strip refused"] > 3
+    assert sum(count for kind, count in took.items() if kind.endswith("read")) > 0
+    assert sum(took.values()) == 126 + 24
 
 
 def test_hostile_run_folders_are_read_or_refused(tmp_path) -> None:
-    took = fuzz_folders(14, 1, tmp_path, pages=4)
-    assert took["folders"] == 14
-    assert took["salvage read"] > 10
+    took = fuzz_folders(5, 1, tmp_path, pages=2)
+    assert took["folders"] == 5
+    assert took["salvage read"] > 2
     assert took["report read"] > 0

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from tests.support.rooms import ROOT, modules
+from tests.support.rooms import ROOT, modules, tree
 
 ARRAYS = re.compile(r"\b(Array|NDArray|Indices|Image|Pixels)\b")
 SHAPE = re.compile(r"\((\.\.\.|[a-zA-Z0-9_ +/*.\-]+)?,|scalar|same shape|shape|\(n\)")
@@ -38,9 +38,8 @@ class Public:
 def public_functions() -> Iterator[Public]:
     """Every public function and method of a public class in the product."""
     for _, path in modules():
-        tree = ast.parse(path.read_text(encoding="utf-8"))
         place = path.relative_to(ROOT)
-        for node in tree.body:
+        for node in tree(path).body:
             if isinstance(node, Function) and not node.name.startswith("_"):
                 said = ast.get_docstring(node) or ""
                 yield Public(f"{place}:{node.name}", node, said)

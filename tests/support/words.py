@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from tests.support.rooms import inner_room, modules
+from tests.support.rooms import inner_room, modules, tree
 
 LEDGER = Path(__file__).parent / "retired_words.yaml"
 TOLD = re.compile(r"\b(?:fore)?(?:tells?|told|telling)\b")
@@ -86,7 +86,7 @@ def participles() -> Counter[str]:
     """Functions by room whose name is a participle and nothing else, properties left out."""
     found: Counter[str] = Counter()
     for name, path in modules():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.FunctionDef) and not _is_property(node):
                 found[inner_room(name)] += is_participle(node.name.strip("_"))
     return +found

@@ -27,7 +27,7 @@ from policies.experiments.standard import standard_order
 TRIES = 60  # draws of an effect until one can be as strong as asked
 PLACED = 4  # draws of where one of them sits
 NEARLY = 0.9  # of the strength, that what is left of an effect beside another must have
-CHAINED = 12  # one state-based case in so many is a chain's
+FOREIGN = 2  # one state-based case in so many has a plant that is not the model: a chain
 BY_HAND = 3  # one triple of levels in so many is moved by hand
 PLACES = (0.3, 0.95)  # of the length, where an effect of one place may sit
 WIDTHS = (1.0, 4.0)  # bending lengths, of an effect that has a width
@@ -40,7 +40,7 @@ SHARES: dict[Tier, dict[Kind, float]] = {
     "state": {"nothing": 0.43, "single": 0.47, "pair": 0.10},
     "images": {"nothing": 0.25, "single": 0.40, "pair": 0.15, "outside": 0.20},
 }
-UNLIKE = 2  # one in so many triples of levels through images has laws that only resemble
+UNLIKE = 2  # one in so many triples of levels in a chain has laws that only resemble
 OUTSIDE = sorted(name for name, cause in causes().items() if cause.sizes)
 RESEMBLING = {cause.answers: name for name, cause in causes().items() if cause.answers}
 
@@ -111,7 +111,7 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
         kind=kind,
         strip=str(rng.choice(find_configs(None).strip_names())),
         seed=int(rng.integers(2**31)),
-        engine="chain" if tier == "state" and i % CHAINED == 0 else "rod",
+        engine="chain" if tier == "state" and i % FOREIGN == 0 else "rod",
         stiffness=float(STIFFER ** rng.uniform(-1, 1)),
         damping=float(SLOWER ** rng.uniform(-1, 1)),
         motions="by_hand" if i // len(LEVELS) % BY_HAND == 1 else "standard",
@@ -131,9 +131,12 @@ def _case(tier: Tier, kind: Kind, i: int, number: int, seed: int) -> Case:
 
 
 def _with_one(case: Case, number: int, level: Strength, rng: np.random.Generator) -> Case:
-    """One effect; through images every other three by laws that only resemble the library's."""
+    """One effect; in a chain, that of images too, every other three by laws that only resemble
+    the library's.
+    """
     turn, place = divmod(number, len(LEVELS))
-    if case.tier == "state" or turn % UNLIKE == 0:
+    own = case.tier == "state" and case.engine == "rod"
+    if own or turn % UNLIKE == 0:
         return _hiding(case, level, draw_effects(case, 1, level, rng))
     names = sorted(RESEMBLING)
     first = (turn // UNLIKE * len(LEVELS) + place) % len(names)

@@ -4,8 +4,9 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
+from typing import get_args
 
-from cell.exam.case import Scattered, Tier
+from cell.exam.case import Plant, Scattered, Tier
 from cell.exam.report.figures import figure
 from cell.exam.runs.scatter import LEVELS
 from cell.exam.scoring.results import Entry
@@ -32,6 +33,7 @@ from drivers.files import replace_file, writing
 DPI = 160
 GOOD = ("right_strict", "right_class", "correct_no_gap", "correct_abstention")
 TIERS: dict[Tier, str] = {"state": "From the state, without images", "images": "Through images"}
+PLANTS = get_args(Plant)
 PAIR = {"right_strict": "both", "right_class": "both", "partly": "one of two",
         "wrong_name": "a wrong one"}  # fmt: skip
 
@@ -40,6 +42,23 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table of `head` and `rows`."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def plant_table(entries: Sequence[Entry]) -> str:
+    """Rates split by what the plant is, beside the reliability of what is stated there."""
+    groups = {name: [e for e in entries if e.case.plant == name] for name in PLANTS}
+    groups = {name: mine for name, mine in groups.items() if mine}
+    rows = [(words, *cells) for words, cells in by_group(list(groups.values()))]
+    earned = [_reliability_line(stated_confidences(outcomes(mine))) for mine in groups.values()]
+    return table(["what", *groups], [*rows, ("names: right against stated", *earned)])
+
+
+def _reliability_line(claims: Sequence[tuple[float, bool]]) -> str:
+    """How many of the verdicts that name are right, and what they state on average."""
+    if not claims:
+        return "no name"
+    right = rate_text(rate(right for _, right in claims))
+    return f"{right}, stated {sum(c for c, _ in claims) / len(claims):.2f}"
 
 
 def scatter_table(entries: Sequence[Entry]) -> str:
@@ -123,6 +142,13 @@ def _tier(entries: Sequence[Entry], tier: Tier, picture: str) -> Iterator[str]:
     yield _targets(targets(entries, tier))
     found = outcomes(entries)
     if found:
+        yield "### By what the plant is"
+        yield (
+            "*The model itself* is the rod that the workflow fits, on a finer grid; *another "
+            "engine* is a chain of links; *another law* is a chain in which the effect follows "
+            "a law that only resembles the library's."
+        )
+        yield plant_table(entries)
         yield "### By how much runs differ from one another"
         yield scatter_table(entries)
         yield f"![Confusion, confidence, strength]({picture})"

@@ -1,5 +1,5 @@
-"""Runs of the state-based tier: standard motions, or some by hand, in the rod or a fine chain,
-noise added.
+"""Runs of the state-based tier: standard motions, or some by hand, in the rod or a fine chain
+whose laws may only resemble the rod's; noise is added.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,10 @@ import numpy as np
 
 from cell.config.places import find_configs
 from cell.exam.case import Case
+from cell.exam.causes import cause_of
 from cell.exam.runs.by_hand import ways_by_hand
 from cell.exam.runs.scatter import RunScatter
+from cell.exam.runs.specimen import Specimen
 from cell.gap.subject.strip.synthetic import Fold, Instruments, rod_folds, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
@@ -20,7 +22,6 @@ from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
 from drivers.strip.model import StripModel
 from drivers.strip.rod.motions import GripperPath
-from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD
 from policies.registry import MOTION
 
@@ -63,7 +64,10 @@ def make_runs(case: Case, folder: Path) -> None:
         RunScatter.draw(case.scatter, case.seed, i).in_rig(model) for i, model in enumerate(bare)
     ]
     ways = [motion.way for motion in made]
-    folds = _fold_on_chain(models, ways) if case.engine == "chain" else _rod(models, ways)
+    if case.engine == "chain":
+        folds = _fold_on_chain(case, models, ways)
+    else:
+        folds = rod_folds(models, ways, SEGMENTS, ROD_STEP)
     for index, (motion, bare_fold) in enumerate(zip(made, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
         write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, BY, rng)
@@ -78,16 +82,16 @@ def motions_of(case: Case, length: float) -> list[Made]:
     return [Made("by-hand", f"by-hand-{i}", way) for i, way in enumerate(ways, start=1)]
 
 
-def _rod(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
-    return rod_folds(models, ways, SEGMENTS, ROD_STEP)
-
-
-def _fold_on_chain(models: Sequence[StripModel], ways: Sequence[GripperPath]) -> list[Fold]:
-    chain = Chain(LINKS)
+def _fold_on_chain(
+    case: Case, models: Sequence[StripModel], ways: Sequence[GripperPath]
+) -> list[Fold]:
+    """Folds in a fine chain with the causes of the case in it."""
+    hidden = [cause_of(name, values) for name, values in case.causes.items()]
+    specimen = Specimen(LINKS, hidden, case.seed)
     folds = []
     for model, way in zip(models, ways, strict=True):
-        motion = simulate(chain, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
+        motion = simulate(specimen, model, way.t, way.poses, dt=CHAIN_STEP, shapes=True)
         thinned = replace(motion, shapes=motion.shapes[SHOWN - 1 :: SHOWN])
         kept = motion.t[SHOWN - 1 :: SHOWN]
-        folds.append(Fold(way, model, thinned, kept, chain.arc()[0]))
+        folds.append(Fold(way, model, thinned, kept, specimen.arc()[0]))
     return folds

@@ -16,7 +16,6 @@ from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
 
 ENOUGH, ROUGHLY = 0.05, 2.0  # nats that a further step must promise: in the end, to compare
-TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +207,9 @@ def _mended(
         at = place.columns(i)
         step, along = moved[at], units[at] * moved[at]
         beyond = np.nan_to_num((b.mean - a.mean) / scale - jacobian @ step)
-        found.append(jacobian + np.outer(beyond, along) / max(float(along @ step), TINY))
+        found.append(
+            jacobian + np.outer(beyond, along) / max(float(along @ step), np.finfo(float).tiny)
+        )
     return tuple(found)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
@@ -12,7 +13,6 @@ from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, Margin, holm, 
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
-WIDTH = 1.96  # standard deviations of a 95 % interval
 BLIND = 0.9  # of what was known before: a fit that says less says nothing
 
 
@@ -29,7 +29,7 @@ def is_significant(estimate: Estimate, effect: Candidate, by: LikelihoodScale) -
             break
         first += len(other.parameters)
     for i, p in enumerate(effect.parameters, start=first):
-        far = abs(estimate.shared[i] - p.start) > WIDTH * spread[i]
+        far = abs(estimate.shared[i] - p.start) > special.ndtri(0.975) * spread[i]
         if not p.shape and (far or spread[i] > BLIND * p.spread):
             return True
     return False

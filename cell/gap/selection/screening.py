@@ -17,7 +17,6 @@ from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
 Columns = NDArray[np.int64]
-TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +222,8 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
 def _has_threshold(p: Probed) -> bool:
     """Whether an effect does far less near its null, for its size, than farther off."""
     near, *far = (
-        float(np.linalg.norm(response[:, 0])) / max(abs(group[0][0] - p.candidate.null[0]), TINY)
+        float(np.linalg.norm(response[:, 0]))
+        / max(abs(group[0][0] - p.candidate.null[0]), np.finfo(float).tiny)
         for group, response in zip(p.groups, p.responses, strict=True)
     )
     return bool(near < REACH.steep * max(far, default=0.0))

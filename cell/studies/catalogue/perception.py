@@ -1,15 +1,18 @@
 """How well images agree with the truth: contact, tip, profile, touch, over folds of the chain.
 
-What policies are trained with beside it is `policies.sensing.IMAGES` and `TRAINING`; sigma in
+What policies are trained with beside it is written into `policies/sensing.yaml`; sigma in
 `configs/cell.yaml` and the contact bias of `cell.perception.settings` are read off this table.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cell.config.places import find_configs
 from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.sights import Sight, fold_of, sights
-from cell.studies.study import Study, Values
+from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.shape import fold_tip
 from drivers.types import Array
 from policies.path import triangular
@@ -31,7 +34,7 @@ def measure(case: Values) -> Values:
     strip = find_configs(None).strip(case["strip"])
     fold = fold_of(case["strip"], triangular(strip.length), SPEED, 80)
     errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
-    errors["profile"], unseen, late, images = [], 0, [], 0
+    errors["profile"], curves, unseen, late, images = [], [], 0, [], 0
     for sight in sights(fold, EVERY):
         images += 1
         if sight.touch is not None and fold.touch is not None:
@@ -41,7 +44,8 @@ def measure(case: Values) -> Values:
             unseen += 1
             continue
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
-        row = (sight.contact, *tip, float(np.sqrt(np.mean(_curve(sight) ** 2))))
+        curves.append(_curve(sight))
+        row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
         for name, value in zip(errors, row, strict=False):
             errors[name].append(float(value))
         errors["profile"].append(float(np.sqrt(np.mean(sight.profile()[0] ** 2))))
@@ -50,6 +54,10 @@ def measure(case: Values) -> Values:
         **errors,
         "bias": float(np.median(contact)),
         "noise": spread(contact),
+        "tip_bias": [float(np.median(errors[name])) for name in ("tip_x", "tip_z")],
+        "tip_noise": [spread(np.array(errors[name])) for name in ("tip_x", "tip_z")],
+        "curve_bias": _rms(np.mean(curves, axis=0)),
+        "curve_noise": spread(np.diff(curves, axis=0).ravel()) / np.sqrt(2.0),
         "wild": float(np.mean(abs(contact - np.median(contact)) > WILD * spread(contact))),
         "unseen": unseen / images,
         "late": late[0] if late else None,
@@ -64,6 +72,26 @@ def _curve(sight: Sight) -> Array:
     contact, true = np.array([fold.contact_x(sight.stamp)]), fold.shape(sight.stamp)[None]
     straight = profiles(true, fold.arc[None], contact, np.array([grip]))
     return np.asarray((seen - straight[0])[1:-1])
+
+
+def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
+    """Medians over strips of the noise, root mean squares of the biases."""
+    rows = [o.values for o in outcomes]
+    noise = np.median([[row["noise"], *row["tip_noise"], row["curve_noise"]] for row in rows], 0)
+    names = ("contact_sigma", "tip_sigma", "tip_z_sigma", "profile_sigma")
+    return {
+        "schema": 1,
+        **dict(zip(names, map(float, noise), strict=True)),
+        "contact_bias": _rms([row["bias"] for row in rows]),
+        "tip_bias": _rms([row["tip_bias"][0] for row in rows]),
+        "profile_bias": _rms([row["curve_bias"] for row in rows]),
+        "wild": float(np.mean([row["wild"] for row in rows])),
+        "strips": len(rows),
+    }
+
+
+def _rms(values: ArrayLike) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def spread(values: Array) -> float:
@@ -91,6 +119,7 @@ STUDY = Study(
         Quantity("late", Statistic.WORST_SIZE, "ms", label="touch late", digits=0),
         Quantity("displacement", Statistic.WORST_SIZE, label="d off"),
     ),
+    fit=Fit("policies/sensing.yaml", noise_of_images),
     usual=10,
     quick=1,
     seconds=15.0,

@@ -3,7 +3,8 @@
 import pytest
 
 from cell.exam.case import STRENGTHS
-from cell.exam.cases.draw import cases
+from cell.exam.cases import draw
+from cell.exam.cases.draw import Draw, cases
 from cell.exam.cases.strength import Ruler
 from cell.exam.runs.from_model import BY, MOTIONS, plant_of
 from cell.record.header import Sigma
@@ -38,6 +39,20 @@ def test_a_single_effect_is_as_strong_as_asked_on_the_plant_that_hides_it() -> N
         assert case.motions == "standard"
         plant = Ruler.standard(plant_of(case), MOTIONS, sigma)
         assert plant.excess([case.effects])[0] == pytest.approx(target, rel=0.3)
+
+
+def test_half_of_the_plants_from_the_state_are_not_the_model(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plants = [case.plant for case in cases("state", 2, 5, "nothing")]
+    assert plants == ["another engine", "the model itself"]
+    values = {"coefficient": 1.0, "yield_curvature": 9.0, "slope": 0.5, "cubic": 1e-5}
+    monkeypatch.setattr(draw, "_showing", lambda case, *_: (case.strip, values))
+    lawful = Draw("state", "single", 0, 3, 5).case()
+    assert lawful.plant == "another law"
+    assert set(lawful.causes) == {"oblique_drag"}
+    assert lawful.answer == ("air_drag",)
+    assert not lawful.effects
 
 
 def test_the_same_seed_draws_the_same_cases_however_many_at_a_time() -> None:

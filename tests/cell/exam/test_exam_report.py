@@ -11,7 +11,7 @@ from cell.exam.case import Case
 from cell.exam.cases import answer_key
 from cell.exam.cases.answer_key import KEYS, Sources, case_hash
 from cell.exam.cases.drawn import DRAWN, load_or_draw
-from cell.exam.report.page import markdown, write_report
+from cell.exam.report.page import markdown, plant_table, write_report
 from cell.exam.run import LEDGER
 from cell.exam.run_case import Examined
 from cell.exam.scoring.results import Baselines, Entry, Ledger, Oracle
@@ -54,6 +54,16 @@ def test_right_names_are_counted_from_medium_strength_on() -> None:
     wrong = single("b", "strong", named("seam"), tier="images")
     assert met([*weak, *clear, wrong], "strictly") is False
     assert met(weak + clear, "at weak strength") is True
+
+
+def test_plants_that_are_the_model_are_told_apart_from_others() -> None:
+    own = single("a", "strong", tilted(0.01), tier="state")
+    chain = single("b", "strong", named("seam"), tier="state", engine="chain")
+    rows = plant_table([own, chain]).splitlines()
+    assert rows[0] == "| what | the model itself | another engine |"
+    (strictly,) = [row for row in rows if "strictly" in row]
+    assert [cell[:6] for cell in strictly.split(" | ")[1:]] == ["1 of 1", "0 of 1"]
+    assert "1 of 1, 100 % [21, 100], stated 0.9" in rows[-1]
 
 
 def test_a_case_without_a_verdict_is_not_right() -> None:

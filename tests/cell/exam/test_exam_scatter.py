@@ -9,7 +9,7 @@ from cell.exam.report.page import scatter_table
 from cell.exam.runs import from_model
 from cell.exam.runs.scatter import GRASP, LEVELS, RunScatter
 from cell.exam.scoring.results import Entry
-from cell.record.files import RUN
+from cell.record.files import RUN, TICKS
 from drivers.settings import read_yaml
 from drivers.strip.describe import describe
 from tests.support.exam_cases import case
@@ -71,3 +71,17 @@ def test_each_motion_is_made_as_often_as_the_case_says(
     heads = [read_yaml(tmp_path / name / RUN) for name in ("00-fast", "01-fast")]
     assert [head["index"] for head in heads] == [0, 1]
     assert {head["condition"] for head in heads} == {"motion:fast"}
+
+
+def test_a_chain_from_the_state_follows_the_law_of_its_cause(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(from_model, "MOTIONS", ("fast",))
+    monkeypatch.setattr(from_model, "LINKS", 40)
+    plain = case("nothing", "nothing", {}).model_copy(update={"engine": "chain"})
+    lawful = plain.model_copy(update={"causes": {"dahl": {"yield_curvature": 40.0}}})
+    for name, made in (("plain", plain), ("again", plain), ("lawful", lawful)):
+        from_model.make_runs(made, tmp_path / name)
+    of = {n: (tmp_path / n / "00-fast" / TICKS).read_bytes() for n in ("plain", "again", "lawful")}
+    assert of["plain"] == of["again"]
+    assert of["plain"] != of["lawful"]

@@ -9,6 +9,7 @@ import pytest
 from tests.drivers.camera.beside_vivid import beside_vivid
 from tests.drivers.camera.vivid.checks import CHECKS
 
+pytestmark = pytest.mark.slow  # an emulated machine starts
 LIMIT = 400.0  # s until the machine counts as hung; it needs 30 s of a processor
 
 

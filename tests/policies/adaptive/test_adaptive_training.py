@@ -32,6 +32,7 @@ def trained(folder: Path, settings: CriticSettings = TINY, stop_after: int = 99)
     return training.finished
 
 
+@pytest.mark.slow  # three trainings
 def test_same_seed_gives_the_same_weights_and_so_does_a_resumed_training(tmp_path: Path) -> None:
     whole = trained(tmp_path / "whole")
     assert trained(tmp_path / "broken", stop_after=1) is None

@@ -1,34 +1,62 @@
-"""What a cell's perception gets wrong alike in every run, as it was measured."""
+"""What is wrong alike in every run that a camera saw: errors of perception and of the model."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from functools import cache
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from cell.gap.subject.subject import Samples, Words
+from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
-EDGE = 1.15e-4  # m by which the near edge is seen too far out, which moves the whole profile
-BIASES: Mapping[str, float] = MappingProxyType(
-    {
-        "profile": 4e-5,
-        "contact_x": 1.7e-4,
-        "touch_time": 0.0044,
-        "touch_x": 1.4e-4,
-        "displacement": 2.8e-4,
-    }
-)
-"""Root mean square over strips of the mean error of half a run [m, s]: `measure_bias` of the
-benchmarks, ten strips on the twin; of the profile beside EDGE, of the touch's place half that of
-the displacement, as l1 and l2 err alike.
-"""
-DAMPING = 0.038
-"""Share by which the damping of a fit through images is off beyond noise, one sigma: root mean
-square over five strips of what two engines differ by without noise (`measure_damping` of the
-benchmarks). Neither damps more: their shapes are 17 um apart, and a percent of damping moves a
-shape by 2 um. A rod on a harder desk and a chain of more links come closer.
-"""
+BIAS = Path(__file__).with_suffix(".yaml")
+DAMPING = BIAS.with_name("damping.yaml")
 HALVES = ("before", "past")
+
+
+class Bias(Settings):
+    """One sigma [m, s] of the mean error of half a run. Written by `cell study biases`.
+
+    `edge` is by how much the near edge is seen too far out, which moves the whole profile; of the
+    others each errs by itself, the profile beside that.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    edge: float
+    profile: float
+    contact_x: float
+    touch_time: float
+    touch_x: float
+    displacement: float
+    strips: int
+    source: str
+    belongs_to: str
+
+
+class ModelError(Settings):
+    """One sigma of the share by which a fitted `damping` is off beyond noise, as two engines differ
+    in it. Written by `cell study damping`.
+    """
+
+    schema_: Literal[1] = Field(1, alias="schema")
+    damping: float
+    strips: int
+    source: str
+    belongs_to: str
+
+
+@cache
+def bias() -> Bias:
+    """The errors of this version's perception."""
+    return load(BIAS, Bias)
+
+
+@cache
+def model_error() -> ModelError:
+    """The error of this version's model."""
+    return load(DAMPING, ModelError)
 
 
 def half(x: float, length: float) -> str:
@@ -42,14 +70,16 @@ def common_errors(samples: Samples, halves: Words) -> dict[str, Array]:
 
     What is lifted shows its near edge on the other side once the gripper is past the middle.
     """
-    profile = samples.quantity == "profile"
-    found = {"near edge": frozen(EDGE * profile * np.where(halves == "past", 1.0, -1.0))}
-    for quantity, size in BIASES.items():
+    sizes, profile = bias(), samples.quantity == "profile"
+    found = {"near edge": frozen(sizes.edge * profile * np.where(halves == "past", 1.0, -1.0))}
+    for quantity in ("profile", "contact_x", "touch_time", "touch_x", "displacement"):
         of = samples.quantity == quantity
         parts = _parts(quantity, samples, halves)
         for part in dict.fromkeys(map(str, parts[of])):
             here = of & (parts == part)
-            found[f"{quantity} {part}".strip()] = frozen(size * here.astype(np.float64))
+            found[f"{quantity} {part}".strip()] = frozen(
+                getattr(sizes, quantity) * here.astype(np.float64)
+            )
     return found
 
 

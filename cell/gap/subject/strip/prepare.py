@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cell.gap.subject.strip.bias import DAMPING, common_errors, half
+from cell.gap.subject.strip.bias import common_errors, half, model_error
 from cell.gap.subject.strip.compare import Comparison
 from cell.gap.subject.strip.layout import Floors, layout
 from cell.gap.subject.strip.runs import Measured, MeasuredRun
@@ -166,7 +166,7 @@ def _common(run: Measured, samples: Samples, about: Surroundings) -> dict[str, A
     halves = np.array([half(place, about.length) for place in x])
     found = common_errors(samples, halves)
     if "damping" in about.slopes:
-        found["damping"] = frozen(DAMPING * about.slopes["damping"])
+        found["damping"] = frozen(model_error().damping * about.slopes["damping"])
     return found
 
 
