@@ -43,7 +43,7 @@ class SigmaSettings(Settings):
     gripper: Metres = Field(gt=0, le=0.1)
     displacement: Metres = Field(gt=0, le=0.1)
     touch_time: Seconds = Field(gt=0, le=1.0)
-    edge_offset: Metres = Field(0.0003, gt=0, le=0.1)  # python -m tests.benchmarks.measure_edges
+    edge_offset: Metres = Field(0.0003, gt=0, le=0.1)  # rms of `cell study folds`
 
 
 class CellSettings(Settings):

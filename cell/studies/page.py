@@ -22,7 +22,7 @@ from cell.studies.campaign import Kept, cost
 from cell.studies.table import cells, group, head, keeps_bars, markdown, progress, rows, samples
 from drivers.files import replace_file
 
-TABLE, PAGE, FIT = "table.md", "study.html", "fit.yaml"
+TABLE, PAGE = "table.md", "study.html"
 ROW, WIDTH = 0.32, 8.4  # inch
 
 
@@ -35,9 +35,9 @@ def write_page(kept: Kept) -> Path:
     folder, study = kept.asked.folder, kept.asked.study
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / TABLE, markdown(kept).encode())
-    if study.fit is not None and len(kept.outcomes) >= kept.asked.count:
-        source = {"source": progress(kept), "belongs_to": study.fit.path}
-        write_document(folder / FIT, {**study.fit.of(kept.outcomes), **source})
+    for fit in study.fits if len(kept.outcomes) >= kept.asked.count else ():
+        source = {"source": progress(kept), "belongs_to": fit.path}
+        write_document(folder / Path(fit.path).name, {**fit.of(kept.outcomes), **source})
     if study.ledger is not None:
         text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
         replace_file(folder / Path(study.ledger.path).name, text.encode())

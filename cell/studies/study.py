@@ -76,7 +76,7 @@ class Study:
     by: tuple[str, ...] = ()
     seconds: float = 10.0
     limit: float = 1800.0
-    fit: Fit | None = None
+    fits: tuple[Fit, ...] = ()
     ledger: Ledger | None = None
 
     def cases(self, seed: int, count: int) -> tuple[Case, ...]:

@@ -1,17 +1,13 @@
 """Format of numbers in tables."""
 
-import math
-
-from cell.report.words import MINUS, NO_VALUE
+from cell.report.words import NO_VALUE, millimetres
 
 
 def numeral(value: float, *, signed: bool = False) -> str:
-    """A length [m] as millimetres with one decimal and without a unit."""
-    if not math.isfinite(value):
-        return NO_VALUE
-    return f"{1e3 * value:{'+' if signed else ''}.1f}".replace("-", MINUS)
+    """A length [m] as millimetres without a unit."""
+    return millimetres(value, signed).removesuffix(" mm")
 
 
 def newtons(value: float) -> str:
     """A force [N] with two decimals and without a unit."""
-    return f"{value:.2f}" if math.isfinite(value) else NO_VALUE
+    return f"{value:.2f}" if abs(value) < float("inf") else NO_VALUE

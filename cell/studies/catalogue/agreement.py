@@ -118,7 +118,7 @@ STUDY = Study(
         Quantity("residual", Statistic.WORST_SIZE, label="worst residual"),
         Quantity("d", Statistic.MEAN_SIZE, label="mean |d|"),
     ),
-    fit=Fit("cell/perception/agreement.yaml", limits),
+    fits=(Fit("cell/perception/agreement.yaml", limits),),
     usual=40 * len(CONDITIONS),
     quick=1,
     seconds=4.0,

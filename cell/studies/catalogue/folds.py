@@ -42,6 +42,8 @@ STUDY = Study(
         Quantity("true", Statistic.MEAN_SIZE, label="mean |d|"),
         Quantity("true", Statistic.WORST_SIZE, label="worst |d|"),
         Quantity("misread", Statistic.WORST_SIZE, label="worst |seen - true|"),
+        Quantity("edges_misread", Statistic.RMS, label="laid edges, seen - true rms"),
+        Quantity("edges_misread", Statistic.WORST_SIZE, label="worst"),
         Quantity("rod", Statistic.WORST_SIZE, label="worst |rod - true|"),
         Quantity("touched", Statistic.SHARE, "%", 100.0, label="touched", digits=0),
     ),

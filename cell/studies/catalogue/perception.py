@@ -1,9 +1,11 @@
 """How well images agree with the truth: contact, tip, profile, touch, over folds of the chain.
 
-What policies are trained with beside it is written into `policies/sensing.yaml`; sigma in
+What policies are trained with beside it is written into `policies/sensing.yaml`, what errs alike in
+all runs into `cell/gap/subject/strip/bias.yaml`; sigma in
 `configs/cell.yaml` and the contact bias of `cell.perception.settings` are read off this table.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,26 +17,28 @@ from cell.studies.kit.sights import Sight, fold_of, sights
 from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.shape import fold_tip
 from drivers.types import Array
+from policies.experiments.standard import FIRST, STANDARD
 from policies.path import triangular
 from policies.profile import profiles, seen_profile
 
-SPEED = 0.1  # m/s
-EVERY = 3  # images
+SPEED, EVERY = 0.1, 3  # m/s; images
 WILD = 5.0  # robust standard deviations from which an error is an outlier
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next strip of the cell."""
+    """Every strip of the cell along a triangle, then along the first of the standard motions."""
     strips = find_configs(None).strip_names()
-    return {"strip": strips[number % len(strips)]}
+    return {"strip": strips[number % len(strips)], "standard": number // len(strips) % 2 == 1}
 
 
 def measure(case: Values) -> Values:
-    """Errors of each image of a triangular fold, seen minus true [m, s]."""
+    """Errors of each image of a fold, seen minus true [m, s]."""
     strip = find_configs(None).strip(case["strip"])
-    fold = fold_of(case["strip"], triangular(strip.length), SPEED, 80)
+    path = (STANDARD[FIRST].shape if case["standard"] else triangular)(strip.length)
+    fold = fold_of(case["strip"], path, SPEED, 80)
     errors: dict[str, list[float]] = {name: [] for name in ("contact", "tip_x", "tip_z", "curve")}
     errors["profile"], curves, unseen, late, images = [], [], 0, [], 0
+    halves: dict[str, list[float]] = defaultdict(list)
     for sight in sights(fold, EVERY):
         images += 1
         if sight.touch is not None and fold.touch is not None:
@@ -44,6 +48,7 @@ def measure(case: Values) -> Values:
             unseen += 1
             continue
         tip = sight.seen.tip - np.array(fold_tip(fold.shape(sight.stamp)))
+        _add(halves, sight, strip.length)
         curves.append(_curve(sight))
         row = (sight.contact, *tip, float(np.sqrt(np.mean(curves[-1] ** 2))))
         for name, value in zip(errors, row, strict=False):
@@ -56,6 +61,7 @@ def measure(case: Values) -> Values:
         "noise": spread(contact),
         "tip_bias": [float(np.median(errors[name])) for name in ("tip_x", "tip_z")],
         "tip_noise": [spread(np.array(errors[name])) for name in ("tip_x", "tip_z")],
+        "halves": {name: float(np.mean(values)) for name, values in sorted(halves.items())},
         "curve_bias": _rms(np.mean(curves, axis=0)),
         "curve_noise": spread(np.diff(curves, axis=0).ravel()) / np.sqrt(2.0),
         "wild": float(np.mean(abs(contact - np.median(contact)) > WILD * spread(contact))),
@@ -63,6 +69,16 @@ def measure(case: Values) -> Values:
         "late": late[0] if late else None,
         "displacement": late[1] if late else None,
     }
+
+
+def _add(halves: dict[str, list[float]], sight: Sight, length: float) -> None:
+    """Add what an image is off by, of contact and thirds of the profile, to its half of the run."""
+    side = "past" if sight.pose.x < length / 2 else "before"
+    halves[f"contact {side}"].append(sight.contact)
+    off, where = sight.profile()
+    third = np.minimum((3 * where).astype(int), 2)
+    for k in np.unique(third):
+        halves[f"profile {k} {side}"].append(float(np.median(off[third == k])))
 
 
 def _curve(sight: Sight) -> Array:
@@ -79,15 +95,30 @@ def noise_of_images(outcomes: Sequence[Outcome]) -> Values:
     rows = [o.values for o in outcomes]
     noise = np.median([[row["noise"], *row["tip_noise"], row["curve_noise"]] for row in rows], 0)
     names = ("contact_sigma", "tip_sigma", "tip_z_sigma", "profile_sigma")
-    return {
-        "schema": 1,
-        **dict(zip(names, map(float, noise), strict=True)),
-        "contact_bias": _rms([row["bias"] for row in rows]),
-        "tip_bias": _rms([row["tip_bias"][0] for row in rows]),
-        "profile_bias": _rms([row["curve_bias"] for row in rows]),
-        "wild": float(np.mean([row["wild"] for row in rows])),
-        "strips": len(rows),
-    }
+    return {"schema": 1, **dict(zip(names, map(float, noise), strict=True)),
+            "contact_bias": _rms([row["bias"] for row in rows]),
+            "tip_bias": _rms([row["tip_bias"][0] for row in rows]),
+            "profile_bias": _rms([row["curve_bias"] for row in rows]),
+            "wild": float(np.mean([row["wild"] for row in rows])),
+            "strips": len(rows)}  # fmt: skip
+
+
+def bias(outcomes: Sequence[Outcome]) -> Values:
+    """Root mean squares over strips of the mean error of half a run, as the gap workflow has them.
+
+    Of the profile beside the near edge, which shows on the other side past the middle. l1 and l2
+    err alike, so that the place of a touch errs by half as much as the displacement.
+    """
+    rows = [o.values for o in outcomes]
+    means = [(k, v) for row in rows for k, v in row["halves"].items()]
+    contact = [v for k, v in means if k.startswith("contact")]
+    towards = [v if k.endswith("past") else -v for k, v in means if k.startswith("profile")]
+    edge = float(np.mean(towards))
+    d = _rms([row["displacement"] for row in rows if row["displacement"] is not None])
+    return {"schema": 1, "edge": edge, "profile": _rms(np.subtract(towards, edge)),
+            "contact_x": _rms(contact), "displacement": d, "touch_x": d / 2,
+            "touch_time": _rms([row["late"] for row in rows if row["late"] is not None]),
+            "strips": len(rows)}  # fmt: skip
 
 
 def _rms(values: ArrayLike) -> float:
@@ -119,8 +150,11 @@ STUDY = Study(
         Quantity("late", Statistic.WORST_SIZE, "ms", label="touch late", digits=0),
         Quantity("displacement", Statistic.WORST_SIZE, label="d off"),
     ),
-    fit=Fit("policies/sensing.yaml", noise_of_images),
-    usual=10,
+    fits=(
+        Fit("policies/sensing.yaml", noise_of_images),
+        Fit("cell/gap/subject/strip/bias.yaml", bias),
+    ),
+    usual=20,
     quick=1,
     seconds=15.0,
 )

@@ -109,7 +109,7 @@ STUDY = Study(
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
     ),
-    fit=Fit("cell/perception/laid.yaml", laid_weights),
+    fits=(Fit("cell/perception/laid.yaml", laid_weights),),
     usual=10 * len(CONDITIONS),
     quick=1,
     seconds=10.0,

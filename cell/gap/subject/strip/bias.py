@@ -17,7 +17,7 @@ HALVES = ("before", "past")
 
 
 class Bias(Settings):
-    """One sigma [m, s] of the mean error of half a run. Written by `cell study biases`.
+    """One sigma [m, s] of the mean error of half a run. Written by `cell study perception`.
 
     `edge` is by how much the near edge is seen too far out, which moves the whole profile; of the
     others each errs by itself, the profile beside that.
@@ -37,7 +37,7 @@ class Bias(Settings):
 
 class ModelError(Settings):
     """One sigma of the share by which a fitted `damping` is off beyond noise, as two engines differ
-    in it. Written by `cell study damping`.
+    in it. Written by `python -m tests.benchmarks.measure_damping`.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")
