@@ -47,7 +47,7 @@ class RunWriter:
         self._newest = float("nan")
         self._mark = False
         self._finished = False
-        self._header, self._described = dict(header), True
+        self._header = dict(header)
         write_document(folder / RUN, header)
         with ExitStack() as opened:
             self._events = opened.enter_context(new_file(folder / EVENTS))
@@ -85,12 +85,10 @@ class RunWriter:
             ) from None
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to run.yaml that were not known at the start.
-
-        They are written with `finish` or `close`: a turn of the control loop waits for no disk.
-        """
+        """Add facts to run.yaml that were not known at the start."""
         self._header |= facts
-        self._described = False
+        with self._recording():
+            write_document(self.folder / RUN, self._header)
 
     def tick(self, tick: Tick) -> None:
         """Add one cycle of the control loop."""
@@ -130,7 +128,6 @@ class RunWriter:
         if self._frames.film_failure:
             self.describe(film=self._frames.film_failure)
         with self._recording():
-            self._write_header()
             write_tables(self.folder, assemble(self.folder))
             write_document(self.folder / RESULT, content)
         self._finished = True
@@ -153,15 +150,8 @@ class RunWriter:
         with self._recording():
             try:
                 self._close_streams()
-                self._write_header()
             finally:
                 self._events.close()
-
-    def _write_header(self) -> None:
-        """Bring run.yaml up to date."""
-        if not self._described:
-            write_document(self.folder / RUN, self._header)
-            self._described = True
 
     def _close_streams(self) -> None:
         self._frames.close()
