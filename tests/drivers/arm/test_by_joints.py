@@ -77,3 +77,19 @@ def test_a_pose_before_the_first_state_is_refused() -> None:
     driven = ByJoints(inner)
     with pytest.raises(Failed, match="before the first state"):
         driven.write_pose(driven.start_poses(), [0.0] * 16)
+
+
+@pytest.mark.parametrize("further", [False, True])
+def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, further: bool) -> None:
+    inner, written = LossyRobot(JOINTS, 1, 1, share=0.0), []
+    driven = ByJoints(inner, own_clock=True)
+    setup = begun_with(driven)
+    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.steps(80)
+    after_a_loss = driven.read(None)
+    if further:
+        inner.robot.miss()
+        inner.robot.time += 1
+    monkeypatch.setattr(inner, "write_joints", lambda *given, **_: written.append(given))
+    driven.write_pose(None, after_a_loss.O_T_EE_c)
+    assert bool(written) is not further
