@@ -74,7 +74,7 @@ def investigate(
         fits = _refit_singles(subject, fitted, screened, simulate)
         fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     progress("judge", 0.8)
-    choice = chosen(subject, simulate, fits)
+    choice = chosen(subject, simulate, fits, posterior(fits, screened.probed, fits.scale))
     judged = judge(subject, choice, simulate, whole, rng)
     sets = posterior(choice.fits, screened.probed, choice.by)
     progress("show on held-out runs", 0.9)

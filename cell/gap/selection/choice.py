@@ -10,6 +10,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, Margin, holm, margin
+from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -67,14 +68,18 @@ class Choice:
     steps: tuple[Step, ...]
 
 
-def choose(fits: Fits) -> Choice:
-    """Forward selection with a backward check: the largest model whose every effect is earned."""
+def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
+    """Forward selection with a backward check: the largest model whose every effect is earned.
+
+    An effect is there where the interval of an amount excludes absence, or where the evidence says
+    so: no interval shows an amount that another number makes up for, as its place does for a mass.
+    """
     by, accepted = fits.scale, fits.base
     steps = []
     for size in (1, 2, 3):
         if not fits.of_size(size):
             continue
-        step = _step(fits, size, accepted, by)
+        step = _step(fits, size, accepted, by, sets)
         steps.append(step)
         if step.accepted:
             accepted = step.model
@@ -86,13 +91,16 @@ def _earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -
     return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL
 
 
-def _step(fits: Fits, size: int, before: Validated, by: LikelihoodScale) -> Step:
+def _step(
+    fits: Fits, size: int, before: Validated, by: LikelihoodScale, sets: Posterior | None
+) -> Step:
     models = fits.of_size(size)
     margins = [margin(m, before, by) for m in models]
     p = holm([m.p for m in margins])[0]
     first, ahead = models[0], margins[0]
     good = _earned(replace(ahead, p=p), before, fits, by) and all(
-        _needed(first, e.name, fits, by) and is_significant(first.estimate, e, by)
+        _needed(first, e.name, fits, by)
+        and (is_significant(first.estimate, e, by) or _evident(first, e.name, by, sets))
         for e in first.model.effects
     )
     return Step(first, before, ahead.gain, p, ahead.removed, good)
@@ -120,6 +128,11 @@ def _needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -> b
     if without is None or not others:
         return True
     return _earned(margin(model, without, by), without, fits, by)
+
+
+def _evident(model: Validated, effect: str, by: LikelihoodScale, sets: Posterior | None) -> bool:
+    """Whether the evidence is clearly for the effect beside the others of the model."""
+    return sets is not None and sets.gain(model.model.names, effect) > by.least
 
 
 def _beyond_model_error(gains: Array, before: Validated, fits: Fits, by: LikelihoodScale) -> float:

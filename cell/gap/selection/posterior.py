@@ -76,6 +76,14 @@ class Posterior:
             return float("inf") if mine else float("-inf")
         return max(mine) - max(others)
 
+    def gain(self, names: frozenset[str], effect: str) -> float:
+        """Nats by which the set `names` leads itself without `effect`; negative infinity where
+        either was not fitted.
+        """
+        nats = {m.names: m.nats for m in self.models}
+        without = names - {effect}
+        return nats[names] - nats[without] if {names, without} <= nats.keys() else float("-inf")
+
     def p(self, of: Callable[[frozenset[str]], bool]) -> float:
         """Probability of these sets together."""
         return sum(m.p for m in self.models if of(m.names))

@@ -20,6 +20,7 @@ from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL
+from cell.gap.selection.posterior import Posterior
 from cell.gap.selection.rivals import classes, rivals
 from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
@@ -27,12 +28,12 @@ from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
 
 
-def chosen(subject: Subject, simulate: Simulate, fits: Fits) -> Choice:
+def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
     """The choice among `fits`, its accepted model refitted against the finest simulation.
 
     The other models are compared as they are.
     """
-    found = choose(fits)
+    found = choose(fits, sets)
     rough = found.accepted
     if not rough.model.effects:
         return found

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis import lack_of_fit
+from cell.gap.selection import choice
 from cell.gap.selection.choice import choose, exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import removed
+from cell.gap.selection.posterior import Posterior, Weighed
 from cell.gap.subject.subject import Scope
 from drivers.types import Array
 from tests.cell.gap import test_gap_engine
@@ -62,6 +64,20 @@ def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains
     )
     assert choose(mixed).accepted.model.names == {"bump"}
     assert exhausted(Fits(mixed.models[:2]))
+
+
+def test_evidence_shows_an_effect_whose_amount_another_number_makes_up_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
+    monkeypatch.setattr(choice, "is_significant", lambda *_: False)
+    assert not choose(fits).accepted.model.effects
+    base, bumpy = frozenset(), frozenset({"bump"})
+    for ahead, found in ((3.0, base), (30.0, bumpy)):
+        sets = Posterior((Weighed(bumpy, ahead, 0.9), Weighed(base, 0.0, 0.1)))
+        assert sets.gain(bumpy, "bump") == ahead
+        assert choose(fits, sets).accepted.model.names == found
+    assert sets.gain(frozenset({"bump", "wave"}), "wave") == float("-inf")
 
 
 def astray(*runs: int) -> Law:
