@@ -11,7 +11,7 @@ class MonitorLimits(Settings):
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
     image_age: float = Field(0.25, gt=0, le=1.0)  # s
     reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image
-    identical_images: int = Field(4, ge=2, le=30)
+    identical_images: int = Field(3, ge=2, le=30)  # one that a camera sends twice is none
     confidence: float = Field(0.3, gt=0, lt=1)
     doubt: float = Field(0.4, gt=0, le=2.0)  # s of low confidence before the arm stops
     camera_shift: float = Field(0.001, gt=0, le=0.01)  # m by which the scene may seem moved

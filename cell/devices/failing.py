@@ -193,6 +193,11 @@ class Failing:
 
         self._twin.clock.every(PERIOD, raises, Turn.WORLD)
 
+    def look(self) -> None:
+        """Add where the gripper is now: a clock that an event broke off left that look out."""
+        if self.motion and self.now > self.motion[-1][0]:
+            self._watch(self.now)
+
     def _watch(self, now: float) -> None:
         pose = self._twin.world.gripper
         self.motion.append((now, pose.x, pose.z, pose.pitch))

@@ -118,6 +118,8 @@ def strike(blow: Blow, folder: Path, calibration: Calibration) -> Mapping[str, A
             )  # fmt: skip
         except CellError as error:
             result = FoldResult.refused("denim", "triangular", blow.seed, error)
+    for cell_struck in cells:
+        cell_struck.look()
     moves = np.array(cells[0].motion) if cells else np.zeros((0, 4))
     return _came(blow, striker, result, moves, cell.installation)
 

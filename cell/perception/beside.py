@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from io import FileIO
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
@@ -35,6 +36,7 @@ TOUCH = 6
 MOST_POINTS = 500  # of a profile
 START = 60.0  # s for the process to start, its libraries included
 ENDING = 1.0  # s for it to end
+ENDED = "the process for images has ended"
 NICE = (
     -10
 )  # before what only records or shows, where this user may; never real-time, since it computes
@@ -130,6 +132,7 @@ class Beside:
         )  # fmt: skip
         self._process.start()
         theirs.close()
+        self._memory = FileIO(f"/proc/{self._process.pid}/statm")
         if not self._pipe.poll(START) or self._receive() is None:
             self.close()
             raise Fault("image_reader_dead", f"the process for images did not start: {self._dead}")
@@ -163,7 +166,7 @@ class Beside:
         try:
             self._pipe.send_bytes(b"?")
         except OSError:
-            self._dead = self._dead or "the process for images has ended"
+            self._dead = self._dead or ENDED
 
     def answer(self) -> Seen | None:
         """What the image under way showed, None until that is known."""
@@ -184,6 +187,7 @@ class Beside:
     def close(self) -> None:
         """End the process; calling it twice is allowed."""
         self._pipe.close()
+        self._memory.close()
         self._process.join(ENDING)
         if self._process.is_alive():
             self._process.kill()
@@ -191,15 +195,28 @@ class Beside:
 
     def _news(self) -> bytes:
         """The message of the process, empty for none."""
-        if self._dead or not self._pipe.poll(0):
+        if self._dead:
             return b""
-        return self._receive() or b""
+        ends = self._ends()  # looked at first: what it said before that is still heard
+        if self._pipe.poll(0):
+            return self._receive() or b""
+        self._dead = ENDED if ends else ""
+        return b""
+
+    def _ends(self) -> bool:
+        """Whether the process has ended or is about to: a killed one first gives its memory back,
+        for some ten milliseconds, and only then closes its pipe.
+        """
+        try:
+            return os.pread(self._memory.fileno(), 64, 0).startswith(b"0 ")
+        except OSError:
+            return True
 
     def _receive(self) -> bytes | None:
         try:
             message = self._pipe.recv_bytes()
         except (EOFError, OSError):
-            self._dead = "the process for images has ended"
+            self._dead = ENDED
             return None
         self._asked = None
         if message[:1] == b"!":

@@ -26,7 +26,7 @@ from cell.record.json_lines import read_json_lines
 from cell.record.origin import moment, origin_of
 from cell.record.parquet_file import read_parquet
 from cell.record.stream import TICK_ROWS, read_stream
-from cell.record.tables import Tables, assemble, write_tables
+from cell.record.tables import Tables, assemble
 from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
@@ -132,20 +132,6 @@ def read_run(folder: Path) -> Run:
         Profile.of(read_parquet(profile), str(profile)),
         result,
     )
-
-
-def recover(folder: Path) -> bool:
-    """Write the tables of a run that died, from its streams; False when there is nothing to do.
-
-    A recovered run still has no result. Raises ConfigurationError for a run under way.
-    """
-    if is_under_way(folder):
-        raise ConfigurationError(f"{folder}: is still under way; let it finish")
-    tables = [folder / name for name in (TICKS, PROFILE, SIGHTS)]
-    if all(path.exists() for path in tables) or not (folder / TICK_STREAM).exists():
-        return False
-    write_tables(folder, assemble(folder))
-    return True
 
 
 def broken_off(folder: Path, header: Header) -> tuple[Tables, str]:

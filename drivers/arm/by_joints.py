@@ -4,13 +4,13 @@ The client library's Cartesian commands carry no elbow: the robot's own inverse 
 choose one (frankx#22), and over a fold it may wander into a joint's end.
 """
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from drivers.arm.failure import Cause, Failed, Failure
 from drivers.arm.way import UNHEARD, Course, go_on
-from drivers.franka.kinematics import pose_and_jacobian
+from drivers.franka.kinematics import forward, pose_and_jacobian
 from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.motion import TICK
 from drivers.types import Array
@@ -26,8 +26,8 @@ class DrivenByJoints(Protocol):
         """Start the motion."""
         ...
 
-    def read(self, motion: Any) -> Any:
-        """The next state."""
+    def read(self, motion: Any, *, awaited: bool = True) -> Any:
+        """The next state; unless it is `awaited` also one that has lain there."""
         ...
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
@@ -35,11 +35,25 @@ class DrivenByJoints(Protocol):
         ...
 
 
-class PosedState:
-    """A state whose commanded pose, twist and change are those of the commanded joints."""
+class Moment(NamedTuple):
+    """A robot's time [s]."""
 
-    def __init__(self, state: Any, pose: Numbers, twist: Numbers, change: Numbers) -> None:
-        self._state = state
+    seconds: float
+
+    def to_sec(self) -> float:
+        """In seconds."""
+        return self.seconds
+
+
+class PosedState:
+    """A state whose commanded pose, twist and change are those of the commanded joints, at `time`
+    [s].
+    """
+
+    def __init__(
+        self, state: Any, time: float, pose: Numbers, twist: Numbers, change: Numbers
+    ) -> None:
+        self._state, self.time = state, Moment(time)
         self.O_T_EE_c, self.O_dP_EE_c, self.O_ddP_EE_c = pose, twist, change
 
     def __getattr__(self, name: str) -> Any:
@@ -47,10 +61,17 @@ class PosedState:
 
 
 class ByJoints:
-    """A robot driven by poses of the hand, of which it is sent the joints (7,) [rad]."""
+    """A robot driven by poses of the hand, of which it is sent the joints (7,) [rad].
 
-    def __init__(self, robot: DrivenByJoints) -> None:
-        self._robot = robot
+    To find out how a motion goes on from where a robot is that missed a command takes a part of a
+    tick that may be all of it: then each answer would be late, and the robot would hear none. On
+    its `own_clock` the answer is therefore made for the tick after, until which a robot goes on by
+    itself in a known way, and is sent once it has come there.
+    """
+
+    def __init__(self, robot: DrivenByJoints, *, own_clock: bool = False) -> None:
+        self._robot, self._own_clock = robot, own_clock
+        self._ahead = False  # whether `_here` is where the robot will be a tick after `_time`
         self._here: Course | None = None
         self._sent: Numbers = []
         self._sent_pose: Array | None = None
@@ -59,13 +80,13 @@ class ByJoints:
 
     def start_poses(self) -> Any:
         """Start the motion; the elbow is kept where it is now."""
-        self._here, self._sent_pose = None, None
+        self._here, self._sent_pose, self._ahead = None, None, False
         return self._robot.start_joints()
 
     def read(self, motion: Any) -> PosedState:
         """The next state, with the hand's setpoint as its joints' setpoint gives it."""
         state = self._robot.read(motion)
-        now = state.time.to_sec()
+        now, first = state.time.to_sec(), self._here is None
         if self._here is None:
             begun = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
             self._here, self._sent, self._time = begun, begun.place, now
@@ -80,12 +101,15 @@ class ByJoints:
         if self._sent_pose is not None and ticks == 1 and off < UNHEARD:
             self._trail = [self._sent_pose, *self._trail[:2]]
         else:
+            self._ahead = self._own_clock and not first
+            here = self._here = _later(here) if self._ahead else here
             self._elbow, self._swing = here.place[ELBOW_JOINT], here.rate[ELBOW_JOINT]
             self._trail = _trail(here)
         twist, before = (_twist(self._trail[i], self._trail[i + 1]) for i in range(2))
         change = (twist - before) / TICK
         pose: Numbers = self._trail[0].T.ravel().tolist()
-        return PosedState(state, pose, twist.tolist(), change.tolist())
+        time = self._time + TICK * self._ahead
+        return PosedState(state, time, pose, twist.tolist(), change.tolist())
 
     def write_pose(self, motion: Any, pose: Numbers, *, last: bool = False) -> None:
         """Send the joints that bring the hand to `pose`, 16 numbers by columns.
@@ -94,15 +118,38 @@ class ByJoints:
         """
         if self._here is None:
             raise Failed(Failure(Cause.COMMAND, "a pose was sent before the first state was read"))
-        place, rate, change = (np.array(part) for part in self._here)
-        near = place + TICK * (rate + TICK * change)  # from there one step of Newton's is exact
+        near = np.array(_later(self._here).place)  # from there one step of Newton's is exact
         target = np.reshape(pose, (4, 4)).T
         pull = RETURN * (self._kept - self._elbow) - 2.0 * self._swing
         self._swing += TICK * RETURN * pull
         self._elbow += TICK * self._swing
         step = joint_step(near, *pose_and_jacobian(near), target, self._elbow)
-        self._sent, self._sent_pose = (near + step).tolist(), target
-        self._robot.write_joints(motion, self._sent, last=last)
+        sent: Numbers = (near + step).tolist()
+        if self._ahead and not self._come(motion) and not last:
+            return
+        self._sent, self._sent_pose = sent, target
+        self._robot.write_joints(motion, sent, last=last)
+
+    def _come(self, motion: Any) -> bool:
+        """Whether the robot is now where it was to be; where it went further nothing is sent, and
+        the next state shows where.
+        """
+        state = self._robot.read(motion, awaited=False)
+        expected, self._ahead = self._here or Course([], [], []), False
+        before, self._time = self._time, state.time.to_sec()
+        away = max(abs(a - b) for a, b in zip(expected.place, state.q_d, strict=True))
+        if round((self._time - before) / TICK) == 1 and away < UNHEARD:
+            return True
+        self._here = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+        self._sent, self._sent_pose = self._here.place, None
+        return False
+
+
+def _later(here: Course) -> Course:
+    """Where a robot comes in a tick that hears nothing."""
+    place, rate, change = (np.array(part) for part in here)
+    after = rate + TICK * change
+    return Course((place + TICK * after).tolist(), after.tolist(), here.change)
 
 
 def _trail(here: Course) -> list[Array]:
@@ -110,7 +157,7 @@ def _trail(here: Course) -> list[Array]:
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate
     ways = (place, before, before - TICK * (rate - TICK * change))
-    return [pose_and_jacobian(joints)[0] for joints in ways]
+    return list(forward(np.array(ways)))  # at the price of one: the next answer waits for it
 
 
 def _twist(now: Array, before: Array) -> Array:

@@ -16,6 +16,7 @@ from drivers.arm.plane import BESIDE, LEANING, StripPlane
 from drivers.arm.settings import FciSettings
 from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
+from drivers.franka.kinematics import HOME
 from drivers.installation import Installation
 from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
@@ -24,6 +25,7 @@ FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
 SPAN = 8  # states over which the velocity is measured
 REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
+SLOW = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
@@ -74,7 +76,7 @@ class Loop:
         self._touch = guard or ForceGuard(settings.guard, settings.guard_torque)
         self._drift = Drift(self._touch, settings.drift, TICK)
         self._taken = orders.read().number
-        self._beat, self._unheard = -1, 0
+        self._beat, self._heard_at = 0, 0.0  # of the cell, and when, by the robot's time [s]
         self._new = False  # whether a command has come since the last look ahead
         self._reason: Failure | None = None
         self.ticks = 0
@@ -86,15 +88,14 @@ class Loop:
         """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
         self._motion = self._robot.start_poses()
         state = self._robot.read(self._motion)
-        self._plane = plane_of(self._installation, state.O_T_EE_c)
-        state = self._heard(state)
         pose = state.O_T_EE_c
+        self._plane = plane_of(self._installation, pose)
         self._plane.take_over(pose)
         limits, workspace = self._installation.limits, self._installation.workspace
         start = Pose(*self._plane.to_cell(pose))
         self._profile = MotionProfile(limits, workspace, start)
         self._guard = ReachGuard(self._plane, limits, state.q)
-        self._state = state
+        self._state = state = self._heard(state)  # from here on the robot counts what it misses
         self._whereabouts = Whereabouts(state)
         self._time = state.time.to_sec()
         self._publish(state)
@@ -147,18 +148,18 @@ class Loop:
         return None if self._profile.moving else self._reason
 
     def _obey(self, order: Order) -> None:
-        """Take a new command, unless the arm has braked for good; brake when
-        the heartbeat stops.
+        """Take a new command, unless the arm has braked for good; brake when the heartbeat stops,
+        once it has begun.
         """
         if self._taken < 0 or self._reason is not None:
             return
-        self._unheard = 0 if order.beat != self._beat else self._unheard + 1
-        self._beat = order.beat
+        if order.beat != self._beat:
+            self._beat, self._heard_at = order.beat, self._time
+        silence = self._time - self._heard_at if self._beat else 0.0
         if order.number != self._taken:
             self._taken = order.number
             self._take(order)
-        elif self._unheard * TICK > self._settings.silence and self._profile.moving:
-            silence = self._unheard * TICK
+        elif silence > self._settings.silence and self._profile.moving:
             self._halt(Cause.UNHEARD, f"the cell gave no sign of life for {silence:.2f} s")
 
     def _take(self, order: Order) -> None:
@@ -261,6 +262,23 @@ class Loop:
             return 0.0, 0.0, 0.0
         x, z, pitch = ((b - a) / (now - begun) for a, b in zip(first, last, strict=True))
         return x, z, pitch
+
+
+def rehearse(installation: Installation) -> None:
+    """Do once, without a robot, what the first ticks do: the first time takes as long as some ticks
+    in which a robot would hear nothing.
+    """
+    plane = StripPlane(installation.mounting.transform())
+    limits, space = installation.limits, installation.workspace
+    x, z, pitch = (0.5 * (low + high) for low, high in zip(space.low, space.high, strict=True))
+    profile = MotionProfile(limits, space, Pose(x, z, pitch))
+    guard = ReachGuard(plane, limits, HOME.tolist())
+    profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
+    for _ in range(LOOK):
+        x, z, pitch = profile.tick()
+        plane.command(x, z, pitch, Departure().tick())
+        guard.objection(Soon(*profile.soon(REACTION)))
+        profile.resume(profile.pose, profile.velocity, profile.acceleration, 1)
 
 
 def at_rest(state: Any) -> bool:

@@ -50,11 +50,13 @@ class StripPlane:
         self._sign = sign
         self.turned = turned
         self._rest: Array | None = None
+        self._back: Array | None = None  # its inverse
 
     def take_over(self, pose: Numbers) -> None:
         """Keep the offset of `pose` from the plane, so that the first command equals it."""
         rest = np.linalg.solve(self.matrix(*self.to_cell(pose)), matrix(pose))
         self._rest = np.asarray(rest, dtype=np.float64)
+        self._back = np.asarray(np.linalg.inv(rest), dtype=np.float64)
 
     def command(self, x: float, z: float, pitch: float, aside: Triple = NONE) -> Numbers:
         """The hand's pose in the base as 16 numbers, column-major, as the robot takes it.
@@ -77,7 +79,7 @@ class StripPlane:
         are these: the inverse of `command`, with rates.
         """
         hand = matrix(pose)
-        inside = hand if self._rest is None else hand @ np.linalg.inv(self._rest)
+        inside = hand if self._back is None else hand @ self._back
         spin, turn = _crossing(twist[3:]), _crossing(change[3:])
         arm = inside[:3, 3] - hand[:3, 3]
         moved = np.array(twist[:3]) + spin @ arm

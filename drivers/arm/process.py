@@ -10,7 +10,7 @@ from drivers.arm.by_joints import ByJoints
 from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
 from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
-from drivers.arm.loop import Loop
+from drivers.arm.loop import Loop, rehearse
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Order, Report
 from drivers.arm.robot import Robot
 from drivers.arm.scheduling import schedule
@@ -49,6 +49,7 @@ def run(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
 
 def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     clock = WallClock(task.origin)
+    rehearse(task.installation)
     robot = Robot(task.address, task.settings)
     schedule(task.settings.realtime)
     robot.require_ready()
@@ -56,7 +57,7 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
     robot.configure(task.settings.collision)
     joints = JointLog()
     loop = Loop(
-        ByJoints(robot),
+        ByJoints(robot, own_clock=not task.lock_step),
         task.settings,
         task.installation,
         Latest(orders, Order, ORDER_LAYOUT),

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib.metadata import version
+from time import perf_counter
 from typing import Any, Protocol
 
 import pylibfranka as franka
@@ -19,6 +20,7 @@ from drivers.arm.tool import UNIT, require_tool
 
 TARED = 50  # states, of which the force at rest is the mean
 PROBE = 0.5  # s for a robot to tell its version
+AWAITED = 5e-5  # s that reading a state takes which is waited for; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
     (franka.ControlException, Cause.REFLEX),
@@ -128,10 +130,19 @@ class Robot:
             )
         return motion
 
-    def read(self, motion: Motion) -> Any:
-        """The next state of a motion."""
+    def read(self, motion: Motion, *, awaited: bool = True) -> Any:
+        """The next state of a motion; on the robot's own clock one that was `awaited`.
+
+        A state that lay there came while the last one was answered. Its answer would be late, and
+        with it the next: a loop that fell behind once, and needs most of its tick, would lose all.
+        """
         with _named(self._stopped):
-            return motion.readOnce()[0]
+            begun = perf_counter()
+            state = motion.readOnce()[0]
+            own_clock = not self._settings.in_lock_step
+            if awaited and own_clock and perf_counter() - begun < AWAITED:
+                state = motion.readOnce()[0]
+            return state
 
     def write_pose(self, motion: Motion, pose: list[float], *, last: bool = False) -> None:
         """Command the hand's pose, 16 numbers, column-major; `last` ends the motion there."""

@@ -11,6 +11,10 @@ many folds got through, and the time from a cause to the stop command: the opera
 of the process that measures. The same loop without images, the robot held still for `--idle`
 seconds, is the reference for this machine. After each of the first
 `--films` folds comes one that keeps a film, as `cell fold` does; their ticks are counted apart.
+
+Beside the figures stands what a virtual machine's host took of its processors meanwhile: while it
+does, nothing of this machine runs, and a robot gives its loop up after 20 ms. And how many late
+ticks followed a turn that itself took too long; the others were not woken in time.
 """
 
 import argparse
@@ -139,6 +143,7 @@ class PlayedCamera:
 
     def __init__(self, film: Film, shown: Latest, clock: WallClock) -> None:
         self._images, self._shown, self._clock = film.images(), shown, clock
+        self._before = shown.read().number  # of the fold before, whose stamps are of another clock
 
     def connect(self) -> None:
         """The player plays already."""
@@ -148,7 +153,7 @@ class PlayedCamera:
 
     def read(self, after: float, timeout: float) -> Frame | None:
         shown = self._shown.read()
-        if shown.number == 0 or shown.stamp <= after:
+        if shown.number <= self._before or shown.stamp <= after:
             return None
         image = np.array(self._images[shown.index])
         image[0, 0, :2] = divmod(shown.number % 65536, 256)
@@ -195,16 +200,33 @@ class TellingArm:
         self.stopped.append(time.monotonic())
 
 
+class Late(NamedTuple):
+    """When something was due, in the machine's time, by how much it came late [s], and whether it
+    was waited for: else what came before took too long.
+    """
+
+    due: float
+    by: float
+    awaited: bool = True
+
+
 class TimingClock(WallClock):
-    """A wall clock that notes by how much each tick comes late [s]."""
+    """A wall clock that notes by how much each tick comes late."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.late: list[float] = []
+        self.late: list[Late] = []
 
     def wait_until(self, time_s: float) -> None:
+        awaited = self.now() < time_s
         super().wait_until(time_s)
-        self.late.append(self.now() - time_s)
+        self.late.append(Late(self.origin + time_s, self.now() - time_s, awaited))
+
+
+def taken() -> float:
+    """Processor time that the host of a virtual machine has taken from it so far [s]."""
+    ticks = Path("/proc/stat").read_text().split("\n", 1)[0].split()[8]
+    return int(ticks) / os.sysconf("SC_CLK_TCK")
 
 
 @dataclass
@@ -249,8 +271,8 @@ def request(configs: Path, runs: Path, arm: str = "fci", film: bool = False) -> 
     )  # fmt: skip
 
 
-def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[float], float]:
-    """Outcome, lateness of the ticks [s] and, with a `cause`, the time to the stop command [s].
+def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[Late], float]:
+    """Outcome, lateness of the ticks and, with a `cause`, the time to the stop command [s].
 
     A cause strikes from a thread at a random moment of the fold, and returns when it did.
     """
@@ -263,7 +285,7 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[fl
         return devices
 
     class Watch:
-        state = ""
+        state, pose = "", None
 
         def see(self, snapshot) -> None:
             self.pose = snapshot.arm.pose
@@ -304,8 +326,8 @@ def kill_reader(_: threading.Event) -> float:
     return begun
 
 
-def idle(bench: Bench, seconds: float) -> list[float]:
-    """Lateness of the same loop with the robot held still and no image read [s]."""
+def idle(bench: Bench, seconds: float) -> list[Late]:
+    """Lateness of the same loop with the robot held still and no image read."""
     clock = TimingClock()
     settings = suited(bench.settings, DeviceSelection(arm="fci"))
     limits = settings.monitors.model_copy(update={"duration": 900.0, "state_duration": 300.0})
@@ -401,16 +423,20 @@ def bench() -> Iterator[Bench]:
             player.kill()
 
 
-def told(name: str, late: list[float]) -> bool:
-    """Print the lateness of ticks; whether it keeps its bar."""
+def told(name: str, late: list[Late], stolen: float) -> bool:
+    """Print the lateness of ticks, and for how long the host had `stolen` a processor [s]; whether
+    it keeps its bar.
+    """
     if not late:
         print(f"{name}: no tick was made", flush=True)
         return False
-    some = 1e3 * np.array(late)
+    some = 1e3 * np.array([tick.by for tick in late])
     share = 100.0 * float((some <= 1e3 * LATE).mean())
     words = f"{len(some)} ticks, {share:.2f} % at most {1e3 * LATE:g} ms late (bar {BAR})"
     edges = ", ".join(f"{p} %: {np.percentile(some, p):.2f} ms" for p in (50, 99, 99.9, 100))
-    print(f"{name}: {words}; {edges}", flush=True)
+    slow = [tick for tick in late if tick.by > LATE]
+    after = f"{sum(not tick.awaited for tick in slow)} of {len(slow)} after a turn too long"
+    print(f"{name}: {words}; {edges}; {after}; host took {stolen:.2f} s", flush=True)
     return share >= BAR
 
 
@@ -429,7 +455,9 @@ def main() -> int:
     late, through, kept, filmed = [], 0, True, []
     with bench() as table:
         table.go_home()
-        told("without images", idle(table, asked.idle))
+        begun = taken()
+        told("without images", idle(table, asked.idle), taken() - begun)
+        begun = taken()
         for number in range(asked.folds):
             table.go_home()
             outcome, more, _ = one_fold(table)
@@ -441,9 +469,9 @@ def main() -> int:
                 filmed += more
                 sys.stderr.write(f"with a film: {outcome}\n")
         if filmed:
-            told("the same with a film", filmed)
+            told("the same with a film", filmed, taken() - begun)
         if asked.folds:
-            kept = told(f"images of {1e3 * asked.image:g} ms", late)
+            kept = told(f"images of {1e3 * asked.image:g} ms", late, taken() - begun)
             print(f"{through} of {asked.folds} folds got through", flush=True)
         for name, cause in (("operator", interrupt), ("reader killed", kill_reader)):
             times = []

@@ -15,6 +15,7 @@ import numpy as np
 
 from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.subject import Request, Residuals
+from drivers.files import writing
 
 
 class SimulationCache:
@@ -73,7 +74,13 @@ def _read(path: Path, asked: str) -> list[Residuals] | None:
 
 def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
     partial = path.with_suffix(".part")
-    with partial.open("wb") as file:
+    with writing(path, "make room, leave the folder where it is, and run the command again"):
+        _save(partial, asked, answers)
+        partial.replace(path)
+
+
+def _save(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
+    with path.open("wb") as file:
         np.savez(
             file,
             asked=np.array(asked),
@@ -81,4 +88,3 @@ def _write(path: Path, asked: str, answers: Sequence[Residuals]) -> None:
             mean=np.concatenate([a.mean for a in answers]),
             square=np.concatenate([a.square for a in answers]),
         )
-    partial.replace(path)

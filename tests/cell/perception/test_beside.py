@@ -98,6 +98,17 @@ def test_a_process_that_hangs_keeps_its_image_and_one_that_is_killed_is_dead() -
     process.close()
 
 
+def test_a_killed_process_is_dead_before_its_pipe_is_closed() -> None:
+    process, pipe = started(), SimpleNamespace(poll=lambda _: False)
+    process._pipe, pipe.close = pipe, process._pipe.close
+    assert process.answer() is None
+    assert not process.dead
+    os.kill(process.process, signal.SIGKILL)
+    awaited(lambda: process.answer() or process.dead or None)
+    assert "ended" in process.dead
+    process.close()
+
+
 class OneFrame:
     """A camera that has one image."""
 

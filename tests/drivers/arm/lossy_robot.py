@@ -27,6 +27,7 @@ class LossyRobot:
         self._worst, self._share = worst, share
         self._in_a_row = 0
         self._heard = False
+        self._answered = True
 
     def start_poses(self) -> "LossyRobot":
         return self._start(CARTESIAN_POSE)
@@ -40,7 +41,12 @@ class LossyRobot:
     def write_joints(self, motion: object, joints: list[float], *, last: bool = False) -> None:
         self._command(np.array(joints), np.eye(4), last)
 
-    def read(self, motion: object) -> SimpleNamespace:
+    def read(self, motion: object, *, awaited: bool = True) -> SimpleNamespace:
+        if not self._answered:
+            self.robot.miss()
+            self.robot.time += 1
+            self._in_a_row += 1
+        self._answered = False
         posture, now = self.robot.posture, self.robot.time
         return SimpleNamespace(
             time=SimpleNamespace(to_sec=lambda: 1e-3 * now),
@@ -63,6 +69,7 @@ class LossyRobot:
 
     def _command(self, joints: np.ndarray, pose: np.ndarray, last: bool) -> None:
         """Hear it or lose it, and lose the ticks after it or not."""
+        self._answered = True
         if self._rng.random() >= self._share:
             self._heard = True
             self.robot.step(

@@ -33,17 +33,20 @@ def test_without_an_elbow_the_robot_s_own_inverse_lets_it_wander() -> None:
     assert wandered(inner, inner) > 0.2  # into a reflex, a moment later
 
 
+@pytest.mark.parametrize("own_clock", [False, True])
 @pytest.mark.parametrize(("worst", "share"), LOSSES)
-def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(worst: int, share: float) -> None:
+def test_lost_commands_stop_no_motion_move_no_goal_and_no_elbow(
+    worst: int, share: float, own_clock: bool
+) -> None:
     robot = LossyRobot(JOINTS, worst, worst, share)
-    setup = begun_with(ByJoints(robot))
+    setup = begun_with(ByJoints(robot, own_clock=own_clock))
     elbow, goal = float(robot.robot.posture.q[2]), Pose(0.45, 0.25, 0.6)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
     setup.steps(300)
     setup.order(Kind.FOLLOW, 0.1, 0.0, -0.3)
     setup.steps(60)
     setup.order(Kind.MOVE, goal.x, goal.z, goal.pitch)
-    report = setup.steps(long_enough(share))
+    report = setup.steps((1 + own_clock) * long_enough(share))
     assert robot.lost > 100
     assert not robot.robot.errors
     assert (report.x, report.z, report.pitch) == pytest.approx(
@@ -74,3 +77,19 @@ def test_a_pose_before_the_first_state_is_refused() -> None:
     driven = ByJoints(inner)
     with pytest.raises(Failed, match="before the first state"):
         driven.write_pose(driven.start_poses(), [0.0] * 16)
+
+
+@pytest.mark.parametrize("further", [False, True])
+def test_an_answer_made_for_a_tick_is_sent_in_that_tick_only(monkeypatch, further: bool) -> None:
+    inner, written = LossyRobot(JOINTS, 1, 1, share=0.0), []
+    driven = ByJoints(inner, own_clock=True)
+    setup = begun_with(driven)
+    setup.order(Kind.FOLLOW, -0.1, 0.05, 0.0)
+    setup.steps(80)
+    after_a_loss = driven.read(None)
+    if further:
+        inner.robot.miss()
+        inner.robot.time += 1
+    monkeypatch.setattr(inner, "write_joints", lambda *given, **_: written.append(given))
+    driven.write_pose(None, after_a_loss.O_T_EE_c)
+    assert bool(written) is not further

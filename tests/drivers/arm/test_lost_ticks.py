@@ -45,6 +45,13 @@ def test_lost_commands_stop_no_motion_and_move_no_goal(worst: int, share: float)
     assert not robot.robot.errors
 
 
+def test_corrections_at_rest_before_the_cell_s_first_sign_are_no_failure() -> None:
+    setup = begun_with(LossyRobot(JOINTS, 1, 1, 0.5))
+    for _ in range(1500):
+        setup.loop.step()
+    assert setup.loop.halted is None
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_half_of_the_commands_lost_end_in_no_reflex(seed: int) -> None:
     robot = LossyRobot(JOINTS, seed, 1, 0.5)
