@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap.fitting.common_errors import covariance
-from cell.gap.subject.strip.bias import BIASES, EDGE, common_errors, half
+from cell.gap.subject.strip.bias import bias, common_errors, half
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.compose import intervals
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, nothing
@@ -65,9 +65,9 @@ def test_every_quantity_errs_by_what_was_measured() -> None:
         "contact_x past", "displacement", "near edge", "profile grasped past",
         "profile middle before", "touch_time",
     ]  # fmt: skip
-    assert errors["profile middle before"].tolist() == [BIASES["profile"], 0.0, 0.0, 0.0, 0.0]
-    assert errors["near edge"].tolist() == [-EDGE, EDGE, 0.0, 0.0, 0.0]
-    assert errors["touch_time"].tolist() == [0.0, 0.0, 0.0, BIASES["touch_time"], 0.0]
+    assert errors["profile middle before"].tolist() == [bias().profile, 0.0, 0.0, 0.0, 0.0]
+    assert errors["near edge"].tolist() == [-bias().edge, bias().edge, 0.0, 0.0, 0.0]
+    assert errors["touch_time"].tolist() == [0.0, 0.0, 0.0, bias().touch_time, 0.0]
 
 
 def test_the_side_changes_where_the_gripper_passes_the_middle() -> None:
