@@ -10,15 +10,17 @@ from calibration.lens import MINIMUM_VIEWS, Lens
 from calibration.wizard.coverage import (
     Gate,
     Placement,
+    Sketch,
     WantedView,
     coverage,
     guessed_lens,
     placement,
+    seen_outline,
     wanted_views,
 )
 from calibration.wizard.lens_verdict import LensVerdict, fit_views, lens_verdict
 from calibration.wizard.news import Result, ViewResult
-from drivers.types import Frame
+from drivers.types import Frame, Image
 
 ENOUGH = 4  # views from which a lens is fitted, to compute how the board leans
 NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view may miss the wanted
@@ -43,6 +45,7 @@ class BoardViews:
         self._length: float | None = None
         self._last: BoardView | None = None
         self._views: dict[int, BoardView] = {}
+        self._met: dict[int, list[WantedView]] = {}  # the requests that each view met
         self._size: tuple[int, int] | None = None
         self._lens: Lens | None = None
 
@@ -70,8 +73,28 @@ class BoardViews:
             self._give_up()
             reason = f"the board moved by {moved:.1f} px between two images; hold it still"
             return Result(number, view, None, reason)
-        self._take(number, frame, view)
+        self._take(number, frame.image, view)
         return Result(number, view, view, None)
+
+    def restore(self, number: int, image: Image) -> BoardView | None:
+        """Accept the view in the `image` (h, w, 3) of this `number` of a session that was
+        interrupted; None without a board in it.
+        """
+        view = find_board(image, self._detector, self._board).view
+        if view is not None:
+            self._take(number, image, view)
+            self._count = max(self._count, number + 1)
+        return view
+
+    def sketch(self, size: tuple[int, int], view: BoardView | None) -> Sketch:
+        """The requested view and the one that is seen, in images of `size` (width, height) [px]."""
+        outline, wanted = self._settings.outline(), self.ask()
+        enough = view is not None and len(view.ids) >= self._settings.corners
+        return Sketch(
+            size,
+            None if wanted is None else wanted.outline(outline, self._lens or guessed_lens(size)),
+            seen_outline(view, outline) if view is not None and enough else None,
+        )
 
     def skip(self) -> None:
         """Give up the requested view."""
@@ -82,13 +105,13 @@ class BoardViews:
         """Set the ruler's `length` [m] of the board's squares across all columns."""
         self._length = length
 
-    def drop(self, number: int) -> bool:
-        """Remove the view from image `number`; returns whether there was one."""
-        return self._views.pop(number, None) is not None
-
-    def drop_last(self) -> bool:
-        """Remove the newest view; returns whether there was one."""
-        return bool(self._views) and self.drop(max(self._views))
+    def drop_last(self) -> int | None:
+        """Remove the newest view and request it again; returns its number, None without one."""
+        newest = max(self._views, default=None)
+        if newest is not None:
+            del self._views[newest]
+            self._wanted = [*self._met.pop(newest), *self._wanted]
+        return newest
 
     @property
     def views(self) -> tuple[BoardView, ...]:
@@ -134,14 +157,15 @@ class BoardViews:
             return f"{need}; the board is too far, its markers are {look.side:.0f} px; come nearer"
         return f"{need}; bring it into the image, light it, uncover it"
 
-    def _take(self, number: int, frame: Frame, view: BoardView) -> None:
-        self._size = (frame.image.shape[1], frame.image.shape[0])
+    def _take(self, number: int, image: Image, view: BoardView) -> None:
+        self._size = (image.shape[1], image.shape[0])
         self._views[number] = view
         self._last, self._tries = None, 0
         lens = self._lens = self._fitted_so_far(self._size)
         shown = placement(view, self._settings.outline(), lens)
         width = lens.matrix[0, 0] * self._settings.width / view.depth(lens) / lens.width
-        self._wanted = [want for want in self._wanted if not _meets(want, shown, width)]
+        self._met[number] = [want for want in self._wanted if _meets(want, shown, width)]
+        self._wanted = [want for want in self._wanted if want not in self._met[number]]
 
     def _give_up(self) -> None:
         self._tries += 1

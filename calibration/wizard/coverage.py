@@ -6,6 +6,7 @@ from math import acos, degrees, pi
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from calibration.board import BoardSettings, BoardView
 from calibration.lens import Lens
@@ -41,6 +42,16 @@ class WantedView:
         ]
         how = ", ".join(lean for lean in leans if lean) or "facing the camera"
         return f"{where}, {100 * self.size:.0f} % of the image wide, {how}"
+
+    def outline(self, corners: Array, lens: Lens) -> Array:
+        """Where `lens` shows the outer `corners` (4, 2) [m] of a board held so, (4, 2) [px]."""
+        turned = Rotation.from_euler("zxy", (self.roll, -self.tilt, -self.turn)).as_matrix()
+        depth = float(lens.matrix[0, 0]) * float(np.ptp(corners[:, 0])) / (self.size * lens.width)
+        middle = np.array([self.x * lens.width, self.y * lens.height, 1.0])
+        flat = np.column_stack([corners - corners.mean(axis=0), np.zeros(len(corners))])
+        held = flat @ turned.T + np.linalg.solve(lens.matrix, middle) * depth
+        seen = held @ lens.matrix.T
+        return np.asarray(seen[:, :2] / seen[:, 2:])
 
 
 def wanted_views(lean: float, sizes: tuple[float, float]) -> tuple[WantedView, ...]:
@@ -138,11 +149,27 @@ def guessed_lens(size: tuple[int, int]) -> Lens:
     return Lens(width, height, matrix, np.zeros(5))
 
 
-def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
-    """How `view` shows a board whose outer corners are `outline` (4, 2) [m], clockwise."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Sketch:
+    """The board in an image of `size` (width, height) [px]: outer corners (4, 2) [px] of the
+    `wanted` view and of the one that is `seen`, None where there is none.
+    """
+
+    size: tuple[int, int]
+    wanted: Array | None
+    seen: Array | None
+
+
+def seen_outline(view: BoardView, outline: Array) -> Array:
+    """Where `view` shows the outer corners `outline` (4, 2) [m] of the board, (4, 2) [px]."""
     there, _ = cv2.findHomography(view.board[:, :2], view.image, 0)
     at = np.column_stack([outline, np.ones(4)]) @ there.T
-    corners = at[:, :2] / at[:, 2:] / (lens.width, lens.height)
+    return np.asarray(at[:, :2] / at[:, 2:])
+
+
+def placement(view: BoardView, outline: Array, lens: Lens) -> Placement:
+    """How `view` shows a board whose outer corners are `outline` (4, 2) [m], clockwise."""
+    corners = seen_outline(view, outline) / (lens.width, lens.height)
     aspect = np.array([lens.width / lens.height, 1.0])
     before, after = (corners[0] - corners[1]) * aspect, (corners[2] - corners[1]) * aspect
     cosine = float(before @ after / (np.linalg.norm(before) * np.linalg.norm(after)))

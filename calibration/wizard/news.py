@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Generic, TypeVar
 
 from calibration.board import BoardView
-from calibration.wizard.coverage import Gate, WantedView
+from calibration.wizard.coverage import Gate, Sketch, WantedView
 from calibration.wizard.latency import LatencySteps
 from calibration.wizard.touches import Touched
 from drivers.types import Array, Frame, Pose
@@ -40,13 +40,16 @@ TouchResult = Result[Array, Touched]  # seen: the disc's centre (2,) [px]
 
 @dataclass(frozen=True, slots=True)
 class ViewNews:
-    """Progress with the board: which view is `wanted` and `why`, the coverage, the last result."""
+    """Progress with the board: which view is `wanted` and `why`, the coverage, the last result, and
+    a `sketch` of the board as it is wanted and seen.
+    """
 
     wanted: WantedView | None
     why: str
     gates: tuple[Gate, ...]
     frame: Frame | None = None
     result: ViewResult | None = None
+    sketch: Sketch | None = None
 
     @property
     def title(self) -> str:

@@ -64,6 +64,7 @@ class Row(Settings):
     """One line of told.jsonl: an accepted or refused image and its measurements.
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
+    `dropped` takes the earlier row of the same number back.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -75,6 +76,7 @@ class Row(Settings):
     centre: tuple[float, float] | None = None
     pose: tuple[float, float, float] | None = None
     again: bool = False
+    dropped: bool = False
 
     @property
     def taken(self) -> bool:
@@ -88,13 +90,17 @@ class SessionFolder:
     """
 
     def __init__(self, folder: Path, session: Session, watch: Watcher = nobody) -> None:
-        """Create `folder`, which must be new or empty; one that cannot be written is a
-        ConfigurationError.
+        """Create `folder`, which must be new or empty, or go on in that of the same `session`.
+
+        One that cannot be written is a ConfigurationError.
         """
-        self.folder = folder
+        self.folder, self.session = folder, session
         self.newest: News | None = None
-        self._count = 0
+        self._count = len([*(folder / IMAGES).glob("*.png")])
         self._watch = watch
+        if (folder / SESSION).exists():
+            _mend_rows(folder / ROWS)
+            return
         with writing(folder):
             (folder / IMAGES).mkdir(parents=True)
         write_yaml(folder / SESSION, session.model_dump(mode="json", by_alias=True))
@@ -161,6 +167,30 @@ def read_session(folder: Path, kind: Kind) -> Session:
     return session
 
 
+def resumed(folder: Path, now: Session) -> Session:
+    """The session in `folder`, to go on with; a ConfigurationError where it was made otherwise than
+    the one of `now`.
+    """
+    begun = read_session(folder, now.kind)
+    for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
+        then, today = getattr(begun, key), getattr(now, key)
+        if then != today:
+            raise ConfigurationError(
+                f"--resume: {folder / SESSION}: {key}: is {then}, here it is {today}; set it back, "
+                "or begin a new session"
+            )
+    return begun
+
+
+def _mend_rows(path: Path) -> None:
+    """Remove a last line that is not whole, so that more can follow."""
+    if not path.exists():
+        return
+    text = read_text(path, MEASURED)
+    if not text.endswith("\n"):
+        _write(path, text[: text.rfind("\n") + 1].encode())
+
+
 def read_rows(folder: Path) -> Iterator[Row]:
     """Rows of told.jsonl, without a truncated last line.
 
@@ -185,8 +215,14 @@ def taken_images(
 
     Raises ConfigurationError for an image that is missing or not of the session's size.
     """
-    for row in read_rows(folder):
-        if row.taken and row.number not in without:
+    kept: list[Row] = []
+    for row in read_rows(folder) if (folder / ROWS).exists() else ():
+        if row.dropped:
+            kept = [other for other in kept if other.number != row.number]
+        elif row.taken:
+            kept.append(row)
+    for row in kept:
+        if row.number not in without:
             yield row, _read_image(folder, row, session.image)
 
 

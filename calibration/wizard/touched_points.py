@@ -11,6 +11,7 @@ from calibration.pointer import find_pointer
 from calibration.wizard.news import Result, TouchResult
 from calibration.wizard.touch_verdict import TouchVerdict, touch_verdict
 from calibration.wizard.touches import (
+    BegunPlan,
     Touched,
     TouchSettings,
     checked_plan,
@@ -37,19 +38,22 @@ class TouchedPoints:
         *,
         fitted: bool = True,
     ) -> None:
-        """`plan` replaces the poses of the settings' grid, e.g. by edited ones.
+        """`plan` replaces the poses of the settings' grid, e.g. by edited ones, or by those of a
+        session that goes on.
 
         Points that are not `fitted` may be few, and each is touched once.
         """
         self._lens = lens
         self._settings = settings
-        planned = touch_plan(settings) if plan is None else tuple(plan)
-        self._plan = checked_plan(planned, settings) if fitted else planned
-        self._queue = list(range(len(self._plan)))
+        planned = touch_plan(settings) if plan is None else plan
+        self._plan = checked_plan(planned, settings) if fitted else tuple(planned)
+        self._touches = list(plan.touched) if isinstance(plan, BegunPlan) else []
+        done = {point.number for point in self._touches}
+        self._queue = [number for number in range(len(self._plan)) if number not in done]
         self._fitted, self._second = fitted, False
         self._tries = 0
         self._last: tuple[Array, Array] | None = None
-        self._touches: list[Touched] = []
+        self._repeat_suspects()
 
     @property
     def plan(self) -> tuple[Pose, ...]:
@@ -102,9 +106,7 @@ class TouchedPoints:
         """Give up the requested pose."""
         self._queue = self._queue[1:]
         self._tries, self._last = 0, None
-        if not self._queue and self._fitted and not self._second:
-            self._second = True
-            self._queue = list(suspects(self._touches, self._lens, self._settings))
+        self._repeat_suspects()
 
     def repeat(self) -> None:
         """Request the previous point again; its touch is dropped."""
@@ -116,6 +118,12 @@ class TouchedPoints:
     def verdict(self) -> TouchVerdict:
         """The verdict on the points so far."""
         return touch_verdict(self._touches, self._lens, self._settings)
+
+    def _repeat_suspects(self) -> None:
+        """Once all poses are touched, request those that disagree a second time."""
+        if not self._queue and self._fitted and not self._second:
+            self._second = True
+            self._queue = list(suspects(self._touches, self._lens, self._settings))
 
     def _check_size(self, frame: Frame) -> None:
         size = (frame.image.shape[1], frame.image.shape[0])

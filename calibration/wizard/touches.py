@@ -46,6 +46,12 @@ class TouchSettings(Settings):
     spread: float = Field(0.6, gt=0, le=1)  # share of the work area that used points enclose
 
 
+class BegunPlan(tuple[Pose, ...]):
+    """Poses to touch, by number, of which some are `touched` already."""
+
+    touched: tuple["Touched", ...] = ()
+
+
 def touch_plan(settings: TouchSettings) -> tuple[Pose, ...]:
     """Poses over the work area, row by row, back and forth; at least twelve to fit."""
     poses: list[Pose] = []
@@ -71,7 +77,7 @@ def checked_plan(plan: Sequence[Pose], settings: TouchSettings) -> tuple[Pose, .
             f"touch: {len(plan)} points with every {settings.hold_out}th held out leave "
             f"{fitted}; at least {MINIMUM_POINTS} are fitted; ask for more"
         )
-    return tuple(plan)
+    return plan if isinstance(plan, BegunPlan) else tuple(plan)
 
 
 def held_out(number: int, settings: TouchSettings) -> bool:

@@ -1,17 +1,21 @@
 """Validity of a calibration, and its entry in the record."""
 
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from calibration.calibration import Calibration
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
+from drivers.files import read_text, replace_file, writing
+from drivers.settings import read_yaml
+from drivers.yaml_edit import edit_text
 
 DAY = 86400.0  # s
 EARLY = 1.0  # days by which two clocks, or their time zones, may differ
 LATENCY, RESIDUAL = (-1.0, 1.0), (0.0, 20.0)  # s, mm
 BIAS, DISTANCE = (-0.05, 0.05), (0.05, 20.0)  # m, of contact_x and of the camera from its plane
-ANEW = "run `cell calibrate camera` and `cell calibrate homography`, name the file in cell.yaml"
+ANEW = "run `cell calibrate camera` and `cell calibrate homography --use`"
 
 
 def age_days(calibration: Calibration, now: datetime) -> float:
@@ -39,6 +43,17 @@ def check_usable(
             f"{devices.camera_identity}; run `cell calibrate` and name its file, or none"
         )
     check_current(calibration, allowed_days, now, on_twin=devices.plant is not None)
+
+
+def use_calibration(cell_file: Path, calibration: Path) -> None:
+    """Name the file `calibration` in `cell_file`, a cell.yaml whose comments stay.
+
+    Raises ConfigurationError for a file that cannot be read or written.
+    """
+    content = {**read_yaml(cell_file), "calibration": str(calibration.resolve())}
+    text = edit_text(read_text(cell_file), content)
+    with writing(cell_file, f"write `calibration: {calibration.resolve()}` into it by hand"):
+        replace_file(cell_file, text.encode())
 
 
 def check_current(

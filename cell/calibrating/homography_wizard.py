@@ -19,6 +19,7 @@ from calibration.wizard.news import TouchNews, Watcher
 from calibration.wizard.picture import touches_picture
 from calibration.wizard.session import (
     PICTURE,
+    SESSION,
     VERDICT,
     Session,
     SessionFolder,
@@ -26,6 +27,7 @@ from calibration.wizard.session import (
     new_session,
     read_latency,
     read_session,
+    resumed,
     taken_images,
     write_image,
     write_yaml,
@@ -37,7 +39,7 @@ from calibration.wizard.touch_verdict import (
     touch_lines,
     touch_verdict,
 )
-from calibration.wizard.touches import Touched, held_out, touch_plan
+from calibration.wizard.touches import BegunPlan, Touched, held_out, touch_plan
 from cell.config.cell import CellFile
 from cell.devices.devices import Devices
 from cell.orchestrator.context import CalibrationContext
@@ -82,6 +84,7 @@ def calibrate_homography(
 ) -> TouchSession:
     """Touch, step and measure under the orchestrator's monitors; keep everything in `folder`.
 
+    A session that was interrupted there goes on with the points that it lacks.
     Raises Fault when a monitor stopped the arm and Interrupted when the operator did; the data
     until then stay in `folder`.
     """
@@ -89,8 +92,12 @@ def calibrate_homography(
     facts = {"lens": CameraFile.of(lens, camera), "touches": settings.touches}
     facts |= {"latency": settings.latency}
     session = new_session("homography", camera, (lens.width, lens.height), locks, **facts)
-    keep = SessionFolder(folder, session, watch)
     poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
+    if (folder / SESSION).exists():
+        session = resumed(folder, session)
+        poses = BegunPlan(read_poses(folder / POSES))
+        poses.touched = tuple(_touches(folder, session, ()))
+    keep = SessionFolder(folder, session, watch)
     write_yaml(folder / POSES, {"poses": [[p.x, p.z, p.pitch] for p in poses]})
     context = CalibrationContext(
         settings.controller, lens, operator=operator, watch=keep, plan=poses, remembers=True
@@ -125,10 +132,7 @@ def homography_again(
     a session without a lens.
     """
     cv2.setNumThreads(1)  # in several threads the last digits differ from time to time
-    session = read_session(folder, "homography")
-    if session.lens is None:
-        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
-    lens = session.lens.lens(f"{folder}: lens")
+    session, lens = read_session(folder, "homography"), lens_of(folder)
     verdict = touch_verdict(_touches(folder, session, without), lens, session.touches)
     latency = None
     steps = read_latency(folder)
@@ -213,6 +217,14 @@ def assemble(
         landmarks=landmarks,
         accepted_anyway=reasons,
     )
+
+
+def lens_of(folder: Path) -> Lens:
+    """The lens of the session of touches in `folder`; without one a ConfigurationError."""
+    session = read_session(folder, "homography")
+    if session.lens is None:
+        raise ConfigurationError(f"{folder}: session.yaml: lens: is missing; add it")
+    return session.lens.lens(f"{folder}: lens")
 
 
 def read_poses(path: Path) -> tuple[Pose, ...]:

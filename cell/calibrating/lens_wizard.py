@@ -15,11 +15,16 @@ from calibration.wizard.news import ViewNews, Watcher
 from calibration.wizard.picture import views_picture
 from calibration.wizard.session import (
     PICTURE,
+    ROWS,
+    SESSION,
     VERDICT,
+    Row,
+    Session,
     SessionFolder,
     make_folder,
     new_session,
     read_session,
+    resumed,
     taken_images,
     write_image,
     write_yaml,
@@ -57,7 +62,8 @@ def calibrate_lens(
 ) -> LensSession:
     """Ask for views of the board until they suffice, and keep session and lens in `folder`.
 
-    `length` [m] is the ruler's length of the board's squares; on the twin it is measured there.
+    A session that was interrupted there goes on. `length` [m] is the ruler's length of the board's
+    squares; on the twin it is measured there, and a session that goes on knows it.
     Raises Interrupted, and Fault where the camera delivers nothing.
     """
     aids = devices.aids
@@ -72,7 +78,11 @@ def calibrate_lens(
         facts = {"length": length, "boards": settings.boards}
         locks = dict(devices.camera_locks())
         session = new_session("camera", devices.camera_identity, size, locks, **facts)
+        if (folder / SESSION).exists():
+            session = resumed(folder, session)
+            length = session.length
         keep = SessionFolder(folder, session, watch)
+        _restore(views, folder, session)
         _show_board(views, source, operator, keep, interrupted)
     finally:
         devices.camera.close()
@@ -125,29 +135,43 @@ def _show_board(
     views: BoardViews,
     source: Source,
     operator: Operator,
-    watch: Watcher,
+    watch: SessionFolder,
     interrupted: Callable[[], bool],
 ) -> None:
     """Ask for one view after the other until none is wanted."""
+    size, seen = watch.session.image, None
     while (wanted := views.ask()) is not None:
         _check(interrupted)
         missing = [gate for gate in views.gates() if not gate.passed]
         why = f"still missing: {missing[0]}" if missing else "all is covered; for good measure"
-        watch(ViewNews(wanted, why, views.gates()))
-        answer = operator.answer(Question(Ask.VIEW, f"show the board: {wanted}"))
+        news = ViewNews(wanted, why, views.gates(), sketch=views.sketch(size, seen))
+        watch(news)
+        answer = operator.answer(Question(Ask.VIEW, news.request))
         _check(interrupted)
         if answer is Answer.SKIP:
             views.skip()
             continue
         if answer is Answer.AGAIN:
-            views.drop_last()
+            if (dropped := views.drop_last()) is not None:
+                watch.add(Row(number=dropped, dropped=True))
             continue
         frame = source(wanted)
         result = views.tell(frame)
         if result.waits:
             frame = source(wanted)
             result = views.tell(frame)
-        watch(ViewNews(views.ask(), why, views.gates(), frame, result))
+        seen = result.seen
+        sketch = views.sketch(size, seen)
+        watch(ViewNews(views.ask(), why, views.gates(), frame, result, sketch))
+
+
+def _restore(views: BoardViews, folder: Path, session: Session) -> None:
+    """Accept the views that an interrupted session took."""
+    for row, image in taken_images(folder, session, ()):
+        if views.restore(row.number, image) is None:
+            raise ConfigurationError(
+                f"--resume: {folder / str(row.image)}: shows no board; take its line out of {ROWS}"
+            )
 
 
 def _check(interrupted: Callable[[], bool]) -> None:

@@ -4,20 +4,27 @@ from collections.abc import Iterable, Sequence
 from types import TracebackType
 from typing import Self
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from calibration.wizard.coverage import Gate
+from calibration.wizard.coverage import Gate, Sketch
 from calibration.wizard.news import News, TouchNews, ViewNews
 from calibration.wizard.touches import Touched
 from calibration.wizard.verdict import Level, Line
+from drivers.types import Array
 
 STYLES = {Level.GOOD: "green", Level.FAIR: "yellow", Level.BAD: "bold red", Level.PLAIN: ""}
 MARKS = {Level.GOOD: "+", Level.FAIR: "~", Level.BAD: "!", Level.PLAIN: " "}
-BAR = 24  # characters
+BAR = 6  # characters
+SKETCH = (32, 9)  # characters of the board's picture, 16:9 like an image
+DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])  # of a braille character
+BRAILLE = 0x2800
 RECENT = 4  # answers that stay in sight
 FOLLOWED = "o fitted   h held out   x twice touched   > wanted   . to come"
 
@@ -54,7 +61,9 @@ class WizardPanel:
         answer = news.answer
         self._news = news
         if answer:
-            self._answers = [*self._answers[1 - RECENT :], answer]
+            said = answer.partition(": ")[2]
+            kept = [line for line in self._answers if line.partition(": ")[2] != said]
+            self._answers = [*kept[1 - RECENT :], answer]
         if self._live is not None:
             self._live.update(self.draw(news), refresh=True)
         elif answer:
@@ -73,9 +82,10 @@ class WizardPanel:
         """The panel in its present state, no higher than the terminal: a live view that is higher
         leaves its upper lines behind at every change.
         """
-        body = gates_table(news.gates) if isinstance(news, ViewNews) else touches_map(news)
-        wanted = Text(f"next  {news.request}", style="bold")
-        head = [wanted, Text(f"why   {news.why}")]
+        body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
+        head = [Text(f"why   {news.why}")]
+        if news.request not in self._question:
+            head = [Text(f"next  {news.request}", style="bold"), *head]
         if self._question:
             head = [Text(self._question, style="bold reverse"), *head]
         for kept in range(len(self._answers), -1, -1):
@@ -99,16 +109,53 @@ def verdict_text(lines: Iterable[Line]) -> Text:
     return text
 
 
-def gates_table(gates: Sequence[Gate]) -> Table:
-    """What the views cover: a bar for each gate, and what to do where it is not full."""
+def views_table(news: ViewNews) -> Table:
+    """What the views cover, beside the board as it is wanted and as it is seen."""
     table = Table.grid(padding=(0, 2))
-    for _ in range(4):
+    table.add_row(gates_table(news.gates), *([] if news.sketch is None else [drawn(news.sketch)]))
+    return table
+
+
+def drawn(sketch: Sketch) -> Text:
+    """The image's frame with the board in it: yellow as it is wanted, green as it is seen."""
+    columns, rows = SKETCH
+    size = np.array([2 * columns, 4 * rows])
+    scale = size / sketch.size
+    frame = (size - 1) / scale * [(0, 0), (1, 0), (1, 1), (0, 1)]
+    layers = [_dots(corners, scale) for corners in (frame, sketch.wanted, sketch.seen)]
+    text = Text(no_wrap=True)
+    for row in np.stack(layers, axis=-1):
+        for edge, wanted, seen in row.tolist():
+            style = "green" if seen else "bold yellow" if wanted else "dim"
+            text.append(chr(BRAILLE + (edge | wanted | seen)), style)
+        text.append("\n")
+    return text.append("yellow: wanted  green: seen", "dim")
+
+
+def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
+    """Braille characters (rows, columns) of the closed line through `corners` (4, 2) [px], times
+    `scale`.
+    """
+    columns, rows = SKETCH
+    picture = np.zeros((4 * rows, 2 * columns), np.uint8)
+    if corners is not None:
+        points = np.clip(np.rint(corners * scale), -999, 999).astype(np.int32)
+        cv2.polylines(picture, [points], isClosed=True, color=1)
+    characters = picture.reshape(rows, 4, columns, 2).astype(np.intp)
+    dots: NDArray[np.intp] = np.einsum("rdce,de->rc", characters, DOTS)
+    return dots
+
+
+def gates_table(gates: Sequence[Gate]) -> Table:
+    """What the views cover: a bar for each gate."""
+    table = Table.grid(padding=(0, 1))
+    for _ in range(3):
         table.add_column(no_wrap=True, overflow="ellipsis")
     for gate in gates:
         full = round(gate.share * BAR)
         style = "green" if gate.passed else "yellow"
         bar = Text("#" * full, style=style) + Text("-" * (BAR - full), style="dim")
-        table.add_row(gate.name, bar, gate.ratio, "" if gate.passed else gate.advice)
+        table.add_row(gate.name, bar, gate.ratio)
     return table
 
 

@@ -44,6 +44,13 @@ Out = Annotated[
 From = Annotated[
     Path | None, typer.Option("--from", help="Solve the session in this folder again instead.")
 ]
+Resume = Annotated[
+    Path | None,
+    typer.Option(help="Go on with the interrupted session in this folder; it keeps its settings."),
+]
+Use = Annotated[
+    bool, typer.Option("--use", help="Name an accepted calibration in cell.yaml, for every fold.")
+]
 Without = Annotated[
     list[int] | None,
     typer.Option(help="With --from: leave the image or point with this number out; repeatable."),
@@ -91,6 +98,7 @@ def calibrate_camera(
     out: Out = None,
     again: From = None,
     without: Without = None,
+    resume: Resume = None,
     interactive: Interactive = False,
     viz: Viz = WizardViz.SAVE,
     configs: Configs = None,
@@ -107,9 +115,9 @@ def calibrate_camera(
     if again is not None:
         verdict, folder = lens_again(again, without or (), out), out or again
     else:
-        folder = _session_folder(out, settings.name, "camera")
+        folder = _session_folder(out, resume, settings.name, "camera")
         devices = _open(settings, "twin", camera)  # no arm is needed
-        if measured is None and devices.aids is None:
+        if measured is None and devices.aids is None and resume is None:
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
             measured = typer.prompt(words, type=float)
         length = None if measured is None else measured / 1e3
@@ -118,11 +126,13 @@ def calibrate_camera(
             verdict = calibrate_lens(
                 settings, devices, folder, operator, at.watch, length, at.interrupted
             ).verdict
+            at.say(lens_lines(verdict))
+    page = None if again and out is None else _page(folder)
     if as_json:
         _print_json(_lens_facts(verdict) | {"folder": str(folder)})
     else:
         _print_lines(lens_lines(verdict))
-        sys.stdout.write(f"  {folder}\n")
+        sys.stdout.write(f"  {page or folder}\n")
     sys.exit(0 if verdict.passed else 1)
 
 
@@ -144,6 +154,8 @@ def calibrate_homography(
     out: Out = None,
     again: From = None,
     without: Without = None,
+    resume: Resume = None,
+    use: Use = False,
     interactive: Interactive = False,
     viz: Viz = WizardViz.SAVE,
     configs: Configs = None,
@@ -151,6 +163,7 @@ def calibrate_homography(
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
     from calibration.lens import read_lens
+    from calibration.wizard.touch_verdict import touch_lines
     from cell.calibrating import homography_wizard as wizard
     from cell.calibrating.lens_wizard import newest_lens
 
@@ -160,9 +173,12 @@ def calibrate_homography(
             again, without or (), out, settings.fold.speed, accept_anyway=accept_anyway
         )
     else:
-        folder = _session_folder(out, settings.name, "homography")
+        folder = _session_folder(out, resume, settings.name, "homography")
         devices = _open(settings, arm, camera)
-        seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
+        if resume is not None:
+            seen_through = wizard.lens_of(resume)
+        else:
+            seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
         plan = None if poses is None else wizard.read_poses(poses)
         with sitting(folder, "homography", viz) as at:
             found = wizard.calibrate_homography(
@@ -176,10 +192,15 @@ def calibrate_homography(
                 accept_anyway=accept_anyway,
                 interrupted=at.interrupted,
             )
+            at.say(touch_lines(found.touches, found.latency, settings.fold.speed))
+    page = None if found.folder is None else _page(found.folder)
+    in_use = _use(configs, found, again) if use else None
     if as_json:
         _print_json(_touch_facts(found))
     else:
-        _print_touches(found, settings.fold.speed)
+        _print_touches(found, settings.fold.speed, in_use)
+        if page is not None:
+            sys.stdout.write(f"  {page}\n")
     sys.exit(0 if found.calibration is not None else 1)
 
 
@@ -226,6 +247,11 @@ class Sitting:
         self.panel = panel
         self.watch: Watcher = panel
         self.interrupted = interrupted
+        self.record: Callable[[str], None] = lambda _: None
+
+    def say(self, lines: "Iterable[Line]") -> None:
+        """Add the verdict to the recording."""
+        self.record("\n".join(line.text for line in lines))
 
     def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
         """Who answers at the terminal."""
@@ -270,7 +296,7 @@ def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
                     at.panel(news)
                     screen(news)
 
-                at.watch = both
+                at.watch, at.record = both, screen.verdict
                 yield at
     except (Interrupted, KeyboardInterrupt):
         raise Interrupted(_remainder(folder, kind)) from None
@@ -284,8 +310,8 @@ def _remainder(folder: Path, kind: str) -> str:
     if taken == 0:
         return f"interrupted; nothing was taken yet; {folder} may be deleted"
     return (
-        f"interrupted; {taken} images are kept in {folder}: "
-        f"`cell calibrate {kind} --from {folder}` solves them"
+        f"interrupted; {taken} images are kept in {folder}: `cell calibrate {kind} --resume "
+        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
     )
 
 
@@ -295,12 +321,18 @@ def _settings(configs: Path | None) -> "CellFile":
     return find_configs(configs).cell()
 
 
-def _session_folder(out: Path | None, cell: str, kind: str) -> Path:
-    """The folder given by --out, or a new one named by time; an existing one is refused."""
+def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
+    """The folder given by --resume or --out, or a new one named by time; an existing --out is
+    refused.
+    """
     from datetime import UTC, datetime
 
     from drivers.errors import ConfigurationError
 
+    if resume is not None and out is not None:
+        raise ConfigurationError("--resume: goes on in its own folder; leave --out away")
+    if resume is not None:
+        return resume
     if out is None:
         return SESSIONS / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{cell}-{kind}"
     if out.exists() and any(out.iterdir() if out.is_dir() else [out]):
@@ -316,6 +348,31 @@ def _open(settings: "CellFile", arm: str | None, camera: str | None) -> "Devices
 
     choice = DeviceSelection(arm, camera)
     return open_cell(settings, NO_STRIP, choice, calibrating=True)
+
+
+def _page(folder: Path) -> Path:
+    from cell.report.calibration_page import write_session_page
+
+    return write_session_page(folder)
+
+
+def _use(configs: Path | None, found: "TouchSession", again: Path | None) -> Path | None:
+    """Name the calibration of a session in cell.yaml; None where there is none."""
+    from calibration.calibration import load_calibration
+    from cell.calibrating.calibration_in_use import use_calibration
+    from cell.config.places import PACKAGED, find_configs
+    from drivers.errors import ConfigurationError
+
+    if found.calibration is None:
+        return None
+    folder, place = find_configs(configs).folder, found.folder or again
+    if folder == PACKAGED:
+        raise ConfigurationError("--use: copy the configs folder; name the copy by --configs")
+    file = Path() if place is None else place / "calibration.yaml"
+    if not file.is_file() or load_calibration(file).id != found.calibration.id:
+        raise ConfigurationError("--use: keep this calibration in a folder first, by --out")
+    use_calibration(folder / "cell.yaml", file)
+    return folder / "cell.yaml"
 
 
 def _print(settings: "CellFile", path: Path) -> None:
@@ -338,20 +395,22 @@ def _lens_facts(verdict: "LensVerdict") -> dict[str, Any]:
     }
 
 
-def _print_touches(found: "TouchSession", speed: float) -> None:
+def _print_touches(found: "TouchSession", speed: float, in_use: Path | None) -> None:
     from calibration.wizard.touch_verdict import touch_lines
 
     _print_lines(touch_lines(found.touches, found.latency, speed))
     made = found.calibration
     if made is None:
         sys.stdout.write("not accepted; --accept-anyway takes it, and every run will say so\n")
+    elif in_use is not None:
+        sys.stdout.write(f"in use: {in_use} names it\n")
     elif found.folder is None:
         sys.stdout.write("name a folder with --out to keep it\n")
     else:
         if made.accepted_anyway:
             sys.stdout.write("accepted in spite of this; every run will say so\n")
         path = (found.folder / "calibration.yaml").resolve()
-        sys.stdout.write(f"to use it, in cell.yaml\n  calibration: {path}\n")
+        sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")
 
 
 def _touch_facts(found: "TouchSession") -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from calibration.calibration import Calibration
@@ -20,6 +21,7 @@ from drivers.strip.shape import Gap, fold_tip, layer_gap
 from drivers.types import Array, Frame, Image, Pose
 
 NAN = float("nan")
+HAND_DEPTH = 0.015  # m around the hand's front in which its side may be seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +69,7 @@ class Perception:
 
         Never raises because of an image: what is not seen is NaN with confidence 0.
         """
-        region = strip_region(self._calibration, self._strip.length, gripper, CELL)
-        visible = without_hand(region, self._calibration, gripper)
-        levels, region = self._scene.levels(frame.image, region, visible)
-        smooth = soft(levels)
+        levels, smooth, region = self._levels(frame, gripper)
         contact = find_contact(smooth, self._line, region.origin)
         curve = self._curve(levels, smooth, region, contact, gripper)
         tip, gap = self._fold(contact, curve)
@@ -86,6 +85,37 @@ class Perception:
             gap_x=gap.x if gap else NAN,
             gripper=(gripper.x, gripper.z),
         )
+
+    def outline(self, frame: Frame, gripper: Pose) -> Array:
+        """Outline (n, 2) [px] of the largest piece of strip in `frame`, held at `gripper` or laid.
+
+        Layers that lie on one another are one piece. Empty where no strip is seen.
+        """
+        _, smooth, region = self._levels(frame, gripper, around=HAND_DEPTH)
+        found, _ = cv2.findContours(
+            self._mask(smooth, region), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
+        )
+        largest = max(found, key=cv2.contourArea, default=np.empty((0, 1, 2)))
+        return np.asarray(largest.reshape(-1, 2) + region.origin)
+
+    def _levels(
+        self, frame: Frame, gripper: Pose, around: float = 0.0
+    ) -> tuple[Image, Image, Region]:
+        """Matte levels (h, w) of the part of the image that holds strip, smoothed ones, that part.
+
+        `around` [m] is masked around the hand too.
+        """
+        region = strip_region(self._calibration, self._strip.length, gripper, CELL)
+        visible = without_hand(region, self._calibration, gripper)
+        if around > 0:
+            side = 2 * round(around / self._sizes.scale) + 1
+            visible = cv2.erode(visible, np.ones((side, side), np.uint8))
+        levels, region = self._scene.levels(frame.image, region, visible)
+        return levels, soft(levels), region
+
+    def _mask(self, smooth: Image, region: Region) -> Image:
+        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
+        return silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
 
     def _curve(
         self, levels: Image, smooth: Image, region: Region, contact: Contact, gripper: Pose
@@ -115,10 +145,10 @@ class Perception:
 
     def _side(self, smooth: Image, region: Region, contact: Contact, gripper: Pose) -> Side | None:
         """The lifted strip's outer side in the window."""
-        zone, high = region.of(self._zones.strip), region.of(self._zones.lifted)
-        mask = silhouette(smooth, self._faint, zone, high, self._sizes.hanging)
         start, grip = self._ends(contact, gripper, region)
-        return outer_side(mask, start, grip, self._settings.outline_step, self._sizes)
+        return outer_side(
+            self._mask(smooth, region), start, grip, self._settings.outline_step, self._sizes
+        )
 
     def _fold(self, contact: Contact, curve: Curve) -> tuple[tuple[float, float], Gap | None]:
         """The fold's rightmost point and the gap between the layers, where a profile was seen."""

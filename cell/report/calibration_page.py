@@ -1,14 +1,30 @@
-"""The HTML page of a camera calibration: how good it is, and where the plane lies in the image."""
+"""The HTML pages of a calibration and of the wizard's session that made it: how good it is, and
+where the plane lies in the image.
+"""
 
 from pathlib import Path
 
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
+from calibration.wizard.session import PICTURE, VERDICT
+from cell.record.files import CALIBRATION, REPORT
 from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
-from cell.report.markup import definitions, drawing, masthead, page, section, steps, verdict_box
+from cell.report.markup import (
+    definitions,
+    drawing,
+    masthead,
+    page,
+    photographs,
+    section,
+    steps,
+    verdict_box,
+)
+from cell.report.overlay import jpeg_text
 from cell.report.words import millimetres, milliseconds
 from drivers.files import replace_file, writing
+from drivers.pictures import read_picture
+from drivers.settings import read_yaml
 
 GOOD = 1.0  # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 X, Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m, of the grid
@@ -28,6 +44,31 @@ def write_calibration_report(path: Path) -> Path:
     return made
 
 
+def write_session_page(folder: Path) -> Path:
+    """Write the page of a wizard's session into its `folder`, and return its path.
+
+    Raises ConfigurationError for a folder without a verdict, or one that cannot be written.
+    """
+    verdict, path = read_yaml(folder / VERDICT), folder / REPORT
+    passed = bool(verdict.get("passed", verdict.get("accepted")))
+    lines, made = [str(line) for line in verdict.get("lines", ())], folder / CALIBRATION
+    parts = [
+        masthead("Session of a calibration wizard", folder.name),
+        verdict_box("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()),
+        section("What it found", steps(lines[:-1])),
+        section("What it saw", photographs([(_jpeg(folder), "the session's last image", PICTURE)])),
+    ]
+    if made.is_file():
+        parts += _sections(load_calibration(made))
+    with writing(path):
+        replace_file(path, page(f"session {folder.name}", parts).encode())
+    return path
+
+
+def _jpeg(folder: Path) -> str:
+    return jpeg_text(read_picture(folder / PICTURE))
+
+
 def calibration_report(calibration: Calibration, name: str) -> str:
     """The page of `calibration`, called `name`."""
     figure = f"{calibration.residual_mm:.2f} mm"
@@ -43,16 +84,22 @@ def calibration_report(calibration: Calibration, name: str) -> str:
                 "good" if good else "bad", headline, said, figure, "rms at points kept back"
             ),
             section("What speaks against it", steps(refused)),
-            section("In numbers", definitions(_numbers(calibration), "tiles")),
-            section(
-                "The strip's plane in the image",
-                drawing(_grid(calibration), "grid of the plane of the strip in the camera's image"),
-                note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
-                "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
-            ),
-            section("Locked controls of the camera", definitions(_locks(calibration), "rows")),
+            *_sections(calibration),
         ],
     )
+
+
+def _sections(calibration: Calibration) -> list[str]:
+    return [
+        section("In numbers", definitions(_numbers(calibration), "tiles")),
+        section(
+            "The strip's plane in the image",
+            drawing(_grid(calibration), "grid of the plane of the strip in the camera's image"),
+            note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
+            "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
+        ),
+        section("Locked controls of the camera", definitions(_locks(calibration), "rows")),
+    ]
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
 """Figures of a run: the strip over time, and the signals under the states."""
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -14,11 +15,13 @@ from cell.report.drawing import (
     MUTED,
     ORANGE,
     PAPER,
+    PURPLE,
     RULE,
     as_svg,
     canvas,
 )
 from cell.report.overlay import fold_tips
+from cell.report.silhouettes import Silhouette
 from drivers.types import Array
 
 CURVES = 26
@@ -46,8 +49,10 @@ LANES = {
 }
 
 
-def strip_figure(run: Run) -> str:
-    """The measured strip, coloured by time, and the path of the gripper; SVG."""
+def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
+    """The measured strip, coloured by time, its `outlines` after the touch, and the path of the
+    gripper; SVG.
+    """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
@@ -60,6 +65,7 @@ def strip_figure(run: Run) -> str:
             shade = colours((t - first) / max(last - first, 1e-9))
             near = points[(np.abs(points) < REACH).all(axis=1)]  # a wild one would fill the page
             axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85)
+        _outlines(axes, outlines)
         _desk(axes, run)
         _path(axes, run.ticks)
         _touch_mark(axes, run)
@@ -105,6 +111,18 @@ def _spread(curves: list[tuple[float, Array]], count: int) -> list[tuple[float, 
 def _span(run: Run) -> tuple[float, float]:
     times = run.profile.t if run.profile.t.size else run.ticks.t
     return (float(times.min()), float(times.max())) if times.size else (0.0, 1.0)
+
+
+def _outlines(axes: Any, outlines: Sequence[Silhouette]) -> None:
+    """The strip while it is laid and when it lies, as it fills the image."""
+    shown = set[str]()
+    for outline in outlines:
+        label = None if outline.state in shown else outline.state
+        shown.add(outline.state)
+        colour = GREEN if outline.state == "LAY" else PURPLE
+        axes.fill(*(1e3 * outline.plane).T, fc=colour, ec=colour, alpha=0.5, lw=0.8, label=label)
+    if shown:
+        axes.legend(loc="upper right", handlelength=1.2)
 
 
 def _desk(axes: Any, run: Run) -> None:

@@ -1,6 +1,7 @@
 """Key frames with the measurements drawn into them."""
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from calibration.calibration import Calibration
 from cell.record.columns import REACH, Sights, Ticks
 from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
+from cell.report.silhouettes import Silhouette, state_at
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Image
@@ -45,8 +47,8 @@ class Window:
         return image[self.top : self.bottom, self.left : self.right]
 
 
-def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
-    """Up to six kept images, spread over the run, with profile, contact and fold tip drawn in.
+def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
+    """Up to six kept images, spread over the run, with profile, contact, fold tip and `outlines`.
 
     An image that cannot be read is skipped.
     """
@@ -61,9 +63,10 @@ def key_pictures(run: Run) -> tuple[KeyPicture, ...]:
             continue
         if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
-            image = window.cut(_with_sight(image, note, calibration, sights, tips, curves))
+            image = _with_sight(image, note, calibration, sights, tips, curves)
+            image = window.cut(_with_outline(image, note.sequence, outlines))
         whole = frame_file(Path(), note.sequence).as_posix()
-        pictures.append(KeyPicture(_jpeg(image), _caption(note, run, sights), whole))
+        pictures.append(KeyPicture(jpeg_text(image), _caption(note, run, sights), whole))
     return tuple(pictures)
 
 
@@ -75,16 +78,16 @@ def end_picture(run: Run) -> str:
     image = _read(kept[-1]) if kept else None
     calibration = run.calibration()
     if image is None or calibration is None or not _fits(image, calibration):
-        return "" if image is None else _jpeg(image)
+        return "" if image is None else jpeg_text(image)
     reach = float(np.max(run.ticks.x, initial=0.1))
     corners = [(x, z) for x in (LYING[0], LYING[1] * reach) for z in LYING[2:]]
     pixels = calibration.to_image(np.array(corners))
     if not np.isfinite(pixels).all():
-        return _jpeg(image)
+        return jpeg_text(image)
     size = np.array([image.shape[1], image.shape[0]])
     left, top = np.clip(pixels.min(axis=0), 0, size - 2).astype(int)
     right, bottom = np.clip(pixels.max(axis=0), (left + 2, top + 2), size).astype(int)
-    return _jpeg(image[top:bottom, left:right])
+    return jpeg_text(image[top:bottom, left:right])
 
 
 def _fits(image: Image, calibration: Calibration) -> bool:
@@ -171,20 +174,27 @@ def _with_sight(
     return draw_sight(image, calibration, curve, float(sights.contact_x[row]), tips[row])
 
 
+def _with_outline(image: Image, sequence: int, outlines: Sequence[Silhouette]) -> Image:
+    import cv2
+
+    rings = [np.rint(o.pixels).astype(np.int32) for o in outlines if o.sequence == sequence]
+    return cv2.polylines(image.copy(), rings, True, PROFILE_BGR, 2, cv2.LINE_AA) if rings else image
+
+
 def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
     words = [seconds(note.stamp)]
     if note.stamp < 0:
         words.append("before the lift")
     elif run.ticks.state:
-        place = int(np.searchsorted(run.ticks.t, note.stamp))
-        words.append(run.ticks.state[min(place, len(run.ticks.state) - 1)])
+        words.append(state_at(run, note.stamp))
     contact = sights.contact_x[sights.sequence == note.sequence]
     if contact.size and np.isfinite(contact[0]):
         words.append(f"contact {1e3 * contact[0]:.0f} mm")
     return "  ·  ".join(words)
 
 
-def _jpeg(image: Image) -> str:
+def jpeg_text(image: Image) -> str:
+    """`image` (h, w, 3) as a JPEG `WIDTH` wide, base64."""
     import cv2
 
     height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))

@@ -36,7 +36,8 @@ from cell.report.markup import (
     verdict_box,
 )
 from cell.report.outlook import outlook_figure, predictions
-from cell.report.overlay import KeyPicture, end_picture, key_pictures
+from cell.report.overlay import end_picture, key_pictures
+from cell.report.silhouettes import Silhouette, silhouettes
 from cell.report.timing import timing_figure
 from cell.report.verdict import verdict_of
 from cell.report.words import millimetres
@@ -83,7 +84,7 @@ def _parts(run: Run, *, ended: bool) -> Iterator[str]:
     under_way = not ended and is_under_way(run.folder)
     truth, spoilt = _truth(run)
     said = verdict_of(run, truth, under_way)
-    pictures = key_pictures(run)
+    outlines = silhouettes(run)
     end = end_picture(run) if said.figure else ""
     yield verdict_box(said.tone, said.headline, said.sentences, said.figure, said.error, end)
     if spoilt:
@@ -93,7 +94,7 @@ def _parts(run: Run, *, ended: bool) -> Iterator[str]:
         yield section("What is here", definitions(remains(run), "rows"))
     yield section("In numbers", definitions(measures(run), "tiles"))
     yield from _outlook(run)
-    yield from _pictures(run, pictures)
+    yield from _pictures(run, outlines)
     yield section("Checks before the motion", table(("check", "result", "why"), checks(run)))
     yield section("What happened", table(("t [s]", "event", ""), listed_events(run)))
     yield section("Files beside this page", table(("file", "holds"), _files(run)))
@@ -144,19 +145,23 @@ def _files(run: Run) -> list[tuple[Link, str]]:
     return [(Link(name, name), what) for name, what in FILES if (run.folder / name).is_file()]
 
 
-def _pictures(run: Run, pictures: Sequence[KeyPicture]) -> Iterator[str]:
+def _pictures(run: Run, outlines: Sequence[Silhouette]) -> Iterator[str]:
+    pictures = key_pictures(run, outlines)
     yield section(
         "What the camera saw",
         photographs([(picture.jpeg, picture.caption, picture.whole) for picture in pictures]),
-        note="Orange: the lifted strip as it was found. Blue: the desk contact. "
-        "White: the fold's tip.",
+        note="Orange: the lifted strip as it was found, and the outline of the strip once the "
+        "layers touch. Blue: the desk contact. White: the fold's tip.",
     )
     if run.ticks.t.size == 0:
         return
     yield section(
         "The strip and the path",
-        drawing(strip_figure(run), "side view of the strip over time and the gripper's path"),
-        note="Coloured by time: the lifted strip in the images. The strong line is the gripper's "
+        drawing(
+            strip_figure(run, outlines), "side view of the strip over time and the gripper's path"
+        ),
+        note="Coloured by time: the lifted strip in the images; filled: the strip while it is laid "
+        "and when it lies, as it fills the image. The strong line is the gripper's "
         "measured path, the dotted one the commanded; ticks under the desk mark the contacts.",
     )
     yield section(

@@ -124,11 +124,14 @@ def test_image_of_another_size_is_refused() -> None:
     assert answer == "the image is 720 x 1280 px, the others are 1280 x 720 px; set the camera back"
 
 
-def test_view_can_be_left_out_by_its_number() -> None:
+def test_newest_view_can_be_taken_back() -> None:
     views = BoardViews(SETTINGS)
+    wanted = views.ask()
     assert _shown(views, Held(0.5, 0.5, 0.4)) is None
-    assert views.drop(1)
-    assert not views.drop(1)
+    assert views.ask() != wanted
+    assert views.drop_last() == 1
+    assert views.ask() == wanted
+    assert views.drop_last() is None
     assert views.verdict().views == 0
 
 

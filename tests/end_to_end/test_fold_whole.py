@@ -16,6 +16,8 @@ from cell.folding.batch import side_by_side
 from cell.folding.replay import replay
 from cell.record.files import CALIBRATION, EVENTS, RECORDING, TRUTH
 from cell.record.frames import INDEX
+from cell.report.page import report
+from cell.report.silhouettes import silhouettes
 from cell.studies.kit.resimulate import resimulate
 from drivers.errors import ConfigurationError
 from policies.checkpoint import load_checkpoint, save_checkpoint
@@ -66,6 +68,21 @@ def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     along = np.einsum("mns,ns->mn", points[:, None] - start, step) / np.sum(step**2, axis=1)
     foot = start + np.clip(along, 0, 1)[..., None] * step
     return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1)
+
+
+def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
+    seen = silhouettes(denim.run)
+    assert len(seen) == 6
+    assert {outline.state for outline in seen} == {"LAY", "RELEASE"}
+    stamps = {note.sequence: note.stamp for note in denim.run.frame_index()}
+    for outline in seen:
+        true = denim.true_shape(stamps[outline.sequence])
+        assert np.percentile(distances(outline.plane, true), 95) < 0.006
+        clear = true[true[:, 0] > 0.1][:-4]  # the hand covers the ends
+        assert distances(clear, outline.plane).max() < 0.006
+    text = report(denim.run)
+    assert "LAY" in text
+    assert "outline of the strip once the layers touch" in text
 
 
 def test_an_independent_simulation_of_the_path_gives_the_same_displacement(denim: Folded) -> None:

@@ -71,6 +71,13 @@ class WizardScreen:
         self._say(wanted, news.why, rows)
         shares = np.array([gate.share for gate in news.gates])
         self._to.log("wizard/coverage", rr.BarChart(shares))
+        if news.sketch is not None:
+            ghost = [] if news.sketch.wanted is None else [news.sketch.wanted]
+            closed = [np.vstack([corners, corners[:1]]) for corners in ghost]
+            self._to.log(
+                "camera/image/wanted",
+                rr.LineStrips2D(closed, colors=WANTED, radii=3, labels=["wanted"] * len(closed)),
+            )
         if news.result is None:
             return
         if news.result.refused is not None:
@@ -84,7 +91,7 @@ class WizardScreen:
     def _touches(self, news: TouchNews) -> None:
         wanted = "nothing more"
         if news.wanted is not None:
-            wanted = f"the arm at x {news.wanted.x:.3f}, z {news.wanted.z:.3f} m"
+            wanted = news.request
         done = f"{len({point.number for point in news.touches})} of {len(news.plan)} points"
         self._say(wanted, news.why, [str(news.stage), done])
         if news.touches:

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 from rich.console import Console
 
-from calibration.wizard.coverage import Gate, WantedView
+from calibration.wizard.coverage import Gate, Sketch, WantedView
 from calibration.wizard.latency import LatencyVerdict
 from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
 from calibration.wizard.touch_verdict import Grade, touch_lines, touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
 from cell.calibrating.keyboard import KEYS
-from cell.calibrating.wizard_panel import WizardPanel, verdict_text
+from cell.calibrating.wizard_panel import SKETCH, WizardPanel, drawn, verdict_text
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from tests.support.board_sessions import LENS
@@ -44,12 +44,32 @@ def _touches(count: int) -> tuple[Touched, ...]:
 
 def test_board_panel_says_what_is_wanted_why_and_what_is_missing() -> None:
     wanted = WantedView(0.16, 0.27, 0.4, 0.28, 0.28)
-    shown = _terminal(ViewNews(wanted, "still missing: x", GATES))
+    shown = _terminal(ViewNews(wanted, f"still missing: {GATES[0]}", GATES))
     assert "show the board high and left, 40 % of the image wide, top away by 16 deg" in shown
-    assert "why   still missing: x" in shown
-    assert "0.20 of 0.50" in shown
+    assert "why   still missing: x: 0.20 of 0.50" in shown
+    assert "0.20 of 0.50" in shown.split("why")[1].splitlines()[2]
     assert "show it far left and far right" in shown
     assert "lean its top away" not in shown
+
+
+def test_panel_draws_the_wanted_board_and_the_one_that_is_seen() -> None:
+    wanted = np.array([(0.0, 0), (600, 0), (600, 719), (0, 719)])
+    text = drawn(Sketch((1280, 720), wanted, wanted + np.array([660, 0])))
+    columns, rows = SKETCH
+    assert [len(line) for line in text.plain.splitlines()[:rows]] == [columns] * rows
+    for style, left in (("bold yellow", True), ("green", False)):
+        places = [span.start % (columns + 1) for span in text.spans if str(span.style) == style]
+        assert len(places) > 2 * rows
+        assert all((place < columns // 2) is left for place in places)
+
+
+def test_question_that_says_what_is_next_is_not_said_twice() -> None:
+    news = ViewNews(WantedView(0.5, 0.5, 0.4), "still missing: x", GATES)
+    console = Console(file=io.StringIO(), width=80, record=True, force_terminal=True)
+    panel = WizardPanel(console)
+    panel.ask(f"{news.request}  [{KEYS}]")
+    console.print(panel.draw(news))
+    assert console.export_text().count("show the board the middle") == 1
 
 
 def test_touch_panel_maps_the_plane() -> None:

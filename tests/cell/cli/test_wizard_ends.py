@@ -18,6 +18,7 @@ def test_stopped_wizard_names_the_folder_that_keeps_its_images(stop, tmp_path: P
     ):
         raise stop
     assert f"`cell calibrate camera --from {tmp_path}` solves them" in str(ended.value)
+    assert f"`cell calibrate camera --resume {tmp_path}` goes on" in str(ended.value)
     assert ended.value.exit_code == 130
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from calibration.wizard.coverage import Gate, WantedView
+from calibration.wizard.coverage import Gate, Sketch, WantedView
 from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
 from calibration.wizard.touches import Touched, TouchSettings, touch_plan
 from cell.report.viz.wizard import WIZARD_RECORDING, watched
@@ -26,7 +26,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     )
     refused = Result(4, None, None, "0 corners of the board are seen")
     with watched(folder) as screen:
-        screen(ViewNews(WantedView(0.2, 0.3, 0.4), "still missing: x", GATES, FRAME, refused))
+        ghost = np.array([(10.0, 10), (33.5, 10), (30, 30), (10, 30)])
+        wanted = WantedView(0.2, 0.3, 0.4)
+        sketch = Sketch((128, 72), ghost, None)
+        screen(ViewNews(wanted, "still missing: x", GATES, FRAME, refused, sketch))
         screen(TouchNews(Stage.AGAIN, PLAN, touched, PLAN[3], "touch it once more"))
         screen.verdict("good: this calibration may be used")
     found: dict[str, str] = {}
@@ -42,7 +45,7 @@ def test_what_is_wanted_and_why_is_told(recorded) -> None:
     words = recorded["/wizard/words"]
     assert "next: high and left, 40 % of the image wide, facing the camera" in words
     assert "why: still missing: x" in words
-    assert "the arm at x 0.368, z 0.015 m" in words
+    assert "the arm goes to x 368, z 15 mm" in words
     assert "good: this calibration may be used" in words
 
 
@@ -54,3 +57,8 @@ def test_image_coverage_and_touched_points_are_drawn(recorded) -> None:
     assert "/camera/image" in recorded
     assert "0.4" in recorded["/wizard/coverage"]
     assert "20.0" in recorded["/camera/image/touched"]
+
+
+def test_wanted_board_is_drawn_into_the_image(recorded) -> None:
+    assert "33.5" in recorded["/camera/image/wanted"]
+    assert "'wanted'" in recorded["/camera/image/wanted"]

@@ -1,0 +1,133 @@
+"""A wizard that was interrupted goes on where it was, and what was taken back stays out."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.calibration import save_calibration
+from calibration.wizard.news import ViewNews
+from calibration.wizard.session import read_rows
+from calibration.wizard.touched_points import TouchedPoints
+from calibration.wizard.touches import BegunPlan, Touched, TouchSettings, held_out, touch_plan
+from cell.calibrating.calibrate import NO_STRIP
+from cell.calibrating.calibration_in_use import use_calibration
+from cell.calibrating.lens_wizard import LensSession, calibrate_lens, lens_again
+from cell.config.places import BESIDE, Configs
+from cell.devices.devices import Devices, DeviceSelection
+from cell.devices.open import open_cell
+from cell.orchestrator.interrupt import Interrupted
+from cell.orchestrator.operator import Answer, Question, Unattended
+from cell.report.calibration_page import write_session_page
+from drivers.errors import ConfigurationError
+from drivers.types import frozen
+from tests.cell.conftest import straight_camera
+from tests.support.board_sessions import LENS
+
+SETTINGS = Configs(BESIDE).cell()
+
+
+def _devices() -> Devices:
+    return open_cell(SETTINGS, NO_STRIP, DeviceSelection(), calibrating=True)
+
+
+class Hesitant:
+    """Takes the fourth view back, and stops once six are wanted no more."""
+
+    def __init__(self) -> None:
+        self.answers = 0
+
+    def answer(self, _: Question) -> Answer:
+        self.answers += 1
+        return Answer.AGAIN if self.answers == 5 else Answer.GO
+
+    def stops(self) -> bool:
+        return self.answers > 7
+
+
+@pytest.fixture(scope="module")
+def gone_on(tmp_path_factory: pytest.TempPathFactory) -> tuple[LensSession, int, list[ViewNews]]:
+    """A session that was interrupted, its images until then, and the news since."""
+    folder, person = tmp_path_factory.mktemp("sessions") / "lens", Hesitant()
+    arguments = (folder, person, lambda _: None, None, person.stops)
+    with pytest.raises(Interrupted):
+        calibrate_lens(SETTINGS, _devices(), *arguments)
+    with (folder / "told.jsonl").open("a") as file:
+        file.write('{"number": 99, "ima')  # the process died while it wrote
+    before = len([*(folder / "images").iterdir()])
+    news: list[ViewNews] = []
+    made = calibrate_lens(SETTINGS, _devices(), folder, Unattended(), news.append, None)
+    return made, before, news
+
+
+def test_interrupted_session_goes_on_with_the_views_it_has(gone_on) -> None:
+    made, before, news = gone_on
+    assert made.verdict.passed, made.verdict.reasons
+    assert before == 6
+    views = next(gate for gate in news[0].gates if gate.name == "views")
+    assert views.have == before - 1  # one was taken back
+    assert len([*(made.folder / "images").iterdir()]) == made.verdict.views + 1
+    assert all(row.number != 99 for row in read_rows(made.folder))
+
+
+def test_view_that_was_taken_back_is_left_out_when_the_session_is_solved_again(gone_on) -> None:
+    made, _, _ = gone_on
+    again = lens_again(made.folder, (), None)
+    assert again.views == made.verdict.views
+    assert np.array_equal(again.fit.lens.matrix, made.verdict.fit.lens.matrix)
+
+
+def test_session_of_another_camera_does_not_go_on(gone_on) -> None:
+    other = replace(_devices(), camera_identity="other camera")
+    with pytest.raises(
+        ConfigurationError, match=r"--resume: .*camera: is .*, here it is other camera; set it back"
+    ):
+        calibrate_lens(SETTINGS, other, gone_on[0].folder, Unattended(), lambda _: None, None)
+
+
+def test_wanted_board_is_drawn_where_the_twin_then_shows_it(gone_on) -> None:
+    _, _, news = gone_on
+    asked = [item for item in news if item.result is None and item.sketch is not None]
+    taken = [item for item in news if item.result is not None and item.result.taken is not None]
+    assert len(taken) > 5
+    for wanted, seen in zip(asked, taken, strict=False):
+        ghost, board = wanted.sketch.wanted, seen.sketch.seen
+        assert np.hypot(*(ghost - board).T).max() < 40  # px; the lens is a guess at first
+
+
+def test_page_of_a_session_says_what_it_found(gone_on) -> None:
+    text = write_session_page(gone_on[0].folder).read_text()
+    assert "good: next, `cell calibrate homography`" in text
+    assert "focal length" in text
+    assert "data:image/jpeg" in text
+
+
+def test_touches_go_on_with_the_points_that_are_missing() -> None:
+    settings = TouchSettings()
+    plan = BegunPlan(touch_plan(settings))
+    places = [np.array([plan[k].x, plan[k].z]) for k in (0, 1, 4)]
+    plan.touched = tuple(
+        Touched(k, place, frozen(1000 * place), held_out(k, settings))
+        for k, place in zip((0, 1, 4), places, strict=True)
+    )
+    points = TouchedPoints(LENS, settings, plan)
+    assert [point.number for point in points.touches] == [0, 1, 4]
+    asked = []
+    while points.number is not None:
+        asked.append(points.number)
+        points.skip()
+    assert asked == [2, 3, *range(5, 24)]
+
+
+def test_calibration_is_put_to_use_without_a_change_of_anything_else(tmp_path: Path) -> None:
+    path, cell_file = tmp_path / "calibration.yaml", tmp_path / "cell.yaml"
+    save_calibration(straight_camera(), path)
+    before = (BESIDE / "cell.yaml").read_text()
+    cell_file.write_text(before)
+    use_calibration(cell_file, path)
+    after = cell_file.read_text()
+    line = re.search(r"^calibration: .*\n", after, re.MULTILINE)[0]
+    assert after.replace(line, "") == before
+    assert Configs(tmp_path).cell().calibration == str(path)
