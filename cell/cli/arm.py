@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Configs, check_names
+from cell.cli.options import Arm, Configs, check_names, length_option
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -67,8 +67,14 @@ def park(
 
 
 def jog(
-    x: Annotated[float, typer.Option(help="Along the strip [mm].")] = 0.0,
-    z: Annotated[float, typer.Option(help="Up [mm].")] = 0.0,
+    x: Annotated[
+        float,
+        length_option("--x", "Along the strip, as 20mm [mm].", "mm"),
+    ] = 0.0,
+    z: Annotated[
+        float,
+        length_option("--z", "Up, as 20mm [mm].", "mm"),
+    ] = 0.0,
     pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
     arm: Arm = None,
     full_speed: Quick = False,
@@ -79,7 +85,7 @@ def jog(
     from cell.config.places import find_configs
 
     settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
-    motion = by_hand.jog(x / 1e3, z / 1e3, radians(pitch))
+    motion = by_hand.jog(x, z, radians(pitch))
     _end(by_hand.by_hand(settings, choice, motion))
 
 

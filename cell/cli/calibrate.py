@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json
+from cell.cli.options import Arm, Camera, Configs, Json, length_parser
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cell.devices.devices import Devices
     from cell.orchestrator.operator import Operator
 
+MEASURED = length_parser("--measured", "mm", least=1e-3)
 SESSIONS = Path("calibrations")
 FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
 
@@ -92,7 +93,11 @@ def calibrate_camera(
     ] = None,
     measured: Annotated[
         float | None,
-        typer.Option(help="Length of all columns of squares by a ruler [mm].", min=1.0),
+        typer.Option(
+            parser=MEASURED,
+            metavar="LENGTH",
+            help="Length of all columns of squares by a ruler, as 252.0mm [mm].",
+        ),
     ] = None,
     camera: Camera = None,
     out: Out = None,
@@ -119,12 +124,11 @@ def calibrate_camera(
         devices = _open(settings, "twin", camera)  # no arm is needed
         if measured is None and devices.aids is None and resume is None:
             words = f"length of {settings.boards.columns} squares by a ruler [mm]"
-            measured = typer.prompt(words, type=float)
-        length = None if measured is None else measured / 1e3
+            measured = typer.prompt(words, value_proc=_ruler)
         with sitting(folder, "camera", viz) as at:
             operator = at.operator(devices, interactive=interactive)
             verdict = calibrate_lens(
-                settings, devices, folder, operator, at.watch, length, at.interrupted
+                settings, devices, folder, operator, at.watch, measured, at.interrupted
             ).verdict
             at.say(lens_lines(verdict))
     page = None if again and out is None else _page(folder)
@@ -319,6 +323,16 @@ def _settings(configs: Path | None) -> "CellFile":
     from cell.config.places import find_configs
 
     return find_configs(configs).cell()
+
+
+def _ruler(text: str) -> float:
+    """The length [m] typed at a prompt, which asks again for anything else."""
+    from drivers.errors import ConfigurationError
+
+    try:
+        return MEASURED(text)
+    except ConfigurationError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:

@@ -16,6 +16,7 @@ from cell.cli.options import (
     Runs,
     busy,
     check_names,
+    length_option,
     policy_names,
     strip_names,
 )
@@ -71,9 +72,13 @@ PolicyName = Annotated[
         help=f"How the gripper is moved: {', '.join(policy_names())}.", autocompletion=policy_names
     ),
 ]
-Length = Annotated[float | None, typer.Option(help="Length [m] of a strip that has no file.")]
+Length = Annotated[
+    float | None,
+    length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
+]
 Thickness = Annotated[
-    float | None, typer.Option(help="Its thickness [m], where calipers are at hand.")
+    float | None,
+    length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
 ]
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")

@@ -3,6 +3,7 @@
 import sys
 from contextlib import contextmanager
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,9 +13,34 @@ from cell.config.drivers import arm_names, camera_names
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from cell.campaign.run import Engine
+
+
+def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
+    """Parser of an `option` that takes a length [m] of `least` or more: `600mm`, `60cm`, `0.6m`, or
+    a number in `bare`; ConfigurationError for anything else.
+    """
+
+    def parse(text: str) -> float:
+        from cell.config.length import length
+        from drivers.errors import ConfigurationError
+
+        value = length(str(text), bare)
+        if not value >= least:
+            few = "" if least == -inf else f" of {1e3 * least:g} mm or more"
+            raise ConfigurationError(
+                f"{option}: {text!r} is no length{few}; write one as 600mm or 0.6m"
+            )
+        return value
+
+    return parse
+
+
+def length_option(option: str, says: str, bare: str = "m") -> Any:
+    """An `option` that takes a length, in metres for the command, whatever unit was typed."""
+    return typer.Option(option, parser=length_parser(option, bare), metavar="LENGTH", help=says)
 
 
 def policy_names() -> list[str]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, strip_names
+from cell.cli.options import Configs, Json, length_option, strip_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,7 +65,7 @@ def measure(
     ] = None,
     overhang: Annotated[
         list[float] | None,
-        typer.Option(help="Its length from ledge to tip [m]; one for each --photo."),
+        length_option("--overhang", "Its length from ledge to tip [m]; one for each --photo."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for pictures and numbers [default: measured/NAME].")
@@ -106,12 +106,21 @@ def measure(
 @strips.command()
 def new(
     strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")],
-    length: Annotated[float, typer.Option(help="Fixed edge to grasped edge [m].")],
-    width: Annotated[float, typer.Option(help="Width [m].")],
+    length: Annotated[
+        float,
+        length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m]."),
+    ],
+    width: Annotated[float, length_option("--width", "Width [m].")],
     areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None,
-    bending_length: Annotated[float | None, typer.Option(help="Bending length [m].")] = None,
+    bending_length: Annotated[
+        float | None,
+        length_option("--bending-length", "Bending length [m]."),
+    ] = None,
     retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None,
-    thickness: Annotated[float | None, typer.Option(help="Thickness [m].")] = None,
+    thickness: Annotated[
+        float | None,
+        length_option("--thickness", "Thickness [m]."),
+    ] = None,
     colour: Annotated[
         tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
     ] = None,

@@ -5,7 +5,16 @@ import re
 
 from drivers.errors import ConfigurationError
 
-UNITS = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+
+def length(text: str, bare: str = "m") -> float:
+    """The length [m] that `text` states, in `bare` where it names no unit; otherwise NaN."""
+    found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*(m|cm|mm)?\s*", text)
+    try:
+        return float(found[1]) * UNITS[found[2] or bare] if found else math.nan
+    except ValueError:
+        return math.nan
 
 
 def metres(option: str, text: str, most: float) -> float:
@@ -13,11 +22,7 @@ def metres(option: str, text: str, most: float) -> float:
 
     Raises ConfigurationError naming `option` for anything else.
     """
-    found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*(m|cm|mm)?\s*", text)
-    try:
-        value = float(found[1]) * UNITS[found[2] or ""] if found else math.nan
-    except ValueError:
-        value = math.nan
+    value = length(text)
     if abs(value) <= most:
         return value
     raise ConfigurationError(

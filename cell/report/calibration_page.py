@@ -56,7 +56,7 @@ def write_session_page(folder: Path) -> Path:
         masthead("Session of a calibration wizard", folder.name),
         verdict_box("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()),
         section("What it found", steps(lines[:-1])),
-        section("What it saw", photographs([(_jpeg(folder), "the session's last image", PICTURE)])),
+        section("What it saw", photographs(_picture(folder))),
     ]
     if made.is_file():
         parts += _sections(load_calibration(made))
@@ -65,8 +65,12 @@ def write_session_page(folder: Path) -> Path:
     return path
 
 
-def _jpeg(folder: Path) -> str:
-    return jpeg_text(read_picture(folder / PICTURE))
+def _picture(folder: Path) -> list[tuple[str, str, str]]:
+    """The picture of the session; one that was solved again has none."""
+    path = folder / PICTURE
+    if not path.is_file():
+        return []
+    return [(jpeg_text(read_picture(path)), "what was measured, in the last image", PICTURE)]
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:

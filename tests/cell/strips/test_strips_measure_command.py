@@ -101,7 +101,7 @@ def test_measure_writes_the_bending_length_and_where_it_comes_from(
         (("--photo", "{photo}", "--photo", "{photo}", "--overhang", 0.1), "1 given for 2"),
         (("--photo", "{photo}", "--overhang", 6), "out of range"),
         (("--photo", "{photo}", "--overhang", -0.1), "out of range"),
-        (("--photo", "{photo}", "--overhang", "nan"), "out of range"),
+        (("--photo", "{photo}", "--overhang", "nan"), "--overhang: 'nan' is no length"),
         (("--photo", "gone.jpg", "--overhang", 0.1), "gone.jpg: cannot be read"),
         (("--photo", "{text}", "--overhang", 0.1), "not a picture"),
         (("--photo", "{empty}", "--overhang", 0.1), "not a picture"),

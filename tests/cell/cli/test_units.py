@@ -1,0 +1,63 @@
+"""One convention of units: SI, or the unit that stands behind a number or at the end of a name."""
+
+import re
+import shutil
+from collections.abc import Iterator
+
+import pytest
+import typer
+import yaml
+
+from cell.__main__ import main
+from cell.cli.app import app
+from cell.cli.options import length_parser
+from cell.config.places import BESIDE
+from drivers.errors import ConfigurationError
+
+UNIT = re.compile(r"\[(m|mm|s|deg|rad|kg/m\^2|N|Hz)\]")
+
+
+def options(command: object, path: str = "cell") -> Iterator[tuple[str, object]]:
+    for parameter in command.params:
+        yield path, parameter
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from options(inner, f"{path} {name}")
+
+
+def test_every_option_that_takes_a_length_says_in_which_unit_a_bare_number_is() -> None:
+    found = {
+        (path, parameter.opts[0]): parameter.help or ""
+        for path, parameter in options(typer.main.get_command(app))
+        if parameter.metavar == "LENGTH"
+    }
+    assert len(found) >= 9
+    assert not {key: text for key, text in found.items() if not UNIT.search(text)}
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"), [("0.6", 0.6), ("600mm", 0.6), ("60 cm", 0.6), ("0.6m", 0.6), ("6e-1", 0.6)]
+)
+def test_length_may_carry_its_unit(text: str, metres: float) -> None:
+    assert length_parser("--length")(text) == pytest.approx(metres)
+
+
+def test_bare_number_is_in_the_units_of_the_option() -> None:
+    assert length_parser("--z", "mm")("20") == pytest.approx(0.02)
+    assert length_parser("--z", "mm")("0.02m") == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("text", ["600 in", "", "long", "nan"])
+def test_what_is_no_length_is_refused(text: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"--length: .* write one as 600mm"):
+        length_parser("--length")(text)
+
+
+def test_strip_is_made_from_lengths_as_a_ruler_shows_them(tmp_path, monkeypatch) -> None:
+    shutil.copytree(BESIDE, tmp_path / "configs")
+    monkeypatch.chdir(tmp_path)
+    words = "cell strips new linen --length 600mm --width 5cm --thickness 0.4mm"
+    monkeypatch.setattr("sys.argv", words.split())
+    with pytest.raises(SystemExit):
+        main()
+    made = yaml.safe_load((tmp_path / "configs/strips/linen.yaml").read_text())
+    assert [made[key] for key in ("length", "width", "thickness")] == [0.6, 0.05, 0.0004]
