@@ -167,7 +167,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
     return session
 
 
-def resumed(folder: Path, now: Session) -> Session:
+def session_to_resume(folder: Path, now: Session) -> Session:
     """The session in `folder`, to go on with; a ConfigurationError where it was made otherwise than
     the one of `now`.
     """

@@ -27,7 +27,7 @@ from calibration.wizard.session import (
     new_session,
     read_latency,
     read_session,
-    resumed,
+    session_to_resume,
     taken_images,
     write_image,
     write_yaml,
@@ -94,7 +94,7 @@ def calibrate_homography(
     session = new_session("homography", camera, (lens.width, lens.height), locks, **facts)
     poses = tuple(plan) if plan is not None else touch_plan(settings.touches)
     if (folder / SESSION).exists():
-        session = resumed(folder, session)
+        session = session_to_resume(folder, session)
         poses = BegunPlan(read_poses(folder / POSES))
         poses.touched = tuple(_touches(folder, session, ()))
     keep = SessionFolder(folder, session, watch)

@@ -24,7 +24,7 @@ from calibration.wizard.session import (
     make_folder,
     new_session,
     read_session,
-    resumed,
+    session_to_resume,
     taken_images,
     write_image,
     write_yaml,
@@ -79,7 +79,7 @@ def calibrate_lens(
         locks = dict(devices.camera_locks())
         session = new_session("camera", devices.camera_identity, size, locks, **facts)
         if (folder / SESSION).exists():
-            session = resumed(folder, session)
+            session = session_to_resume(folder, session)
             length = session.length
         keep = SessionFolder(folder, session, watch)
         _restore(views, folder, session)

@@ -112,11 +112,13 @@ def verdict_text(lines: Iterable[Line]) -> Text:
 def views_table(news: ViewNews) -> Table:
     """What the views cover, beside the board as it is wanted and as it is seen."""
     table = Table.grid(padding=(0, 2))
-    table.add_row(gates_table(news.gates), *([] if news.sketch is None else [drawn(news.sketch)]))
+    table.add_row(
+        gates_table(news.gates), *([] if news.sketch is None else [sketch_text(news.sketch)])
+    )
     return table
 
 
-def drawn(sketch: Sketch) -> Text:
+def sketch_text(sketch: Sketch) -> Text:
     """The image's frame with the board in it: yellow as it is wanted, green as it is seen."""
     columns, rows = SKETCH
     size = np.array([2 * columns, 4 * rows])

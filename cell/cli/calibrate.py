@@ -3,39 +3,27 @@
 import json
 import math
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from cell.cli.options import Arm, Camera, Configs, Json, length_parser
+from cell.cli.wizard_sitting import WizardViz, sitting, terminal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
+    from calibration.lens import Lens
     from calibration.wizard.lens_verdict import LensVerdict
-    from calibration.wizard.news import News, Watcher
     from calibration.wizard.verdict import Line
     from cell.calibrating.homography_wizard import TouchSession
-    from cell.calibrating.wizard_panel import WizardPanel
     from cell.config.cell import CellFile
     from cell.devices.devices import Devices
-    from cell.orchestrator.operator import Operator
 
 MEASURED = length_parser("--measured", "mm", least=1e-3)
 SESSIONS = Path("calibrations")
 FIRST_LINE = "Calibrate the camera: `camera` its lens, `homography` its place; `check` touches it."
-
-
-class WizardViz(StrEnum):
-    """What happens with the Rerun recording of a calibration."""
-
-    SAVE = "save"
-    LIVE = "live"
-    OFF = "off"
 
 
 Out = Annotated[
@@ -166,10 +154,8 @@ def calibrate_homography(
     as_json: Json = False,
 ) -> None:
     """Find the map to the plane and the latency from touches of the gripper's tip."""
-    from calibration.lens import read_lens
     from calibration.wizard.touch_verdict import touch_lines
     from cell.calibrating import homography_wizard as wizard
-    from cell.calibrating.lens_wizard import newest_lens
 
     settings = _settings(configs)
     if again is not None:
@@ -179,10 +165,7 @@ def calibrate_homography(
     else:
         folder = _session_folder(out, resume, settings.name, "homography")
         devices = _open(settings, arm, camera)
-        if resume is not None:
-            seen_through = wizard.lens_of(resume)
-        else:
-            seen_through = read_lens(lens or newest_lens(SESSIONS, devices.camera_identity))
+        seen_through = _lens(lens, resume, devices.camera_identity)
         plan = None if poses is None else wizard.read_poses(poses)
         with sitting(folder, "homography", viz) as at:
             found = wizard.calibrate_homography(
@@ -202,9 +185,7 @@ def calibrate_homography(
     if as_json:
         _print_json(_touch_facts(found))
     else:
-        _print_touches(found, settings.fold.speed, in_use)
-        if page is not None:
-            sys.stdout.write(f"  {page}\n")
+        _print_touches(found, settings.fold.speed, in_use, page)
     sys.exit(0 if found.calibration is not None else 1)
 
 
@@ -227,7 +208,7 @@ def calibrate_check(
     from cell.calibrating.homography_wizard import check_calibration
 
     settings = _settings(configs)
-    with _terminal() as at:
+    with terminal() as at:
         calibration = load_calibration(file) if file else calibration_of(settings, at.panel.ask)
         devices = _open(settings, arm, camera)
         operator = at.operator(devices, interactive=interactive)
@@ -242,81 +223,6 @@ def calibrate_check(
     else:
         _print_lines(check_lines(verdict))
     sys.exit(0 if verdict.passed else 1)
-
-
-class Sitting:
-    """A wizard at work: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
-
-    def __init__(self, panel: "WizardPanel", interrupted: "Callable[[], bool]") -> None:
-        self.panel = panel
-        self.watch: Watcher = panel
-        self.interrupted = interrupted
-        self.record: Callable[[str], None] = lambda _: None
-
-    def say(self, lines: "Iterable[Line]") -> None:
-        """Add the verdict to the recording."""
-        self.record("\n".join(line.text for line in lines))
-
-    def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
-        """Who answers at the terminal."""
-        from cell.calibrating.keyboard import operator_of
-
-        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
-
-
-@contextmanager
-def _terminal() -> Iterator[Sitting]:
-    """A terminal with the panel, single keys and Ctrl-C."""
-    from rich.console import Console
-
-    from cell.calibrating.keyboard import single_keys
-    from cell.calibrating.wizard_panel import WizardPanel
-    from cell.orchestrator.interrupt import Interrupt
-
-    panel = WizardPanel(Console(stderr=True))
-    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
-        yield Sitting(panel, interrupted)
-
-
-@contextmanager
-def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
-    """A wizard's terminal; unless `viz` is off, everything is drawn into wizard.rrd too.
-
-    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
-    """
-    from cell.orchestrator.interrupt import Interrupted
-
-    try:
-        with _terminal() as at:
-            if viz is WizardViz.OFF:
-                yield at
-                return
-            from cell.report.viz.wizard import watched
-
-            folder.mkdir(parents=True, exist_ok=True)
-            with watched(folder, live=viz is WizardViz.LIVE) as screen:
-
-                def both(news: "News") -> None:
-                    at.panel(news)
-                    screen(news)
-
-                at.watch, at.record = both, screen.verdict
-                yield at
-    except (Interrupted, KeyboardInterrupt):
-        raise Interrupted(_remainder(folder, kind)) from None
-
-
-def _remainder(folder: Path, kind: str) -> str:
-    """What an interrupted session leaves, and how to go on with it."""
-    from calibration.wizard.session import ROWS, read_rows
-
-    taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS).is_file() else 0
-    if taken == 0:
-        return f"interrupted; nothing was taken yet; {folder} may be deleted"
-    return (
-        f"interrupted; {taken} images are kept in {folder}: `cell calibrate {kind} --resume "
-        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
-    )
 
 
 def _settings(configs: Path | None) -> "CellFile":
@@ -364,6 +270,17 @@ def _open(settings: "CellFile", arm: str | None, camera: str | None) -> "Devices
     return open_cell(settings, NO_STRIP, choice, calibrating=True)
 
 
+def _lens(file: Path | None, resume: Path | None, camera: str) -> "Lens":
+    """The lens of the session that goes on, of the file, or the newest of this camera."""
+    from calibration.lens import read_lens
+    from cell.calibrating.homography_wizard import lens_of
+    from cell.calibrating.lens_wizard import newest_lens
+
+    if resume is not None:
+        return lens_of(resume)
+    return read_lens(file or newest_lens(SESSIONS, camera))
+
+
 def _page(folder: Path) -> Path:
     from cell.report.calibration_page import write_session_page
 
@@ -409,7 +326,9 @@ def _lens_facts(verdict: "LensVerdict") -> dict[str, Any]:
     }
 
 
-def _print_touches(found: "TouchSession", speed: float, in_use: Path | None) -> None:
+def _print_touches(
+    found: "TouchSession", speed: float, in_use: Path | None, page: Path | None
+) -> None:
     from calibration.wizard.touch_verdict import touch_lines
 
     _print_lines(touch_lines(found.touches, found.latency, speed))
@@ -425,6 +344,8 @@ def _print_touches(found: "TouchSession", speed: float, in_use: Path | None) -> 
             sys.stdout.write("accepted in spite of this; every run will say so\n")
         path = (found.folder / "calibration.yaml").resolve()
         sys.stdout.write(f"to use it: --use, or in cell.yaml\n  calibration: {path}\n")
+    if page is not None:
+        sys.stdout.write(f"  {page}\n")
 
 
 def _touch_facts(found: "TouchSession") -> dict[str, Any]:

@@ -37,12 +37,12 @@ def silhouettes(run: Run) -> tuple[Silhouette, ...]:
     None where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
     try:
-        return tuple(_seen(run))
+        return tuple(_outlines(run))
     except ConfigurationError:  # an image or a setting that was changed: the page goes without
         return ()
 
 
-def _seen(run: Run) -> Iterator[Silhouette]:
+def _outlines(run: Run) -> Iterator[Silhouette]:
     notes, calibration = run.frame_index(), run.calibration()
     later = [
         note for note in notes if note.file is not None and state_at(run, note.stamp) in STATES

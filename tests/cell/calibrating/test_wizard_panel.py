@@ -14,7 +14,7 @@ from calibration.wizard.touch_verdict import Grade, touch_lines, touch_verdict
 from calibration.wizard.touches import Touched, TouchSettings, held_out, touch_plan
 from calibration.wizard.verdict import Level
 from cell.calibrating.keyboard import KEYS
-from cell.calibrating.wizard_panel import SKETCH, WizardPanel, drawn, verdict_text
+from cell.calibrating.wizard_panel import SKETCH, WizardPanel, sketch_text, verdict_text
 from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from tests.support.board_sessions import LENS
@@ -54,7 +54,7 @@ def test_board_panel_says_what_is_wanted_why_and_what_is_missing() -> None:
 
 def test_panel_draws_the_wanted_board_and_the_one_that_is_seen() -> None:
     wanted = np.array([(0.0, 0), (600, 0), (600, 719), (0, 719)])
-    text = drawn(Sketch((1280, 720), wanted, wanted + np.array([660, 0])))
+    text = sketch_text(Sketch((1280, 720), wanted, wanted + np.array([660, 0])))
     columns, rows = SKETCH
     assert [len(line) for line in text.plain.splitlines()[:rows]] == [columns] * rows
     for style, left in (("bold yellow", True), ("green", False)):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cell.cli.calibrate import WizardViz, sitting
+from cell.cli.wizard_sitting import WizardViz, sitting
 from cell.orchestrator.interrupt import Interrupted
 
 

@@ -1,0 +1,98 @@
+"""A wizard at a terminal: its panel, single keys, Ctrl-C, and the recording in Rerun."""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from calibration.wizard.news import News, Watcher
+    from calibration.wizard.verdict import Line
+    from cell.calibrating.wizard_panel import WizardPanel
+    from cell.devices.devices import Devices
+    from cell.orchestrator.operator import Operator
+
+
+class WizardViz(StrEnum):
+    """What happens with the Rerun recording of a calibration."""
+
+    SAVE = "save"
+    LIVE = "live"
+    OFF = "off"
+
+
+class Sitting:
+    """A wizard at work: its terminal `panel`, observer `watch`, and `interrupted` by Ctrl-C."""
+
+    def __init__(self, panel: "WizardPanel", interrupted: "Callable[[], bool]") -> None:
+        self.panel = panel
+        self.watch: Watcher = panel
+        self.interrupted = interrupted
+        self.record: Callable[[str], None] = lambda _: None
+
+    def say(self, lines: "Iterable[Line]") -> None:
+        """Add the verdict to the recording."""
+        self.record("\n".join(line.text for line in lines))
+
+    def operator(self, devices: "Devices", *, interactive: bool) -> "Operator":
+        """Who answers at the terminal."""
+        from cell.calibrating.keyboard import operator_of
+
+        return operator_of(devices, self.panel.ask, self.interrupted, interactive=interactive)
+
+
+@contextmanager
+def terminal() -> Iterator[Sitting]:
+    """A terminal with the panel, single keys and Ctrl-C."""
+    from rich.console import Console
+
+    from cell.calibrating.keyboard import single_keys
+    from cell.calibrating.wizard_panel import WizardPanel
+    from cell.orchestrator.interrupt import Interrupt
+
+    panel = WizardPanel(Console(stderr=True))
+    with Interrupt() as interrupted, single_keys(sys.stdin), panel:
+        yield Sitting(panel, interrupted)
+
+
+@contextmanager
+def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
+    """A wizard's terminal; unless `viz` is off, everything is drawn into wizard.rrd too.
+
+    Raises Interrupted that says what `folder` keeps, after one Ctrl-C as after two.
+    """
+    from cell.orchestrator.interrupt import Interrupted
+
+    try:
+        with terminal() as at:
+            if viz is WizardViz.OFF:
+                yield at
+                return
+            from cell.report.viz.wizard import watched
+
+            folder.mkdir(parents=True, exist_ok=True)
+            with watched(folder, live=viz is WizardViz.LIVE) as screen:
+
+                def both(news: "News") -> None:
+                    at.panel(news)
+                    screen(news)
+
+                at.watch, at.record = both, screen.verdict
+                yield at
+    except (Interrupted, KeyboardInterrupt):
+        raise Interrupted(_remainder(folder, kind)) from None
+
+
+def _remainder(folder: Path, kind: str) -> str:
+    """What an interrupted session leaves, and how to go on with it."""
+    from calibration.wizard.session import ROWS, read_rows
+
+    taken = sum(row.taken for row in read_rows(folder)) if (folder / ROWS).is_file() else 0
+    if taken == 0:
+        return f"interrupted; nothing was taken yet; {folder} may be deleted"
+    return (
+        f"interrupted; {taken} images are kept in {folder}: `cell calibrate {kind} --resume "
+        f"{folder}` goes on, `cell calibrate {kind} --from {folder}` solves them"
+    )
