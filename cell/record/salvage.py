@@ -1,7 +1,7 @@
 """Reading of a run with broken parts, as far as possible."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
@@ -20,7 +20,7 @@ from drivers.errors import ConfigurationError
 from drivers.settings import load
 from drivers.types import Array, Frame, frozen
 
-Part = TypeVar("Part")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +28,8 @@ class Salvage(Run):
     """A run whose broken parts are empty; `problems` has a line for each of them."""
 
     problems: tuple[str, ...]
+    parts: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    noted: list[str] = field(default_factory=list, compare=False, repr=False)
 
     @classmethod
     def of(cls, folder: Path) -> Self:
@@ -47,46 +49,43 @@ class Salvage(Run):
         )
         result = _part(lambda: _result(folder), lambda: None, problems)
         run = cls(folder, header, ticks, profile, result, ())
-        problems += run.broken()
-        return cls(folder, header, ticks, profile, result, tuple(dict.fromkeys(problems)))
+        for read in (run.events, run.sights, run.costs, run.calibration, run.frame_index):
+            read()
+        problems += run.noted
+        said = tuple(dict.fromkeys(problems))
+        return cls(folder, header, ticks, profile, result, said, run.parts)
 
-    def broken(self) -> list[str]:
-        """Problems of the parts that are read on demand."""
-        said: list[str] = []
-        readers: tuple[Callable[[], Any], ...] = (
-            lambda: Run.events(self),
-            lambda: Run.sights(self),
-            lambda: Run.costs(self),
-            lambda: Run.calibration(self),
-            lambda: Run.frame_index(self),
-        )
-        for read in readers:
-            _part(read, lambda: None, said)
-        return said
+    def _once(self, read: Callable[[Run], Found], empty: Callable[[], Found]) -> Found:
+        """What `read` finds in the folder the first time, or its empty value."""
+        name = read.__name__
+        if name not in self.parts:
+            self.parts[name] = _part(lambda: read(self), empty, self.noted)
+        found: Found = self.parts[name]
+        return found
 
     def events(self) -> tuple[Event, ...]:
         """Events; none where they cannot be read."""
-        return _part(lambda: Run.events(self), lambda: (), [])
+        return self._once(Run.events, lambda: ())
 
     def origin(self) -> float:
         """The cell's clock at t = 0 [s]; 0 where the run does not state it."""
-        return _part(lambda: Run.origin(self), lambda: 0.0, [])
+        return self._once(Run.origin, float)
 
     def sights(self) -> Sights:
         """Measurements of all images; none where they cannot be read."""
-        return _part(lambda: Run.sights(self), Sights.none, [])
+        return self._once(Run.sights, Sights.none)
 
     def costs(self) -> Array:
         """Computing time of each cycle (n,) [s]; empty where it cannot be read."""
-        return _part(lambda: Run.costs(self), lambda: frozen([]), [])
+        return self._once(Run.costs, lambda: frozen([]))
 
     def calibration(self) -> Calibration | None:
         """The calibration of the run's camera, where it can be read."""
-        return _part(lambda: Run.calibration(self), lambda: None, [])
+        return self._once(Run.calibration, lambda: None)
 
     def frame_index(self) -> tuple[FrameNote, ...]:
         """Every image that perception processed; none where the index cannot be read."""
-        return _part(lambda: Run.frame_index(self), lambda: (), [])
+        return self._once(Run.frame_index, lambda: ())
 
     def frames(self) -> Iterator[Frame]:
         """The kept images that are complete and match their hashes."""
@@ -122,7 +121,7 @@ def _result(folder: Path) -> Result | None:
     return load(path, Result, bare=True) if path.exists() else None
 
 
-def _part(read: Callable[[], Part], empty: Callable[[], Part], problems: list[str]) -> Part:
+def _part(read: Callable[[], Found], empty: Callable[[], Found], problems: list[str]) -> Found:
     try:
         return read()
     except ConfigurationError as error:

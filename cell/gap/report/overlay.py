@@ -14,7 +14,7 @@ import rerun.blueprint as rrb
 
 from cell.gap.report.figures import AFTER, BEFORE
 from cell.gap.report.replayed import Replayed, replayed
-from cell.gap.subject.scene import Curve, Scene
+from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
@@ -23,7 +23,7 @@ from drivers.types import Array
 COLOURS = {"measured": 0xFFAA32FF, "before": int(BEFORE[1:] + "ff", 16),
            "after": int(AFTER[1:] + "ff", 16)}  # fmt: skip
 HAND, DESK = 0xC9CED6FF, 0x8A9099FF
-RADIUS = 0.0012  # m
+RADIUS = 1.2  # mm
 
 
 def write_overlay(found: Findings, path: Path) -> None:
@@ -38,7 +38,6 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
         with replacing(path) as scratch:
             recording.set_sinks(rr.FileSink(scratch))
             recording.send_blueprint(blueprint(runs))
-            recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
             for run in runs:
                 _write(recording, run)
             recording.disconnect()
@@ -78,24 +77,14 @@ def _tab(run: Replayed) -> Any:
     ]
     if run.measured.curve is None:
         return rrb.Grid(*plots, grid_columns=2, name=name)
-    side = rrb.Spatial3DView(
+    side = rrb.Spatial2DView(
         origin=root,
         contents=["$origin/curve/**", "$origin/tracks/**", "$origin/path", "$origin/desk"],
-        name="measured (amber), before (red), after (blue)",
-        eye_controls=_eye(run.measured.curve),
+        name="strip [mm]: measured (amber), before (red), after (blue)",
     )
     log = rrb.TextLogView(origin=f"{root}/events", name="events")
     left = rrb.Vertical(side, log, row_shares=[4, 1])
     return rrb.Horizontal(left, rrb.Vertical(*plots), name=name)
-
-
-def _eye(curve: Curve) -> Any:
-    """From the front, near enough that the whole motion fills the view."""
-    points = np.concatenate([np.zeros((1, 2)), *curve.points])
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, z = 0.5 * (low + high)
-    away = 0.8 * max(high - low) + 0.05
-    return rrb.EyeControls3D(position=(x, -away, z + 0.1 * away), look_target=(x, 0.0, z))
 
 
 def _write(recording: rr.RecordingStream, run: Replayed) -> None:
@@ -108,9 +97,9 @@ def _write(recording: rr.RecordingStream, run: Replayed) -> None:
         for name, track in scene.tracks.items():
             colour = HAND if name == "gripper" else COLOURS[word]
             size = 4 * RADIUS if word == "measured" else 3 * RADIUS
-            columns = rr.Points3D.columns(positions=_flat(track.places))
+            columns = rr.Points2D.columns(positions=_flat(track.places))
             _send(recording, f"{root}/tracks/{name}/{word}", track.t, columns,
-                  rr.Points3D.from_fields(colors=colour, radii=size))  # fmt: skip
+                  rr.Points2D.from_fields(colors=colour, radii=size))  # fmt: skip
         for t, words in scene.events:
             recording.set_time("t", duration=t)
             recording.log(f"{root}/events/{word}", rr.TextLog(f"{word}: {words}"))
@@ -123,7 +112,7 @@ def _furnish(recording: rr.RecordingStream, root: str, measured: Scene) -> None:
     desk = _flat(np.array([[-0.1, 0.0], [float(grip[:, 0].max()) + 0.15, 0.0]]))
     lines = (("desk", desk, DESK), ("path", _flat(grip), HAND))
     for name, points, colour in lines:
-        line = rr.LineStrips3D([points], colors=colour, radii=0.4 * RADIUS)
+        line = rr.LineStrips2D([points], colors=colour, radii=0.4 * RADIUS)
         recording.log(f"{root}/{name}", line, static=True)
 
 
@@ -140,12 +129,12 @@ def _curve(recording: rr.RecordingStream, root: str, word: str, scene: Scene) ->
         return
     entity, curves = f"{root}/curve/{word}", [_flat(points) for points in scene.curve.points]
     if word == "measured":
-        columns = rr.Points3D.columns(positions=np.concatenate(curves))
+        columns = rr.Points2D.columns(positions=np.concatenate(curves))
         columns = columns.partition([len(points) for points in curves])
-        look: Any = rr.Points3D.from_fields(colors=COLOURS[word], radii=1.4 * RADIUS)
+        look: Any = rr.Points2D.from_fields(colors=COLOURS[word], radii=1.4 * RADIUS)
     else:
-        columns = rr.LineStrips3D.columns(strips=curves)
-        look = rr.LineStrips3D.from_fields(colors=COLOURS[word], radii=0.7 * RADIUS)
+        columns = rr.LineStrips2D.columns(strips=curves)
+        look = rr.LineStrips2D.from_fields(colors=COLOURS[word], radii=0.7 * RADIUS)
     _send(recording, entity, scene.curve.t, columns, look)
 
 
@@ -166,5 +155,5 @@ def _root(name: str) -> str:
 
 
 def _flat(points: Array) -> Array:
-    """Points (k, 3) in the plane of the strip of points (k, 2)."""
-    return np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
+    """Points (k, 2) [m] in mm in a flat view, whose second axis points down."""
+    return points * (1e3, -1e3)

@@ -5,29 +5,28 @@ from typing import Any
 import rerun.blueprint as rrb
 
 OUTLOOK = {
-    "displacement": "predicted displacement, one sigma about it [m]",
-    "bending_length": "bending length [m]",
-    "retardation_time": "retardation time [s]",
+    "displacement": "predicted displacement, one sigma about it [mm]",
+    "bending_length": "bending length [mm]",
+    "retardation_time": "retardation time [ms]",
     "yield_curvature": "yarn friction [1/m]",
 }
 
 
 def blueprint() -> Any:
     """Layout: camera and side view on the left; states, signals and log on the right."""
-    eye = rrb.EyeControls3D(position=(0.3, -0.75, 0.2), look_target=(0.3, 0.0, 0.14))
-    side = rrb.Spatial3DView(
+    side = rrb.Spatial2DView(
         origin="/",
         contents=["/strip/**", "/gripper/**", "/desk/**"],
-        name="strip: seen (orange) and simulated (blue)",
-        eye_controls=eye,
+        name="strip [mm]: seen (orange) and simulated (blue)",
     )
     right = rrb.Vertical(
+        rrb.TextDocumentView(origin="/verdict", name="verdict"),
         rrb.StateTimelineView(origin="/cell/state", name="state"),
-        _plot("along", "along the strip [m]", rrb.Corner2D.RightTop),
-        _plot("above", "above the desk [m]", rrb.Corner2D.LeftTop),
+        _plot("along", "along the strip [mm]", rrb.Corner2D.RightTop),
+        _plot("above", "above the desk [mm]", rrb.Corner2D.LeftTop),
         _outlook(),
         rrb.TextLogView(origin="/log", name="log"),
-        row_shares=[1, 3, 3, 3, 2],
+        row_shares=[2, 1, 3, 3, 3, 2],
     )
     drawn = "/camera/overlay/**"
     camera = rrb.Tabs(

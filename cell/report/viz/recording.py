@@ -15,12 +15,13 @@ import rerun as rr
 
 from calibration.calibration import Calibration
 from cell.perception.measurement import StripMeasurement
-from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RUN, is_under_way
+from cell.record.files import EVENTS, FILM, REBUILT, RECORDING, RESULT, RUN, is_under_way
 from cell.record.frames import read_index
 from cell.record.json_lines import read_json_lines
 from cell.record.origin import origin_of
 from cell.record.outlook import NAMES
 from cell.record.salvage import Salvage
+from cell.report.verdict import LINE, verdict_of
 from cell.report.viz.layout import blueprint
 from cell.report.viz.model_view import LOST, Shadow
 from cell.report.viz.playback import LogLine, TickView, moments_of
@@ -34,11 +35,14 @@ ROWS = 20  # ticks that are sent together
 EVERY = 4  # ticks between two poses of gripper and model
 VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
 SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
+MM = 1e3  # per m: lengths are shown in mm
+UP = np.array([MM, -MM])  # of a flat view, whose second axis points down
 HAND_SIGNALS = {"along/gripper_x": HAND, "above/gripper_z": HAND}
 SEEN_SIGNALS = {"along/contact_x": CONTACT, "along/tip_x": TIP, "above/tip_z": TIP}
 SEEN_SIGNALS |= {"above/gap": SEEN}
 OUTLOOK_SIGNALS = {f"outlook/{name}": MODEL for name in NAMES}
 OUTLOOK_SIGNALS["outlook/displacement"] = SEEN
+SCALE = {name: 1.0 if "yield_curvature" in name else MM for name in OUTLOOK_SIGNALS}  # mm, ms, 1/m
 STATES = {
     "PREFLIGHT": 0xB8BEC8FF,
     "CALIBRATE": 0xB8BEC8FF,
@@ -77,6 +81,7 @@ def viz_from_run(folder: Path) -> Path:
             for item in moments_of(run):
                 screen.draw(item)
             screen.finish()
+            screen.verdict(folder)
             screen.film(folder)
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{folder / name}: cannot be written: {error}") from None
@@ -144,7 +149,7 @@ class Screen:
         self._rows: list[tuple[float, int, list[float]]] = []
         self._seen: list[tuple[float, int, list[float]]] = []
         self._ahead: list[tuple[float, int, list[float]]] = []
-        self._track: list[tuple[float, float, float]] = []
+        self._track: list[Array] = []
         self._state: tuple[str, bool] = ("", False)
         self._furnish(1.0 if strip is None else strip.length)
 
@@ -176,6 +181,16 @@ class Screen:
         self._send(seen, SEEN_SIGNALS)
         self._send(ahead, OUTLOOK_SIGNALS)
 
+    def verdict(self, folder: Path) -> None:
+        """Add what came of the run in `folder`, where it has a result."""
+        if not (folder / RESULT).is_file():
+            return
+        said = verdict_of(Salvage.of(folder), None)
+        number = [f"**{said.figure}** ({said.error.replace(LINE, ', ')})"] if said.figure else []
+        text = "\n\n".join([f"# {said.headline}", *number, *said.sentences])
+        words = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        self._to.log("verdict", words, static=True)
+
     def film(self, folder: Path) -> None:
         """Add the film of the run in `folder`, each image at its own stamp, if there is one.
 
@@ -203,13 +218,12 @@ class Screen:
         times = rr.TimeColumn("t", duration=[row[0] for row in rows])
         ticks = rr.TimeColumn("tick", sequence=[row[1] for row in rows])
         for name, values in zip(names, np.array([row[2] for row in rows]).T, strict=True):
-            columns = rr.Scalars.columns(scalars=values)
+            columns = rr.Scalars.columns(scalars=SCALE.get(name, MM) * values)
             self._to.send_columns(f"signals/{name}", [times, ticks], columns)
 
     def _furnish(self, length: float) -> None:
-        self._to.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        desk = [[(-0.1, 0, 0), (length + 0.15, 0, 0)]]
-        self._to.log("desk", rr.LineStrips3D(desk, colors=0x8A9099FF, radii=0.001), static=True)
+        desk = [MM * np.array([(-0.1, 0.0), (length + 0.15, 0.0)])]
+        self._to.log("desk", rr.LineStrips2D(desk, colors=0x8A9099FF, radii=1.0), static=True)
         lanes = rr.StateConfiguration(values=list(STATES), colors=list(STATES.values()))
         self._to.log("cell/state", lanes, static=True)
         for name, colour in (HAND_SIGNALS | SEEN_SIGNALS | OUTLOOK_SIGNALS).items():
@@ -229,7 +243,7 @@ class Screen:
         self._seen.append(
             (moment.t, moment.tick, [measurement.contact_x, *measurement.tip, measurement.gap])
         )
-        self._to.log("strip/measured", _curve(measurement.profile, SEEN, 0.002))
+        self._to.log("strip/measured", _curve(measurement.profile, SEEN, 2.0))
 
     def _picture(self, image: Image, measurement: StripMeasurement | None) -> None:
         """An image, and the measurement from it."""
@@ -253,18 +267,18 @@ class Screen:
         self._rows.append((moment.t, moment.tick, [x, z]))
         shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
         if moment.tick % EVERY == 0:
-            self._track.append((x, 0.0, z))
-            self._to.log("gripper", rr.Points3D([(x, 0.0, z)], colors=HAND, radii=0.006))
-            self._to.log("strip/twin", _curve(shape, MODEL, 0.0012))
+            self._track.append(UP * (x, z))
+            self._to.log("gripper", rr.Points2D([UP * (x, z)], colors=HAND, radii=6.0))
+            self._to.log("strip/twin", _curve(shape, MODEL, 1.2))
         if len(self._rows) >= ROWS:
-            track = rr.LineStrips3D([self._track], colors=HAND, radii=0.0008)
+            track = rr.LineStrips2D([self._track], colors=HAND, radii=0.8)
             self._to.log("gripper/path", track)
             self.finish()
 
 
 def _curve(points: Array, colour: int, radius: float) -> Any:
-    flat = np.stack([points[:, 0], np.zeros(len(points)), points[:, 1]], axis=1)
-    return rr.LineStrips3D([flat] if len(flat) > 1 else [], colors=colour, radii=radius)
+    """Points (n, 2) [m] as a line of a flat view, `radius` [mm]."""
+    return rr.LineStrips2D([UP * points] if len(points) > 1 else [], colors=colour, radii=radius)
 
 
 def jpeg(image: Image) -> Any:

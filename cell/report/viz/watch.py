@@ -141,6 +141,7 @@ class Viz:
                 while self._waiting or not self._over.is_set():
                     self._draw(screen)
                 screen.finish()
+                screen.verdict(folder)
                 screen.film(folder)
         except (CellError, OSError, RuntimeError, ValueError) as error:
             self.failure = f"the view is not recorded any more: {error}"
