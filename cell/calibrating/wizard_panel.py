@@ -83,9 +83,12 @@ class WizardPanel:
         leaves its upper lines behind at every change.
         """
         body = views_table(news) if isinstance(news, ViewNews) else touches_map(news)
-        head = [Text(f"why   {news.why}")]
-        if news.request not in self._question:
-            head = [Text(f"next  {news.request}", style="bold"), *head]
+        says = (("next", news.request, "bold"), ("why ", news.why, ""))
+        head = [
+            Text(f"{word}  {text}", style=style)
+            for word, text, style in says
+            if text not in self._question
+        ]
         if self._question:
             head = [Text(self._question, style="bold reverse"), *head]
         for kept in range(len(self._answers), -1, -1):

@@ -69,7 +69,9 @@ def test_question_that_says_what_is_next_is_not_said_twice() -> None:
     panel = WizardPanel(console)
     panel.ask(f"{news.request}  [{KEYS}]")
     console.print(panel.draw(news))
-    assert console.export_text().count("show the board the middle") == 1
+    shown = console.export_text()
+    assert shown.count("show the board the middle") == 1
+    assert shown.count("why   still missing: x") == 1
 
 
 def test_touch_panel_maps_the_plane() -> None:
