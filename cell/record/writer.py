@@ -86,8 +86,9 @@ class RunWriter:
             ) from None
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to run.yaml that were not known at the start, once the run has ended: a document
-        that is on disk costs more than a turn of the control loop has.
+        """Add facts to run.yaml that were not known at the start, once the run has ended.
+
+        A document that is on disk costs more than a turn of the control loop has.
         """
         self._header |= facts
         self._described = True
