@@ -82,12 +82,12 @@ def drawn(seed: int, number: int) -> Case:
 
 
 def withheld(case: Case, number: int, many: int) -> list[str]:
-    """What the library lacks in `many` cases of five: one hidden effect and what no run tells from
-    it; nothing in the others.
+    """What the library lacks in `many` cases of five: one hidden effect, or the one whose law the
+    hidden one resembles, and what no run tells from it; nothing in the others.
     """
     if number % FIFTHS not in LACKING[:many]:
         return []
-    hidden = sorted(case.effects)[0]
+    hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
 
 
