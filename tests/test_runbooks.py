@@ -1,8 +1,11 @@
 """Commands in README and runbooks are commands that there are; the cheap ones run as written."""
 
+import os
 import re
 import shlex
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -23,6 +26,38 @@ RUN = [
     "cell runs --runs runs/trial",
     "cell study",
 ]  # also on the pages, and quick: they run as they stand there
+LENS, TOUCHES = "calibrations/*-camera", "calibrations/*-homography"
+PLAYED = {  # longer: they run in this order in one folder, with a session's folder or fewer cases
+    "cell fold --strip denim --runs runs/trial": {},
+    "cell export runs/trial/* --format csv --out tables": {},
+    "cell fold --strip denim --plant configs/plants/denim.yaml --policy planned --seed 21": {},
+    "cell fold --strip denim --policy planned --dry-run": {},
+    "cell strips new felt --length 0.6 --width 0.05 --areal-density 0.31": {},
+    "cell calibrate camera --measured 252.0": {},
+    "cell calibrate camera --resume DIR": {"DIR": LENS},
+    "cell calibrate camera --from DIR --without 7 --out NEW": {"DIR": LENS},
+    "cell calibrate homography --use": {},
+    "cell calibrate homography --lens lens.yaml": {"lens.yaml": f"{LENS}/camera_info.yaml"},
+    "cell calibrate homography --poses DIR/poses.yaml": {"DIR": TOUCHES},
+    "cell calibrate homography --from DIR --without 6 --out NEW": {"DIR": TOUCHES, "NEW": "again"},
+    "cell calibrate check": {},
+    "cell study unknown --count 60 --jobs 2": {"60": "1"},
+    "cell study unknown --count 60 --show": {"60": "1"},
+}
+ELSEWHERE = {  # what other tests run, with other files and numbers
+    "cell gap": "tests/end_to_end/test_gap_circle.py",
+    "cell fold --strip denim --plant moved.yaml": "tests/cell/calibrating/test_wizards.py",
+    "cell fold --strip denim --arm fci": "tests/end_to_end/test_arm_faults.py",
+    "cell fold --strip denim --policy feedback": "tests/end_to_end/test_fold_whole.py",
+    "cell benchmark": "tests/cell/studies/benchmark",
+    "cell train": "tests/cell/train",
+    "cell twin serve": "tests/cell/cli/test_twin_command.py",
+    "cell camera": "tests/cell/cli/test_camera_command.py",
+    "cell import": "tests/cell/exchange/test_import_runs.py",
+    "cell observe": "tests/end_to_end/test_observe.py",
+    "cell strips measure": "tests/cell/strips/test_strips_measure_command.py",
+    "cell study unknown --count 2000": "tests/cell/campaign/test_cluster.py",
+}
 
 
 def fenced(text: str) -> list[str]:
@@ -74,6 +109,32 @@ def test_every_command_on_the_pages_exists_with_its_options() -> None:
         except ValueError as error:
             wrong.append(f"{page}: {line}: {error}")
     assert not wrong
+
+
+def test_every_command_on_the_pages_is_run_by_some_test() -> None:
+    lines = {shlex.join(shlex.split(line, comments=True)) for _, line in COMMANDS}
+    lines = {line.split(" && ")[-1].replace("'", "") for line in lines}
+    here = {*RUN, *PLAYED}
+    assert not sorted(
+        line for line in lines if line not in here and not line.startswith(tuple(ELSEWHERE))
+    )
+    assert set(PLAYED) <= lines
+    assert all((ROOT / place).exists() for place in ELSEWHERE.values())
+
+
+@pytest.mark.slow
+def test_longer_commands_run_one_after_the_other_in_one_folder(tmp_path) -> None:
+    shutil.copytree(ROOT / "configs", tmp_path / "configs")
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for line, places in PLAYED.items():
+        for word, place in places.items():
+            found = sorted(tmp_path.glob(place))[0] if "*" in place else place
+            line = re.sub(rf"\b{re.escape(word)}\b", str(found), line)  # noqa: PLW2901
+        played = subprocess.run(
+            ["sh", "-c", line], cwd=tmp_path, env={**os.environ, "PATH": path},
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert played.returncode == 0, f"{line}\n{played.stderr}"
 
 
 @pytest.mark.parametrize("line", RUN)
