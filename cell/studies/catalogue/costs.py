@@ -11,6 +11,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.config.unknown import unknown_strip
 from cell.devices.devices import DeviceSelection
@@ -20,12 +22,10 @@ from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.record.run import read_run
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import cached_calibration
 from cell.studies.kit.rollouts import Kept, stepper
 from cell.studies.kit.sights import fold_of
 from cell.studies.kit.twin_fold import FoldCamera
-from cell.studies.study import Study, Values
 from drivers.strip.describe import describe
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic

@@ -1,22 +1,21 @@
 """The calibration of the stated confidence, from verdicts held against the truth."""
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Signs, calibration
-from tests.benchmarks.measure_confidence import (
+from cell.campaign.study import Case, Outcome
+from cell.exam.studies.confidence import (
     OUTSIDE,
     WEIGHTS,
     Name,
+    calibrate,
     fitted,
     log_loss,
     names,
     reliable,
     shares,
 )
+from cell.gap.verdict.confidence import Calibration, Signs, calibration
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:
@@ -55,20 +54,22 @@ def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
     assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE)
 
 
-def test_ledgers_hold_names_and_all_cases(tmp_path: Path) -> None:
+def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     signs = {"ahead": 9.0, "left": 0.6, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
-    outcome = {"case": "a", "verdict": "named", "result": "right_strict", "signs": signs}
-    lines = [
-        {"outcome": outcome, "without": []},
-        {"outcome": {**outcome, "result": "wrong_name"}, "without": ["seam"]},
-        {"outcome": {**outcome, "verdict": "no_gap"}, "without": ["seam"]},
-        {"outcome": outcome},
+    facts = {"case": "a", "signs": signs, "is_named": True, "without": []}
+    values = [
+        {**facts, "is_right": True},
+        {**facts, "is_right": False, "without": ["seam"]},
+        {**facts, "is_named": False, "is_right": None, "without": ["seam"]},
+        {**facts, "case": "b", "is_right": True},
     ]
-    path = tmp_path / "ledger.jsonl"
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    found, without = names([path])
+    outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
+    found, without = names(outcomes)
     assert [name.right for name in found] == [True, False, True]
     assert without == 0.5
+    content = calibrate(outcomes)
+    assert "3 verdicts that name, 1 of them wrong" in content["source"]
+    assert Calibration.model_validate(content | {"belongs_to": "confidence.yaml"}).weights
 
 
 def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.campaign.journal import Journal, Record
+from cell.campaign.statistic import Quantity, Statistic, figure
 from cell.cli.app import app
-from cell.report.statistic import Quantity, Statistic, figure
 from cell.studies.campaign import Asked, inputs, kept
 from cell.studies.catalogue import studies, study_of
 from cell.studies.table import markdown, rows

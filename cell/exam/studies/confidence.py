@@ -1,19 +1,10 @@
 """Whether the confidence of `cell gap` is earned, and its calibration: verdicts against the truth.
 
-python -m tests.benchmarks.measure_confidence measure LEDGER --seed 7301 --cases 60
-python -m tests.benchmarks.measure_confidence fit LEDGER...
-python -m tests.benchmarks.measure_confidence judge LEDGER...
-
-`measure` draws cases from the state, of one effect and now and then of two, makes their runs and
-fits them. From two in five (`--withheld`) the effect is withheld, with what looks like it: whatever
-is named is wrong. A line a case is kept in LEDGER: it goes on where it stopped. `fit` writes the
-calibration of these verdicts into the package and says how well it does on those that it was not
-fitted to; `judge` holds what the package states against verdicts, of an exam's ledger as well.
+Cases from the state hide one effect, one in eight two. From two in five the effect is withheld from
+the library, with what looks like it: whatever is named is wrong, and a law may be offered instead.
 """
 
-import argparse
-import hashlib
-import sys
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.exam.case import Case
-from cell.exam.cases.answer_key import sources
 from cell.exam.cases.draw import Draw
 from cell.exam.report.page import table
 from cell.exam.runs.from_model import make_runs
@@ -32,15 +24,13 @@ from cell.exam.scoring.score import RIGHT, score
 from cell.exam.scoring.statistics import brier, calibration_error, reliability
 from cell.exam.scoring.targets import rate_text
 from cell.gap.fit import fit
-from cell.gap.verdict.confidence import CALIBRATION, Calibration, Signs, Weight, calibration
-from cell.record.documents import write_document
-from cell.record.json_lines import Journal
-from drivers.strip.describe import load_strip
+from cell.gap.verdict.accept import RECORD
+from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
 from drivers.strip.effects import registry
 from drivers.types import Array
 
 PAIRS = 8  # one case in so many hides two
-FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect first
+FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
 OUTSIDE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
 WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
     "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
@@ -60,69 +50,51 @@ class Name(NamedTuple):
     case: str
 
 
-def measure(asked: argparse.Namespace) -> None:
-    """Fit the cases that LEDGER does not hold."""
-    kept, engine = Journal(asked.ledgers[0]), sources().engine
-    done = {line["outcome"]["case"] for line in kept.lines}
-    for number in range(asked.first, asked.first + asked.cases):
-        case = drawn(asked.seed, number)
-        if case.name in done:
-            continue
-        line = {"of": engine, **_measured(case, withheld(case, number, asked.withheld))}
-        kept.append(line)
-        sys.stdout.write(f"{said(line)}\n")
-        sys.stdout.flush()
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """What `measure` draws a case from: one effect or two, in the library or not."""
+    kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
+    lacks = number % FIFTHS in LACKING
+    return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
+            "library": "lacks the effect" if lacks else "whole"}  # fmt: skip
 
 
-def drawn(seed: int, number: int) -> Case:
-    """Case `number`: of one effect, or of two."""
-    if number % PAIRS == PAIRS - 1:
-        return Draw("state", "pair", number, number // PAIRS, seed).case()
-    return Draw("state", "single", number, number, seed).case()
+def measure(case: Values) -> Values:
+    """The verdict on a case, its score, and by how much an offered law shrinks the gap."""
+    hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
+    without = withheld(hidden) if case["library"] != "whole" else []
+    configs = find_configs(None)
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        make_runs(hidden, place / "runs")
+        strip = configs.strip_path(hidden.strip)
+        verdict = fit([place / "runs"], strip, place / "out", jobs=1, without=without)
+        law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
+    scored = score(verdict, hidden, configs.strip(hidden.strip))
+    named = scored.verdict == "named"
+    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"tier", "kind", "runtime"})
+    return found | {
+        "without": without,
+        "is_named": named,
+        "is_right": (scored.result in RIGHT and not without) if named else None,
+        "offered": law is not None,
+        "closed": None if law is None else law["shrink"],
+    }
 
 
-def withheld(case: Case, number: int, many: int) -> list[str]:
-    """What the library lacks in `many` cases of five: one hidden effect and what no run tells from
-    it; nothing in the others.
-    """
-    if number % FIFTHS not in LACKING[:many]:
-        return []
+def withheld(case: Case) -> list[str]:
+    """One hidden effect, and what no run tells from it."""
     hidden = sorted(case.effects)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
 
 
-def _measured(case: Case, without: Sequence[str]) -> dict[str, Any]:
-    strip = find_configs(None).strip_path(case.strip)
-    with TemporaryDirectory() as name:
-        place = Path(name)
-        make_runs(case, place / "runs")
-        verdict = fit([place / "runs"], strip, place / "out", jobs=1, without=without)
-    return {
-        "without": list(without),
-        "outcome": score(verdict, case, load_strip(strip)).model_dump(mode="json"),
-    }
-
-
-def said(line: dict[str, Any]) -> str:
-    """What came of a case, in a line."""
-    o = line["outcome"]
-    without = f" without {', '.join(line['without'])}" if line["without"] else ""
-    named = ", ".join(o["named"]) or "nothing"
-    return f"{o['case']}: {', '.join(o['hidden'])}{without}: {o['verdict']}, {named}: {o['result']}"
-
-
-def names(ledgers: Sequence[Path]) -> tuple[list[Name], float]:
-    """The verdicts with a name in ledgers, of this measurement or of an exam, and the share of all
-    cases from which the effect was withheld.
-    """
-    lines = [line for path in ledgers for line in Journal(path).lines if line.get("outcome")]
-    found = []
-    for line in lines:
-        outcome, without = line["outcome"], bool(line.get("without"))
-        if outcome["verdict"] == "named" and outcome.get("signs"):
-            right = outcome["result"] in RIGHT and not without
-            found.append(Name(Signs(**outcome["signs"]), right, without, outcome["case"]))
-    return found, sum(bool(line.get("without")) for line in lines) / len(lines)
+def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
+    """The verdicts with a name, and the share of all cases from which the effect was withheld."""
+    found = [
+        Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
+        for v in (o.values for o in outcomes)
+        if v["is_named"] and v["signs"]
+    ]
+    return found, sum(bool(o.values["without"]) for o in outcomes) / max(len(outcomes), 1)
 
 
 def shares(found: Sequence[Name], without: float) -> Array:
@@ -197,55 +169,50 @@ def reliable(stated: Sequence[tuple[float, bool]]) -> str:
     )
 
 
-def calibrate(ledgers: Sequence[Path]) -> str:
-    """Write the calibration of all these verdicts; what it states of those that were left out."""
-    found, without = names(ledgers)
+def calibrate(outcomes: Sequence[Outcome]) -> Values:
+    """The calibration of all these verdicts; its source says what it states of those left out."""
+    found, without = names(outcomes)
     counts = shares(found, without)
     stated = left_out(found, counts)
     rate = float(np.average([name.right for name in found], weights=counts))
     plain = log_loss([(rate, name.right) for name in found], counts)
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in ledgers)).hexdigest()[:12]
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
         f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
-        f"so in {100 * OUTSIDE:.0f} % of all cases; from {', '.join(p.name for p in ledgers)} "
-        f"(sha256 {digest}). Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
-        f"of one probability for all {plain:.3f}"
+        f"so in {100 * OUTSIDE:.0f} % of all cases. Left out one by one, log loss "
+        f"{log_loss(stated, counts):.3f} nats, of one probability for all {plain:.3f}."
     )
-    write_document(CALIBRATION, fitted(found, counts, source).model_dump())
-    return f"{CALIBRATION}: {source}"
+    return fitted(found, counts, source).model_dump()
 
 
-def judge(ledgers: Sequence[Path]) -> str:
+def judge(outcomes: Sequence[Outcome]) -> str:
     """What the package states of the verdicts, by whether the effect was in the library."""
-    (found, _), by = names(ledgers), calibration()
+    (found, _), by = names(outcomes), calibration()
     parts = []
     for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):
         mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in kept]
         if mine:
-            parts.append(f"{words}:\n\n{reliable(mine)}")
-    return "\n\n".join(parts)
+            parts.append(f"{words}:\n\n{reliable(mine)}\n")
+    return "\n".join(parts)
 
 
-def main() -> None:
-    """Do what is asked, and print what came of it."""
-    asked = _arguments()
-    if asked.what == "measure":
-        measure(asked)
-        return
-    sys.stdout.write((calibrate if asked.what == "fit" else judge)(asked.ledgers) + "\n")
-
-
-def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("what", choices=("measure", "fit", "judge"))
-    parser.add_argument("ledgers", type=Path, nargs="+")
-    parser.add_argument("--seed", type=int, default=7301)
-    parser.add_argument("--cases", type=int, default=60)
-    parser.add_argument("--first", type=int, default=0, help="number of the first case")
-    parser.add_argument("--withheld", type=int, default=2, help="of five cases, without the effect")
-    return parser.parse_args()
-
-
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    name="confidence",
+    question="Is what `cell gap` names right as often as it states, in and out of its library?",
+    draw=draw,
+    measure=measure,
+    by=("library",),
+    quantities=(
+        Quantity("is_named", Statistic.SHARE, "%", 100.0, label="named", digits=0),
+        Quantity("is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0),
+        Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
+        Quantity("offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0),
+        Quantity("closed", Statistic.MEDIAN, "%", 100.0, label="gap that it closes", digits=0),
+        Quantity("simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0),
+    ),
+    fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
+    ledger=Ledger("runbooks/exam/confidence.md", judge),
+    usual=60,
+    quick=1,
+    seconds=60.0,
+)
