@@ -7,7 +7,7 @@ from cell.exam.studies.circle import HIDDEN, measure
 
 pytestmark = pytest.mark.slow
 
-YARNS, TOOL = HIDDEN
+YARNS, TOOL, *_ = HIDDEN
 
 
 def closed(hidden: str) -> dict:

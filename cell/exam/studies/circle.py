@@ -29,6 +29,7 @@ BEFORE, STANDARD, AFTER, NEXT = 0, 1000, 2000, 10_000  # first seeds; of the nex
 HIDDEN: Mapping[str, Mapping[str, Mapping[str, float]]] = {
     "friction of the yarns": {},  # the strip's plant
     "tool longer than stated": {"tcp_offset": {"x": 0.0, "z": -0.008}},  # m
+    "tool off both ways": {"tcp_offset": {"x": 0.008, "z": -0.006}},
 }
 SCATTER: tuple[Scattered, ...] = ("none", "full")
 
@@ -54,11 +55,11 @@ class Circle:
     def fold(self, when: str, first: int, count: int) -> list[FoldResult]:
         """`count` folds by the path planned from the strip file as it is, seeds from `first`."""
         wanted = [self._request("planned", when, first + i) for i in range(count)]
-        return list(self._folded(wanted))
+        return list(self._fold_each(wanted))
 
     def learn(self, first: int) -> list[str]:
         """Fold the standard runs, compare, and accept what is named; its names."""
-        for _ in self._folded(standard_requests(self._request("", "standard", first))):
+        for _ in self._fold_each(standard_requests(self._request("", "standard", first))):
             pass
         file = self.configs / "strips" / f"{self.strip}.yaml"
         verdict = fit([self.work / "standard"], file, self.work / "fit", jobs=1)
@@ -66,7 +67,7 @@ class Circle:
             accept(self.work / "fit", file, self.configs / "cell.yaml")
         return [effect.name for effect in verdict.effects]
 
-    def _folded(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
+    def _fold_each(self, wanted: Sequence[Request]) -> Iterator[FoldResult]:
         if self.scatter == "none":
             yield from fold_runs(wanted)
             return
@@ -81,7 +82,7 @@ class Circle:
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The strip's plant, then a longer tool; then again with runs that differ."""
+    """The strip's plant, then other tools; then again with runs that differ."""
     number, which = divmod(number, len(HIDDEN))
     turn, level = divmod(number, len(SCATTER))
     return {"strip": "denim", "hidden": list(HIDDEN)[which], "scatter": SCATTER[level],
@@ -125,7 +126,7 @@ STUDY = Study(
         Quantity("after_seen", Statistic.MEAN_SIZE, label="as seen after"),
         Quantity("learned", Statistic.SHARE, "%", 100.0, label="learned", digits=0),
     ),
-    usual=4,
+    usual=6,
     quick=0,
     seconds=200.0,
 )

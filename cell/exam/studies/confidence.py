@@ -61,7 +61,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """The verdict on a case, its score, and by how much an offered law shrinks the gap."""
     hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
-    without = withheld(hidden) if case["library"] != "whole" else []
+    without = names_to_withhold(hidden) if case["library"] != "whole" else []
     configs = find_configs(None)
     with TemporaryDirectory() as name:
         place = Path(name)
@@ -81,8 +81,8 @@ def measure(case: Values) -> Values:
     }
 
 
-def withheld(case: Case) -> list[str]:
-    """One hidden effect, and what no run tells from it."""
+def names_to_withhold(case: Case) -> list[str]:
+    """One hidden effect, and what no run separates from it."""
     hidden = sorted(case.effects)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
 
@@ -101,19 +101,18 @@ def shares(found: Sequence[Name], without: float) -> Array:
     """What each verdict counts (n,), so that OUTSIDE of all cases lack the effect and not the share
     `without` that was withheld.
     """
-    lacking, whole = OUTSIDE / without if without else 1.0, (1.0 - OUTSIDE) / (1.0 - without)
+    lacking, whole = OUTSIDE / without if without else 1.0, (1.0 - OUTSIDE) / (1.0 - without or 1.0)
     return np.array([lacking if name.withheld else whole for name in found])
 
 
-def fitted(found: Sequence[Name], counts: Array, source: str) -> Calibration:
-    """The calibration that is most probable given these verdicts.
+def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
+    """The calibration that is most probable given these verdicts, each as often as it counts (n,).
 
     Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
     sign speaks against its sense.
     """
-    columns = np.array(
-        [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
-    )
+    rows = [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
+    columns = np.reshape(rows, (len(found), len(WEIGHTS)))
     right = np.array([name.right for name in found], dtype=float)
     prior = np.array([w.weight for w in WEIGHTS.values()])
 
@@ -133,13 +132,15 @@ def fitted(found: Sequence[Name], counts: Array, source: str) -> Calibration:
     return Calibration(intercept=float(intercept), weights=moved, source=source)
 
 
-def left_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
-    """What the calibration of all other cases states of each verdict, and whether it is right."""
+def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
+    """What the calibration of all other cases, with their counts (n,), states of each verdict, and
+    whether it is right.
+    """
     stated = []
     for name in found:
         kept = np.array([other.case != name.case for other in found])
         others = [other for other in found if other.case != name.case]
-        by = fitted(others, counts[kept], "-")
+        by = fit_calibration(others, counts[kept], "-")
         stated.append((by.probability(name.signs), name.right))
     return stated
 
@@ -173,16 +174,18 @@ def calibrate(outcomes: Sequence[Outcome]) -> Values:
     """The calibration of all these verdicts; its source says what it states of those left out."""
     found, without = names(outcomes)
     counts = shares(found, without)
-    stated = left_out(found, counts)
-    rate = float(np.average([name.right for name in found], weights=counts))
-    plain = log_loss([(rate, name.right) for name in found], counts)
     source = (
         f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
         f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
-        f"so in {100 * OUTSIDE:.0f} % of all cases. Left out one by one, log loss "
-        f"{log_loss(stated, counts):.3f} nats, of one probability for all {plain:.3f}."
+        f"so in {100 * OUTSIDE:.0f} % of all cases."
     )
-    return fitted(found, counts, source).model_dump()
+    if found:
+        stated = leave_each_out(found, counts)
+        rate = float(np.average([name.right for name in found], weights=counts))
+        plain = log_loss([(rate, name.right) for name in found], counts)
+        source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        source += f"of one probability for all {plain:.3f}."
+    return fit_calibration(found, counts, source).model_dump()
 
 
 def judge(outcomes: Sequence[Outcome]) -> str:

@@ -15,11 +15,10 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
-from cell.gap.fit import fit
+from cell.exam.scoring.base import base_of
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
-from drivers.strip.effects import registry
 from drivers.strip.engine import simulate
 from drivers.twin.chain.engine import Chain
 from policies.experiments.standard import STANDARD, standard_order
@@ -56,10 +55,10 @@ def measure(case: Values) -> Values:
             folder = Path(place) / "runs" / f"{index:02d}-{motion}"
             write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
         path = configs.strip_path(strip.name)
-        found = fit([Path(place) / "runs"], path, Path(place) / "out", without=sorted(registry()))
+        found, _ = base_of(path, Path(place) / "runs")
     return {
-        "length": found.base["bending_length"].value / strip.bending_length - 1.0,
-        "damping": found.base["retardation_time"].value / strip.retardation_time - 1.0,
+        "length": found["bending_length"] / strip.bending_length - 1.0,
+        "damping": found["retardation_time"] / strip.retardation_time - 1.0,
     }
 
 

@@ -44,7 +44,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 def measure(case: Values) -> Values:
     """Estimated spreads over those stated and those drawn; names of others that were found."""
     plant = Case.model_validate(case["case"])
-    found, level = _estimated(plant), LEVELS[plant.scatter]
+    found, level = _estimate(plant), LEVELS[plant.scatter]
     runs = [RunScatter.draw(plant.scatter, plant.seed, i) for i in range(len(MOTIONS))]
     each = np.array([[*run.grip, run.damping, run.stiffness] for run in runs])
     stated = dict(zip(QUANTITIES, (level.grip, level.grip, level.damping, level.stiffness),
@@ -57,7 +57,7 @@ def measure(case: Values) -> Values:
     }
 
 
-def _estimated(case: Case) -> dict[str, float]:
+def _estimate(case: Case) -> dict[str, float]:
     """Spreads by name that the runs of a case show beside the refitted base."""
     with TemporaryDirectory() as name:
         make_runs(case, Path(name))
