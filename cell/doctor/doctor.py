@@ -51,6 +51,7 @@ def _arm(settings: CellFile, choice: DeviceSelection, seconds: float) -> Iterato
     if is_real(settings, choice):
         yield machine.kernel(settings.fci.realtime)
         yield machine.priority(settings.fci.realtime)
+        yield machine.throttling()
     if installed.state is State.PASS:
         answering = devices.robot(address)
         yield answering

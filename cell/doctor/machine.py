@@ -14,6 +14,7 @@ NEEDED = ("mujoco", "numpy", "opencv-python-headless", "ruckig", "torch", "rerun
 RUN_GB, ROOM_GB = 1.0, 10.0  # GB below which nothing is recorded, and from which all is well
 CORES, PLENTY = 2, 4  # for loop and images, and for the recording and viewer beside them
 REALTIME = Path("/sys/kernel/realtime")
+THROTTLE = Path("/proc/sys/kernel/sched_rt_runtime_us")
 
 
 def versions() -> Check:
@@ -75,6 +76,20 @@ def priority(realtime: str) -> Check:
     remedy = "add `@realtime - rtprio 99` and `@realtime - memlock 102400` to limits.conf, join it"
     state = State.PASS if ready else State.WARN if realtime == "ignore" else State.FAIL
     return Check("scheduler", state, found, why, remedy)
+
+
+def throttling() -> Check:
+    """Whether the kernel holds up real-time threads that fill a core (sched(7))."""
+    share = int(THROTTLE.read_text(encoding="ascii")) / 1e4 if THROTTLE.exists() else -1.0
+    limited = 0.0 <= share < 100.0
+    found = f"{share:g} % of each second of a core" if limited else "real-time threads may fill it"
+    why = "real-time threads that fill a core are all held up for the rest of the second; a robot "
+    why += "stops after 20 ms without a command"
+    remedy = "run nothing else in real time on these cores, or `sysctl "
+    remedy += "kernel.sched_rt_runtime_us=-1`, from Linux 6.12 on also 0 in debugfs' "
+    remedy += "sched/fair_server/cpu*/runtime"
+    few = len(os.sched_getaffinity(0)) < PLENTY
+    return Check("throttling", State.WARN if limited and few else State.PASS, found, why, remedy)
 
 
 def viewer() -> Check:

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 from cell.extras import require_library
+from drivers.clock import ordinary_threads
 from drivers.errors import ConfigurationError
 from drivers.files import own_file, replacing, writing
 from drivers.types import Frame, Image
@@ -119,6 +120,8 @@ class FilmWriter:
         stream.pix_fmt, stream.time_base = "yuv420p", TICK
         stream.codec_context.time_base = TICK
         stream.codec_context.thread_count = 1
+        with ordinary_threads():
+            stream.codec_context.open()
         return stream
 
 

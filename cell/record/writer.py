@@ -47,6 +47,7 @@ class RunWriter:
         self._newest = float("nan")
         self._mark = False
         self._finished = False
+        self._described = False
         self._header = dict(header)
         write_document(folder / RUN, header)
         with ExitStack() as opened:
@@ -85,10 +86,12 @@ class RunWriter:
             ) from None
 
     def describe(self, **facts: Any) -> None:
-        """Add facts to run.yaml that were not known at the start."""
+        """Add facts to run.yaml that were not known at the start, once the run has ended.
+
+        A document that is on disk costs more than a turn of the control loop has.
+        """
         self._header |= facts
-        with self._recording():
-            write_document(self.folder / RUN, self._header)
+        self._described = True
 
     def tick(self, tick: Tick) -> None:
         """Add one cycle of the control loop."""
@@ -135,6 +138,7 @@ class RunWriter:
         if self._frames.film_failure:
             self.describe(film=self._frames.film_failure)
         with self._recording():
+            self._write_described()
             write_tables(self.folder, assemble(self.folder))
             write_document(self.folder / RESULT, content)
         self._finished = True
@@ -157,8 +161,14 @@ class RunWriter:
         with self._recording():
             try:
                 self._close_streams()
+                self._write_described()
             finally:
                 self._events.close()
+
+    def _write_described(self) -> None:
+        if self._described:
+            write_document(self.folder / RUN, self._header)
+            self._described = False
 
     def _close_streams(self) -> None:
         self._frames.close()

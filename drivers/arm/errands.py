@@ -1,5 +1,6 @@
 """What a robot is asked outside the strip's plane: to go home joint by joint, or where it is."""
 
+import gc
 import signal
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -69,6 +70,7 @@ def _carried_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
 
 def _run(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    gc.disable()  # a collection takes longer than a robot waits for a command
     try:
         answer = _done(task, errand, pipe)
     except Failed as failed:

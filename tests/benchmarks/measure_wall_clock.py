@@ -27,6 +27,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -208,6 +209,7 @@ class Late(NamedTuple):
     due: float
     by: float
     awaited: bool = True
+    state: str = ""
 
 
 class TimingClock(WallClock):
@@ -216,11 +218,12 @@ class TimingClock(WallClock):
     def __init__(self) -> None:
         super().__init__()
         self.late: list[Late] = []
+        self.state = ""
 
     def wait_until(self, time_s: float) -> None:
         awaited = self.now() < time_s
         super().wait_until(time_s)
-        self.late.append(Late(self.origin + time_s, self.now() - time_s, awaited))
+        self.late.append(Late(self.origin + time_s, self.now() - time_s, awaited, self.state))
 
 
 def taken() -> float:
@@ -292,7 +295,7 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
 
         def happened(self, _time, kind, facts) -> None:
             if kind == "state" and facts["state"] not in ("STOPPING", "FAULT", "DONE"):
-                self.state = facts["state"]
+                self.state = clock.state = facts["state"]
             if kind == "state" and facts["state"] == "FOLD" and cause is not None:
                 wait = np.random.default_rng().uniform(0.3, 1.3)
                 threading.Timer(wait, lambda: struck.append(cause(asked))).start()
@@ -436,6 +439,8 @@ def told(name: str, late: list[Late], stolen: float) -> bool:
     edges = ", ".join(f"{p} %: {np.percentile(some, p):.2f} ms" for p in (50, 99, 99.9, 100))
     slow = [tick for tick in late if tick.by > LATE]
     after = f"{sum(not tick.awaited for tick in slow)} of {len(slow)} after a turn too long"
+    states = Counter(tick.state for tick in slow)
+    after += "".join(f", {state} {count}" for state, count in states.most_common() if state)
     print(f"{name}: {words}; {edges}; {after}; host took {stolen:.2f} s", flush=True)
     return share >= BAR
 

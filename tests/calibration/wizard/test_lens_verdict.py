@@ -59,6 +59,18 @@ def test_without_a_measured_length_the_session_is_refused() -> None:
     assert "252.0 mm as configured" in reason
 
 
+def test_halves_of_two_cameras_are_refused() -> None:
+    views, centre = session(SETTINGS), LENS.matrix[:2, 2]
+    across = sorted(views, key=lambda number: tuple(views[number].image.mean(axis=0)))
+    mixed = dict(views)
+    for number in across[1::2]:  # every other view, as the halves are
+        view = views[number]
+        shrunk = centre + 0.95 * (view.image - centre)
+        mixed[number] = type(view)(view.ids, view.board, shrunk)
+    verdict = lens_verdict(mixed, SIZE, SETTINGS.width, SETTINGS)
+    assert any(reason.startswith("two halves of the views differ") for reason in verdict.reasons)
+
+
 def test_shaken_board_is_refused_by_its_corners() -> None:
     verdict = _verdict(noise=1.2)
     assert not verdict.passed

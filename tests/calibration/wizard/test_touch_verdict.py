@@ -1,5 +1,7 @@
 """What touched points amount to, from points alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,14 @@ def test_six_touches_are_refused() -> None:
     assert verdict.grade is Grade.REFUSED
     assert verdict.homography is None
     assert verdict.reasons == ("homography: 5 touched points, at least 12 are needed; touch more",)
+
+
+def test_two_points_that_decide_are_too_few() -> None:
+    deciding = [p.number for p in _points() if p.held_out][:2]
+    few = [replace(p, held_out=p.number in deciding) for p in _points()]
+    verdict = touch_verdict(few, LENS, SETTINGS)
+    assert verdict.grade is Grade.REFUSED
+    assert "2 held-out points, at least 3 must decide; touch more" in verdict.reasons
 
 
 def test_points_on_one_side_are_refused() -> None:

@@ -82,6 +82,20 @@ def test_disk_without_room_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert machine.disk(tmp_path / "runs").state is State.FAIL
 
 
+@pytest.mark.parametrize(
+    ("allowed", "cores", "state"),
+    [("950000", 2, State.WARN), ("950000", 8, State.PASS), ("-1", 2, State.PASS)],
+)
+def test_real_time_threads_that_are_held_up_on_few_cores_are_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, allowed: str, cores: int, state: State
+) -> None:
+    throttle = tmp_path / "sched_rt_runtime_us"
+    throttle.write_text(f"{allowed}\n")
+    monkeypatch.setattr(machine, "THROTTLE", throttle)
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(cores)))
+    assert machine.throttling().state is state
+
+
 def test_cell_of_the_twin_needs_no_hardware(tmp_path: Path) -> None:
     found = list(checks(find_configs(None), DeviceSelection(), tmp_path))
     assert [c.state for c in found if c.name in {"robot", "camera"}] == [State.SKIPPED] * 2

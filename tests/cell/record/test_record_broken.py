@@ -25,13 +25,15 @@ from drivers.files import replace_file
 from tests.cell.conftest import HEADER
 
 
-def test_what_is_learned_later_stands_in_run_yaml_at_once(tmp_path) -> None:
+def test_what_is_learned_in_a_run_is_on_disk_once_it_has_ended(tmp_path) -> None:
     writer = RunWriter.create(tmp_path, HEADER, "none")
+    before = (writer.folder / "run.yaml").read_bytes()
     writer.describe(preflight=[{"name": "contrast", "passed": True}])
+    assert (writer.folder / "run.yaml").read_bytes() == before  # a tick waits for no disk
+    writer.close()
     header = yaml.safe_load((writer.folder / "run.yaml").read_text())
     assert header["preflight"] == [{"name": "contrast", "passed": True}]
     assert {key: header[key] for key in HEADER} == HEADER
-    writer.close()
 
 
 def test_a_cells_run_that_died_at_birth_is_explained(tmp_path) -> None:

@@ -1,5 +1,6 @@
 """The film of a run: every image at its own time, whatever befalls process or encoder."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -47,6 +48,15 @@ def shown(root: Path) -> int:
         return sum(1 for film in films for _ in Film(film).frames())
     except ConfigurationError:
         return 0
+
+
+def test_encoder_takes_no_priority_from_the_control_loop(tmp_path):
+    own = os.sched_getscheduler(0)
+    with FilmWriter(tmp_path / "film.mp4", "libsvtav1") as film:
+        film.add(0.0, image(0))
+        threads = [int(entry.name) for entry in Path("/proc/self/task").iterdir()]
+        assert len(threads) > 2
+        assert {os.sched_getscheduler(thread) for thread in threads} == {own}
 
 
 @pytest.mark.parametrize("encoder", ["libsvtav1", "libx264"])

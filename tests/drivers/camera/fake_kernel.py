@@ -279,6 +279,7 @@ class FakeKernel:
 
     def _qbuf(self, fd: int, buffer: Buffer) -> None:
         buffer.sequence, buffer.flags, buffer.timestamp.seconds = 0, 0, 0
+        self._buffers[buffer.index][:] = 0  # a camera may write into it from now on
         self._queued.append(buffer.index)
 
     def _dqbuf(self, fd: int, buffer: Buffer) -> None:

@@ -75,6 +75,15 @@ def test_first_joints_must_be_the_arms_own() -> None:
     assert errors(robot) == {Reflex.JOINT_POSITION_MOTION_GENERATOR_START_POSE_INVALID}
 
 
+def test_reflex_is_still_there_once_the_user_stop_is_released() -> None:
+    robot = resting_robot()
+    robot.reflex(Reflex.CARTESIAN_REFLEX)
+    robot.press_user_stop()
+    robot.release_user_stop()
+    assert robot.mode is Mode.REFLEX
+    assert errors(robot) == {Reflex.CARTESIAN_REFLEX}
+
+
 def test_later_jump_of_the_pose_is_a_discontinuity() -> None:
     robot = moving(Generator.CARTESIAN_POSE)
     robot.step(command(robot))
