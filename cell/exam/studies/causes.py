@@ -16,7 +16,7 @@ from cell.config.places import find_configs
 from cell.exam.causes import cause_of, causes
 from cell.exam.runs.from_model import MOTIONS
 from cell.exam.runs.specimen import Specimen
-from cell.exam.scoring.base import base_of
+from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
@@ -54,7 +54,7 @@ def measure(case: Values) -> Values:
             fold = Fold(way, model, moved, moved.t, arc, index, MOTION + motion)
             write_fold(runs / f"{index:02d}-{motion}", known.name, fold, BY, rng)
         path = find_configs(None).strip_path(case["strip"])
-        _, gap = base_of(path, runs)
+        gap = fit([runs], path, Path(place) / "out").gap.before
     return {"excess": gap["excess"], "profile": 1e-3 * gap["profile_mm"],
             "contact": 1e-3 * gap["contact_x_mm"]}  # fmt: skip
 
@@ -72,5 +72,5 @@ STUDY = Study(
     ),
     usual=len(SIZES),
     quick=1,
-    seconds=20.0,
+    seconds=30.0,
 )

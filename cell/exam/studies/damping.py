@@ -15,7 +15,7 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
-from cell.exam.scoring.base import base_of
+from cell.gap.fit import fit
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
@@ -55,10 +55,10 @@ def measure(case: Values) -> Values:
             folder = Path(place) / "runs" / f"{index:02d}-{motion}"
             write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
         path = configs.strip_path(strip.name)
-        found, _ = base_of(path, Path(place) / "runs")
+        base = fit([Path(place) / "runs"], path, Path(place) / "out").base
     return {
-        "length": found["bending_length"] / strip.bending_length - 1.0,
-        "damping": found["retardation_time"] / strip.retardation_time - 1.0,
+        "length": base["bending_length"].value / strip.bending_length - 1.0,
+        "damping": base["retardation_time"].value / strip.retardation_time - 1.0,
     }
 
 
@@ -82,6 +82,6 @@ STUDY = Study(
     ),
     fits=(Fit("cell/gap/subject/strip/damping.yaml", model_error),),
     usual=10,
-    quick=1,
-    seconds=30.0,
+    quick=0,
+    seconds=45.0,
 )
