@@ -82,8 +82,10 @@ def measure(case: Values) -> Values:
 
 
 def names_to_withhold(case: Case) -> list[str]:
-    """One hidden effect, and what no run separates from it."""
-    hidden = sorted(case.effects)[0]
+    """One hidden effect, or the one whose law the hidden one resembles, and what no run separates
+    from it.
+    """
+    hidden = sorted(case.effects or case.answer)[0]
     return sorted({hidden, *registry()[hidden].looks_like})
 
 

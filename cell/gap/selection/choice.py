@@ -9,7 +9,7 @@ from cell.gap.fitting import common_errors, robust
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.selection.fits import Fits
-from cell.gap.selection.likelihood import LEVEL, LikelihoodScale, Margin, holm, margin
+from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, Margin, holm, margin
 from cell.gap.selection.posterior import Posterior
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
@@ -59,13 +59,15 @@ class Step:
 class Choice:
     """Outcome of the search: the accepted model (the base where none is), all fits, the steps.
 
-    `by` is the scale on which all of them were compared.
+    `by` is the scale on which all of them were compared; `sets` the evidence that chose, where no
+    margin did.
     """
 
     accepted: Validated
     fits: Fits
     by: LikelihoodScale
     steps: tuple[Step, ...]
+    sets: Posterior | None = None
 
 
 def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
@@ -84,6 +86,21 @@ def choose(fits: Fits, sets: Posterior | None = None) -> Choice:
         if step.accepted:
             accepted = step.model
     return Choice(accepted, fits, by, tuple(steps))
+
+
+def by_evidence(choice: Choice, sets: Posterior) -> Choice:
+    """The most probable set, where a gap is left, no model earns to explain it by its margin, and
+    the evidence is clearly against the base.
+
+    A margin asks for all that the model's error could feign in the direction of an effect; the
+    posterior has that error in every direction, beside each set.
+    """
+    fits, best = choice.fits, choice.fits.of(sets.models[0].names)
+    if choice.accepted.model.effects or best is None or sets.lead(best.model.names) < MARGIN:
+        return choice
+    ahead = margin(best, fits.base, choice.by)
+    step = Step(best, fits.base, ahead.gain, ahead.p, ahead.removed, accepted=True)
+    return replace(choice, accepted=best, steps=(*choice.steps, step), sets=sets)
 
 
 def _earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:

@@ -84,6 +84,11 @@ class Posterior:
         without = names - {effect}
         return nats[names] - nats[without] if {names, without} <= nats.keys() else float("-inf")
 
+    def lead(self, names: frozenset[str]) -> float:
+        """Nats by which the set `names` leads the base."""
+        nats = {m.names: m.nats for m in self.models}
+        return nats[names] - nats[frozenset()]
+
     def p(self, of: Callable[[frozenset[str]], bool]) -> float:
         """Probability of these sets together."""
         return sum(m.p for m in self.models if of(m.names))

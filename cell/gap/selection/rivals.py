@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
+from cell.gap.selection.posterior import Posterior
 
 NEAR = 3.0  # sigma between fitted predictions
 
@@ -32,6 +33,18 @@ def rivals(accepted: Validated, fits: Fits, by: LikelihoodScale) -> list[Alterna
         worth = margin(other, base, by).gain > MARGIN
         if worth and (ahead.distance < NEAR or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))
+    return sorted(found, key=lambda r: r.behind)
+
+
+def probable_rivals(
+    accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
+) -> list[Alternative]:
+    """Models of equal size that are about as probable as the accepted one, or more so."""
+    found, mine = [], sets.lead(accepted.model.names)
+    for other in fits.of_size(len(accepted.model.effects)):
+        behind = mine - sets.lead(other.model.names)
+        if other.model.names != accepted.model.names and behind < MARGIN:
+            found.append(Alternative(other, behind, margin(accepted, other, by).distance))
     return sorted(found, key=lambda r: r.behind)
 
 

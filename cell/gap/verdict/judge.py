@@ -17,23 +17,27 @@ from cell.gap.fitting.projection import projection
 from cell.gap.fitting.scatter import estimated, with_own_scatter
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
-from cell.gap.selection.choice import Choice, choose
+from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.rivals import classes, rivals
+from cell.gap.selection.rivals import Alternative, classes, probable_rivals, rivals
 from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
 from drivers.types import Array
 
 
-def chosen(subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior) -> Choice:
+def chosen(
+    subject: Subject, simulate: Simulate, fits: Fits, sets: Posterior, *, gap: bool
+) -> Choice:
     """The choice among `fits`, its accepted model refitted against the finest simulation.
 
-    The other models are compared as they are.
+    The other models are compared as they are. Where there is a `gap` that no margin explains, the
+    evidence chooses.
     """
     found = choose(fits, sets)
+    found = by_evidence(found, sets) if gap else found
     rough = found.accepted
     if not rough.model.effects:
         return found
@@ -64,7 +68,7 @@ def judge(
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, astray = _leftover(best, noise, kind)
-    close = rivals(choice.accepted, choice.fits, choice.by) if best.model.effects else []
+    close = _rivals(choice) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimated(simulate, best, whole)
     return Judged(
@@ -81,6 +85,13 @@ def judge(
         _by_phases(choice, simulate),
         _places(choice, rng),
     )
+
+
+def _rivals(choice: Choice) -> list[Alternative]:
+    """What explains the runs about as well as the accepted model, by what accepted it."""
+    if choice.sets is None:
+        return rivals(choice.accepted, choice.fits, choice.by)
+    return probable_rivals(choice.accepted, choice.fits, choice.by, choice.sets)
 
 
 def described(

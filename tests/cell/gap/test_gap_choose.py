@@ -7,10 +7,11 @@ import pytest
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.selection import choice
-from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.choice import by_evidence, choose, exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import removed
 from cell.gap.selection.posterior import Posterior, Weighed
+from cell.gap.selection.rivals import probable_rivals
 from cell.gap.subject.subject import Scope
 from drivers.types import Array
 from tests.cell.gap import test_gap_engine
@@ -78,6 +79,22 @@ def test_evidence_shows_an_effect_whose_amount_another_number_makes_up_for(
         assert sets.gain(bumpy, "bump") == ahead
         assert choose(fits, sets).accepted.model.names == found
     assert sets.gain(frozenset({"bump", "wave"}), "wave") == float("-inf")
+
+
+def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as_probable(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",), ("slow",))
+    monkeypatch.setattr(choice, "_earned", lambda *_: False)
+    names = {name: frozenset({name} - {""}) for name in ("", "bump", "wave", "slow")}
+    nats = {"bump": 30.0, "wave": 28.0, "slow": 5.0, "": 0.0}
+    sets = Posterior(tuple(Weighed(names[n], v, 0.0) for n, v in nats.items()))
+    found = by_evidence(choose(fits, sets), sets)
+    assert found.accepted.model.names == {"bump"}
+    close = probable_rivals(found.accepted, fits, found.by, sets)
+    assert [(r.model.model.names, r.behind) for r in close] == [({"wave"}, 2.0)]
+    doubtful = Posterior((Weighed(names["bump"], 3.0, 0.9), Weighed(names[""], 0.0, 0.1)))
+    assert not by_evidence(choose(fits, doubtful), doubtful).accepted.model.effects
 
 
 def astray(*runs: int) -> Law:
