@@ -34,7 +34,7 @@ from cell.gap.selection.score import Score
 from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
-from cell.gap.verdict.decide import in_doubt, is_told, kind
+from cell.gap.verdict.decide import has_unexplained_part, in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
 from cell.gap.verdict.judge import chosen, described, judge, show
 from cell.gap.verdict.offered_law import Names, offered_law
@@ -88,7 +88,7 @@ def investigate(
         subject, tuple(held_out), fitted, screened, choice, sets, judged, shown, advised
     )
     which = kind(found)
-    if is_told(found, which):
+    if has_unexplained_part(found, which):
         law = described(subject, choice, simulate, rng)
         found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):

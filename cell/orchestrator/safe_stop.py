@@ -1,9 +1,12 @@
 """Emergency stop of the arm that depends on nothing else."""
 
 from collections.abc import Callable
+from math import hypot
 
 from cell.devices.devices import Devices
 from drivers.types import ArmState, HandState
+
+REST = 1e-3  # m/s of the gripper below which it rests
 
 
 def run_suppressed(action: Callable[[], object]) -> bool:
@@ -44,5 +47,12 @@ class SafeStop:
         return seen[0] if seen else None
 
     def ended(self, arm: ArmState | None) -> bool:
-        """Whether the arm is at rest, or its time has passed."""
-        return self._left <= 0 or (arm is not None and self._told and not arm.moving)
+        """Whether the arm is at rest, or its time has passed.
+
+        An arm that has come as near as it was commanded may still creep there.
+        """
+        return self._left <= 0 or (arm is not None and self._told and _at_rest(arm))
+
+
+def _at_rest(arm: ArmState) -> bool:
+    return not arm.moving and hypot(arm.velocity.vx, arm.velocity.vz) < REST

@@ -87,7 +87,7 @@ COMMANDS = {
         lambda r: ["train", "--out", str(r / "trained"), "--generations", "2", "--population", "4",
                    "--strips", "1", "--grid", "2", "--jobs", "1"]),
     "study": Command(
-        lambda r: ["study", "latencies", "--count", "2", "--out", str(r / "studied"), *_cell(r)]),
+        lambda r: ["study", "latencies", "--count", "2", "--out", str(r / "studied")]),
     "new": Command(
         lambda r: ["strips", "new", "felt", "--length", "0.6", "--width", "0.05", *_cell(r)]),
     "report": Command(lambda r: ["report", str(r / "before")]),

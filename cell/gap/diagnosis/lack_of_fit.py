@@ -133,7 +133,7 @@ def slack(
     return np.concatenate(factors)
 
 
-def astray(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
+def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
     """The run that departs most from the model, where OTHERS can bear that out, and which samples
     (N,) are its.
     """

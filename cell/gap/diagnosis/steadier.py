@@ -1,4 +1,4 @@
-"""What runs that repeat better would have told: each spread from run to run halved."""
+"""What runs that repeat better would have shown: each spread from run to run halved."""
 
 from dataclasses import dataclass
 

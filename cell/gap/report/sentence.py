@@ -49,8 +49,8 @@ def _named(found: Findings, verdict: Verdict) -> str:
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
     )
     text = f"{effects}; {sigmas(found):.1f} sigma."
-    if found.judged.astray is not None:
-        text += f" Run {found.judged.astray} goes another way and bears none of this out."
+    if found.judged.outlying_run is not None:
+        text += f" Run {found.judged.outlying_run} goes another way and bears none of this out."
     if (lone := lone_run(found)) is not None:
         text += (
             f" It rests on one run alone ({motion(lone.condition)}), which no other bears out: "

@@ -46,14 +46,15 @@ def held_out(subject: Subject, simulate: Simulate, wanted: Sequence[str] = ()) -
     if wanted:
         return list(dict.fromkeys(wanted))
     groups = folds(subject.runs, most=len(names))
-    told, held = Informativeness(subject, simulate), list[int]()
+    informative, held = Informativeness(subject, simulate), list[int]()
     for first in range(1, len(groups), SPARING.every):
         for group in (*groups[first:], *groups[:first]):
-            if not set(group) & set(held) and told.lost([*held, *group]) < SPARING.needed:
+            if not set(group) & set(held) and informative.lost([*held, *group]) < SPARING.needed:
                 held += group
                 break
     for group in groups:
-        if len(group) > 1 and not set(group) & set(held) and told.lost(group) >= SPARING.alone:
+        free = len(group) > 1 and not set(group) & set(held)
+        if free and informative.lost(group) >= SPARING.alone:
             held += group[-1:]
     second = (i for group in groups[1:2] for i in group)
     return [names[i] for i in held or second]

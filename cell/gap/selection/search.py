@@ -32,7 +32,7 @@ class Budget:
     so many of the best (`beam`), from so many effects `looked` at there. Of `sifted` pairs those
     few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
     then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
-    finer parameter begins also at the share `guess` of what is believed of it, and has to gain the
+    shape parameter begins also at the share `guess` of what is believed of it, and has to gain the
     share `shapely` of what an effect has to.
     """
 
@@ -184,10 +184,10 @@ def other_sign(simulate: Simulate, fits: Fits, scores: Sequence[Score]) -> list[
 def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
     """Free the optional shape parameters of the best models; keep those that gain significantly."""
     by = fits.scale
-    worth = [m for m in fits.worth(len(fits.best.model.effects)) if _bends(m.model)]
+    worth = [m for m in fits.worth(len(fits.best.model.effects)) if _has_shape(m.model)]
     tasks = []
     for m in worth:
-        fit, model = m.estimate, _bent(m.model)
+        fit, model = m.estimate, _with_shape(m.model)
         shared, effects = fit.model.split(fit.shared)
         begin = [Point(model.joined(shared, v), fit.point.local) for v in _guesses(model, effects)]
         tasks.append(_fitted(fit, model, [(p, None) for p in begin], fit))
@@ -197,12 +197,12 @@ def shape_parameters(simulate: Simulate, fits: Fits) -> list[Validated]:
     return [new for m, new in zip(worth, done, strict=True) if _better(new, m, by)]
 
 
-def _bends(model: Model) -> bool:
-    return any(e.finer for e in model.effects)
+def _has_shape(model: Model) -> bool:
+    return any(e.shape_parameters for e in model.effects)
 
 
-def _bent(model: Model) -> Model:
-    return replace(model, effects=tuple(e.bent() if e.finer else e for e in model.effects))
+def _with_shape(model: Model) -> Model:
+    return replace(model, effects=tuple(e.with_shape() for e in model.effects))
 
 
 def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array]]:

@@ -64,11 +64,12 @@ class Candidate:
     probes: tuple[tuple[tuple[float, ...], ...], ...]
     revealed_by: str = ""
     model_error: float = 0.02
-    finer: tuple[Parameter, ...] = ()
+    shape_parameters: tuple[Parameter, ...] = ()
 
-    def bent(self) -> "Candidate":
-        """The same with its finer parameters free."""
-        return replace(self, parameters=self.parameters + self.finer, finer=())
+    def with_shape(self) -> "Candidate":
+        """The same with its shape parameters free."""
+        whole = self.parameters + self.shape_parameters
+        return replace(self, parameters=whole, shape_parameters=())
 
     def completed(self, values: Array) -> Array:
         """`values` (k,) of its first parameters, with the starts of the others."""

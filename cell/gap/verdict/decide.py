@@ -39,10 +39,10 @@ def kind(found: Findings) -> Kind:
     judged = found.judged
     if not found.accepted.model.effects:
         return "unexplained" if gap_is_there(found) else "no_gap"
-    changes = judged.drifts or judged.unsteady or drifting(found)
+    changes = judged.drifts or judged.repeats_differ or drifting(found)
     if judged.leftover.p < LEVEL or changes or not _mostly(found) or unseen_remains(found):
         return "unexplained"
-    if imitates(found):
+    if is_proxy(found):
         return "unexplained"
     return "named" if found.sure else "ambiguous"
 
@@ -57,8 +57,8 @@ def gap_is_there(found: Findings) -> bool:
     return any(place.p < LEVEL for place in found.fitted.places) or unseen_gap(found) > BARS.half
 
 
-def imitates(found: Findings) -> bool:
-    """Whether several effects together only imitate a cause: a clear part of the gap is left.
+def is_proxy(found: Findings) -> bool:
+    """Whether several effects together are but a proxy of a cause: a clear part of the gap is left.
 
     One effect of a nearly true law may leave some of what it explains; of two, each would have to
     take up what the other gets wrong, as they do for a cause that the library does not hold.
@@ -98,9 +98,9 @@ def _mostly(found: Findings) -> bool:
         return True
     base = found.choice.fits.base
     each = margin(found.accepted, base, by).each
-    others = [run.name != judged.astray for run in base.estimate.evidence.runs]
+    others = [run.name != judged.outlying_run for run in base.estimate.evidence.runs]
     gain = float(each[others].sum())
-    return gain > by.least and removed(found.accepted, base, by, judged.astray) > BARS.most
+    return gain > by.least and removed(found.accepted, base, by, judged.outlying_run) > BARS.most
 
 
 def unseen_remains(found: Findings) -> bool:
@@ -150,17 +150,17 @@ def lone_run(found: Findings) -> Run | None:
     return base.estimate.evidence.runs[best]
 
 
-def is_told(found: Findings, which: Kind) -> bool:
-    """Whether anything is told of what remains: always for `unexplained`, and where a cause was
+def has_unexplained_part(found: Findings, which: Kind) -> bool:
+    """Whether what remains is described: always for `unexplained`, and where a cause was
     found and more than noise is left.
     """
     return which == "unexplained" or (which != "no_gap" and found.judged.remains)
 
 
 def unexplained(found: Findings, which: Kind) -> Unexplained | None:
-    """What remains, if anything is told of it."""
+    """What remains, where it is described."""
     judged = found.judged
-    if not is_told(found, which):
+    if not has_unexplained_part(found, which):
         return None
     law = judged.law
     return Unexplained(
@@ -193,13 +193,13 @@ def _reasons(found: Findings) -> Iterator[str]:
         yield f"the amplitude of {', '.join(drift)} drifts between {where}"
     if judged.drifts and judged.drift is not None:
         yield f"the specimen changes from run to run: {judged.drift.words}"
-    if judged.astray is not None:
-        yield f"run {judged.astray} goes another way"
-    if judged.unsteady:
+    if judged.outlying_run is not None:
+        yield f"run {judged.outlying_run} goes another way"
+    if judged.repeats_differ:
         factor = max(judged.inflation.values())
         yield f"repeats of one condition differ by {factor:.1f} times the stated noise"
     if found.accepted.model.effects and unseen_remains(found):
         yield "the gap there is not even halved"
-    if imitates(found):
+    if is_proxy(found):
         closed = 100 * found.shown.shrink.value
         yield f"together they describe {closed:.0f} % of the gap, as no cause of theirs would"

@@ -48,10 +48,10 @@ class Fitted:
     def gap(self) -> bool:
         """Whether the base leaves more than noise, anywhere, overall or from run to run."""
         seen = self.misfit.p < LEVEL or any(place.p < LEVEL for place in self.places)
-        return seen or self.drifts or self.unsteady
+        return seen or self.drifts or self.repeats_differ
 
     @property
-    def unsteady(self) -> bool:
+    def repeats_differ(self) -> bool:
         """Whether repeats differ so much that the stated noise means little."""
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 
@@ -79,19 +79,19 @@ class Judged:
     """Every doubt about the accepted model.
 
     `misfit` is its lack of fit against noise alone, `leftover` against noise and tolerance,
-    without the run that went `astray` where it fits all others; `drift` and `inflation` are
+    without the `outlying_run` where it fits all others; `drift` and `inflation` are
     changes between repeats that it leaves. `classes` are effects that stand in for one another,
     `scatter` the quantities that differ from run to run beside it, `sized` the model fitted with
-    these, from which sizes are told. `phases` tests each of several effects by the parts of a
+    these, from which sizes are estimated. `phases` tests each of several effects by the parts of a
     motion: by rate, height, direction and time. `places` are where the
     accepted effects show in what the base leaves, none without any. `law` describes what is left,
-    where anything is told of that.
+    where that is described.
     """
 
     invariances: dict[str, dict[str, Invariance]]
     misfit: Misfit
     leftover: Misfit
-    astray: str | None
+    outlying_run: str | None
     drift: Drift | None
     inflation: dict[str, float]
     rivals: tuple[Alternative, ...]
@@ -113,7 +113,7 @@ class Judged:
         return self.drift is not None and self.drift.real
 
     @property
-    def unsteady(self) -> bool:
+    def repeats_differ(self) -> bool:
         """Whether repeats differ so much, for no reason, that a fit to them means little."""
         return max(self.inflation.values(), default=1.0) > UNSTEADY
 

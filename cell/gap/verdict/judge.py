@@ -67,7 +67,7 @@ def judge(
     kind = lack_of_fit.slack(best.evidence, inflation, tolerance)
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
-    leftover, astray = _leftover(best, noise, kind)
+    leftover, outlying_run = _leftover(best, noise, kind)
     close = _rivals(choice) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimated(simulate, best, whole)
@@ -75,7 +75,7 @@ def judge(
         invariances,
         misfit,
         leftover,
-        astray,
+        outlying_run,
         change,
         inflation,
         tuple(close),
@@ -152,7 +152,7 @@ def _leftover(
     whole = lack_of_fit.lack_of_fit(estimate, noise, allowed)
     if whole.p >= LEVEL or not estimate.model.effects:
         return whole, None
-    name, samples = lack_of_fit.astray(estimate)
+    name, samples = lack_of_fit.outlying_run(estimate)
     others = lack_of_fit.lack_of_fit(estimate, noise, np.where(samples, np.inf, allowed))
     return (others, name) if others.p >= LEVEL else (whole, None)
 

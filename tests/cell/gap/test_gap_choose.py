@@ -133,9 +133,9 @@ def test_a_mishap_in_one_run_is_no_effect(shape: Law) -> None:
 
 def test_a_run_is_set_aside_only_where_enough_others_bear_that_out() -> None:
     many, few = (fitted(Curves(astray(2), repeats=n), ("bump",)) for n in (2, 1))
-    name, samples = lack_of_fit.astray(many)
+    name, samples = lack_of_fit.outlying_run(many)
     assert (name, samples.sum()) == ("r2", 60)
-    name, samples = lack_of_fit.astray(few)
+    name, samples = lack_of_fit.outlying_run(few)
     assert (name, samples.sum()) == (None, 0)
 
 

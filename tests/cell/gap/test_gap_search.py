@@ -59,7 +59,7 @@ class Bending(Curves):
         whole = super().scope
         lean = Parameter("lean", "1", 0.0, 0.0, 5.0, 1e-3, 1.0, shape=True)
         first, *others = whole.candidates
-        return replace(whole, candidates=(replace(first, finer=(lean,)), *others))
+        return replace(whole, candidates=(replace(first, shape_parameters=(lean,)), *others))
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         found = super().simulate(requests)
@@ -98,7 +98,7 @@ def test_law_that_only_resembles_the_librarys_is_bent() -> None:
     assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
     (known, *_) = with_shape_parameters(subject.scope.candidates, pool.merged([found]))
     assert [p.name for p in known.parameters] == ["size", "lean"]
-    assert not known.finer
+    assert not known.shape_parameters
 
 
 def test_law_that_holds_is_not_bent() -> None:
@@ -107,7 +107,7 @@ def test_law_that_holds_is_not_bent() -> None:
 
 def test_values_of_a_law_that_was_not_bent_start_its_bent_one() -> None:
     scope = Bending(BOTH).scope
-    model = Model(scope.base, (scope.candidates[0].bent(),))
+    model = Model(scope.base, (scope.candidates[0].with_shape(),))
     joined = model.joined(np.array([1.0, 2.0]), {"bump": np.array([0.3])})
     assert joined == pytest.approx([1.0, 2.0, 0.3, 0.0])
 
@@ -127,7 +127,7 @@ def test_an_effect_of_a_pair_has_one_amplitude_in_all_phases_of_a_motion() -> No
 
 def test_a_bent_law_is_screened_beside_another_effect() -> None:
     subject = Bending(hidden(wave, 0.2))
-    bent = subject.scope.candidates[0].bent()
+    bent = subject.scope.candidates[0].with_shape()
     found = run_one(subject.simulate, probe(at(subject, ("wave",)), bent))
     assert all(v.shape == (2,) for group in found.groups for v in group)
     (score,) = ranked(table(projection(at(subject, ("wave",))), [found]))

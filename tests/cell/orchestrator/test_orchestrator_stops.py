@@ -125,6 +125,20 @@ def test_the_arm_rests_before_the_run_is_over_whatever_fails(bench, breaks) -> N
     assert bench.clock.now() < BEGIN + 1.1
 
 
+def test_an_arm_that_creeps_where_it_was_commanded_does_not_rest_yet(bench) -> None:
+    bench.camera.read = later(bench, bench.camera.read)
+    state, settled = bench.arm.state, BEGIN + 0.6
+
+    def creeping() -> ArmState:
+        now = state()
+        still = now.moving or bench.clock.now() >= settled
+        return now if still else replace(now, velocity=Velocity(0.002, 0.0, 0.0))
+
+    bench.arm.state = creeping
+    assert bench.run().name == "internal_error"
+    assert settled <= bench.clock.now() < settled + 0.1
+
+
 def test_an_arm_that_never_answers_again_is_told_to_stop_until_its_time_is_over(bench) -> None:
     bench.arm.state = later(bench, bench.arm.state)
     outcome = bench.run()

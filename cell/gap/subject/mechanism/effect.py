@@ -43,7 +43,7 @@ class Readings:
 class Effect:
     """An entry of the library; every hook does nothing at the parameters' starts.
 
-    `parameters` lists all values of one key, joint by joint, then the next key; `finer` are shapes
+    `parameters` lists all values of one key, joint by joint, then the next key; `shape` are shapes
     of the law. `law` is a compiled torque `(q, v, load, p, at) -> N m` of one joint with its own
     values from `p[at]` on, `keys` of them, on a joint that smooths signs over `p[3]`; `edit`
     changes fields of the model, and stands for the law in a simulation where it is `native`;
@@ -58,7 +58,7 @@ class Effect:
     source: str
     parameters: Parameters
     revealed_by: str
-    finer: Parameters = lambda _: ()
+    shape: Parameters = lambda _: ()
     keys: int = 0
     law: Callable[..., Array] | None = None
     edit: Callable[[Mechanism, Array, Fields], None] | None = None
@@ -90,13 +90,13 @@ class Effect:
             )
             for factor in self.probes
         )
-        finer = self.finer(mechanism)
+        shape = self.shape(mechanism)
         return Candidate(self.name, self.sentence, self.of, own, groups, self.revealed_by,
-                         finer=finer)  # fmt: skip
+                         shape_parameters=shape)  # fmt: skip
 
     def table(self, mechanism: Mechanism, values: Array) -> Array:
         """`values` as (keys, joints), what was not given at its start."""
-        every = (*self.parameters(mechanism), *self.finer(mechanism))
+        every = (*self.parameters(mechanism), *self.shape(mechanism))
         whole = np.concatenate([values, _null(every[len(values) :])])
         return whole.reshape(-1, len(mechanism.joints))
 

@@ -35,7 +35,7 @@ def effect_of(name: str) -> Effect:
 
 def every_parameter(effect: Effect, mechanism: Mechanism) -> tuple[Parameter, ...]:
     """Parameters of an effect, those of its shape included."""
-    return (*effect.parameters(mechanism), *effect.finer(mechanism))
+    return (*effect.parameters(mechanism), *effect.shape(mechanism))
 
 
 def accepted_parameters(mechanism: Mechanism, accepted: Accepted) -> Iterator[Parameter]:
@@ -95,7 +95,7 @@ def user_numbers(table: Any, at: int, values: Array) -> None:
 
 def ordered_values(effect: Effect, mechanism: Mechanism, values: Mapping[str, float]) -> Array:
     """Values of an effect's parameters (k,) in its own order, what was not given at its start."""
-    every = (*effect.parameters(mechanism), *effect.finer(mechanism))
+    every = (*effect.parameters(mechanism), *effect.shape(mechanism))
     found = [values.get(p.name, p.start) for p in every]
     return np.array([1.0 / v if p.inverse and p.name in values else v
                      for p, v in zip(every, found, strict=True)])  # fmt: skip

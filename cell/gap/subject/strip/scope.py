@@ -102,7 +102,7 @@ def candidate(effect: Effect, strip: StripFile, lifted: float) -> Candidate:
         probes=_probes(effect, strip, lifted),
         revealed_by=effect.revealed_by,
         model_error=UNTRUE if effect.stage is Stage.LAW else EXACT,
-        finer=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
+        shape_parameters=tuple(_shape(p, strip) for p in effect.parameters if p.role == "shape"),
     )
 
 

@@ -116,7 +116,7 @@ def test_every_effect_of_the_registry_is_a_candidate(plain: Strip) -> None:
 
 def test_a_law_bends_by_numbers_that_come_last(plain: Strip) -> None:
     seam = next(c for c in plain.scope.candidates if c.name == "seam")
-    bent = seam.bent()
+    bent = seam.with_shape()
     assert [p.name for p in bent.parameters] == ["factor", "position", "width", "softness"]
     vector = np.array([5.0, 0.3, 0.06])
     stated, soft = bent.completed(vector), np.array([*vector, 0.4])

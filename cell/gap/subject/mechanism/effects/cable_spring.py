@@ -14,7 +14,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return per_joint(mechanism, "stiffness", "N m/rad", 0.01 * mechanism.torque)
 
 
-def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     size = 0.05 * np.ones(len(mechanism.joints))
     return per_joint(mechanism, "rest", "rad", size, signed=True, shape=True, high=120.0)
 
@@ -41,7 +41,7 @@ EFFECT = Effect(
     expressed="force",
     source="Hooke; MJCF joint/stiffness and springref",
     parameters=_parameters,
-    finer=_finer,
+    shape=_shape,
     keys=2,
     law=law,
     edit=_edit,

@@ -23,7 +23,7 @@ def _loads(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return per_joint(mechanism, "load", "1", 0.01 * ones, high=100.0)
 
 
-def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     ones = np.ones(len(mechanism.joints))
     rates = [
         Parameter(
@@ -72,7 +72,7 @@ EFFECT = Effect(
     expressed="force",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
     parameters=_parameters,
-    finer=_finer,
+    shape=_shape,
     keys=5,
     law=law,
     edit=_edit,

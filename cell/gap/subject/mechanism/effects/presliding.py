@@ -13,7 +13,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return per_joint(mechanism, "stiffness", "N m/rad", 0.1 * mechanism.torque, high=1000.0)
 
 
-def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
                   0.001 * j.torque, 0.1 * j.torque, shape=True)
@@ -48,7 +48,7 @@ EFFECT = Effect(
     expressed="force",
     source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
     parameters=_parameters,
-    finer=_finer,
+    shape=_shape,
     path=_path,
     modes=("prescribed",),
     revealed_by="small motion there and back",

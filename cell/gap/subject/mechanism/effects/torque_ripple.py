@@ -16,7 +16,7 @@ def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return per_joint(mechanism, "amplitude", "N m", 0.01 * mechanism.torque)
 
 
-def _finer(mechanism: Mechanism) -> tuple[Parameter, ...]:
+def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, 0.01, ORDER, shape=True)
               for j in mechanism.joints]  # fmt: skip
     size = 0.04 * np.ones(len(mechanism.joints))
@@ -36,7 +36,7 @@ EFFECT = Effect(
     expressed="force",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
     parameters=_parameters,
-    finer=_finer,
+    shape=_shape,
     keys=3,
     law=law,
     revealed_by="slow turns at a constant rate",

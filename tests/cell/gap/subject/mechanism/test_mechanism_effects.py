@@ -52,7 +52,7 @@ def test_every_effect_says_by_what_it_is_expressed_and_from_where_it_comes() -> 
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
     for candidate in (*arm.scope.candidates, *described(arm.opened.mechanism)):
-        for null in (candidate.null, candidate.bent().null):
+        for null in (candidate.null, candidate.with_shape().null):
             same = simulated(arm, {candidate.name: null})
             assert np.array_equal(same.mean, plain.mean), candidate.name
         moved = simulated(arm, {candidate.name: np.array(candidate.probes[-1][0])})
