@@ -5,6 +5,7 @@ from pathlib import Path as FilePath
 
 from drivers.errors import ConfigurationError, suggestion
 from policies.catalogue import entries
+from policies.catalogue.entry import Look
 from policies.policy import Policy
 
 MOTION, BY_HAND = "motion:", "by-hand-"
@@ -13,6 +14,11 @@ MOTION, BY_HAND = "motion:", "by-hand-"
 def policy_names() -> tuple[str, ...]:
     """The names that `make_policy` accepts, in display order."""
     return tuple(entries())
+
+
+def look_of(name: str) -> Look:
+    """Colour and marker of a policy in figures; plain ones of an unknown name."""
+    return entries()[name].look if name in entries() else Look()
 
 
 def make_policy(name: str, checkpoint: FilePath | None = None, *, in_rod: bool = False) -> Policy:

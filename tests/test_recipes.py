@@ -9,6 +9,8 @@ import pytest
 
 import cell.gap.subject.mechanism.effects
 import drivers.strip.effects
+from cell.campaign.measure import measure
+from cell.campaign.progress import Quiet
 from cell.cli.options import policy_names as typed_policies
 from cell.config.drivers import arms, cameras
 from cell.config.places import BESIDE, find_configs
@@ -24,6 +26,8 @@ from cell.orchestrator import monitors
 from cell.orchestrator.monitors import Monitor, Rules, check_all
 from cell.orchestrator.snapshot import Hold, Snapshot
 from cell.orchestrator.states import State
+from cell.studies import campaign, catalogue
+from cell.studies.table import markdown
 from drivers.errors import ConfigurationError, Fault
 from drivers.protocols import Camera, Clock
 from drivers.settings import parse
@@ -143,6 +147,40 @@ CAUSE = Leaning
 '''
 
 
+STUDY = '''
+"""How often a coin shows heads."""
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study
+
+
+def draw(number, rng):
+    return {"number": number, "thrown": float(rng.uniform())}
+
+
+def measure(case):
+    return {"heads": case["thrown"] > 0.5}
+
+
+STUDY = Study(
+    name="coins",
+    question="How often does a coin show heads?",
+    draw=draw,
+    measure=measure,
+    quantities=(Quantity("heads", Statistic.SHARE, "%", 100.0),),
+    usual=100,
+    quick=1,
+)
+'''
+
+
+class Here:
+    """An engine that measures in this process, which alone knows the study."""
+
+    def measured(self, parts, folder, versions):
+        return (measure(part, folder, versions) for part in parts)
+
+
 OF_MECHANISMS = (
     cell.gap.subject.mechanism.effects.registry,
     cell.gap.subject.mechanism.effects.torques,
@@ -154,7 +192,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     """Where packages of somebody else are installed; what was found before is forgotten, and again
     afterwards.
     """
-    scanned = (registry, entries, causes, arms, cameras, *OF_MECHANISMS)
+    scanned = (registry, entries, causes, arms, cameras, catalogue.studies, *OF_MECHANISMS)
     for found in scanned:
         found.cache_clear()
     monkeypatch.syspath_prepend(tmp_path)
@@ -325,3 +363,11 @@ def test_a_driver_is_a_class_behind_a_seam(monkeypatch: pytest.MonkeyPatch) -> N
     outcome = bench.run()
     assert outcome.name == "image_frozen"
     assert bench.at_rest
+
+
+def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    only(installed, monkeypatch, catalogue, "coins", STUDY)
+    asked = campaign.Asked(catalogue.study_of("coins"), 0, 40, installed / "out")
+    campaign.measure(asked, Here(), Quiet(), (1, 1), again=False)
+    assert "| all | 40 |" in markdown(campaign.kept(asked))
+    sys.modules.pop(f"{catalogue.__name__}.coins")

@@ -180,7 +180,7 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
 FEWEST = 3  # touches on either side of a move
 SCALE = 0.3  # px, from where a touch counts less: it may be wild
 MAD = 1.4826  # sigma over the median of deviations
-SURE = 3.8  # sigma by which a move must be seen: `tests.benchmarks.measure_wizard_causes`
+SURE = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
 
 
 @dataclass(frozen=True, slots=True)

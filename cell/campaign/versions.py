@@ -9,7 +9,8 @@ import cell
 
 PACKAGES = ("folding-cell", "numpy", "torch", "numba", "mujoco", "opencv-python-headless")
 ROOTS = ("cell", "drivers", "policies", "calibration")
-SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/studies/")
+SHOWS = ("cell/cli/", "cell/report/viz/", "cell/campaign/", "cell/studies/",
+         "cell/exam/studies/")  # fmt: skip
 SHOWN = ("cell/studies/kit/",)
 """Rooms that change no outcome, and what in them does. A study adds its own file."""
 

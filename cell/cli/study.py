@@ -38,7 +38,8 @@ def study(
     quick: Annotated[
         bool,
         typer.Option(
-            "--quick", help="The smallest size, no bar judged; without NAME, every study."
+            "--quick",
+            help="The smallest size, no bar judged; without NAME, every study of seconds.",
         ),
     ] = False,
     again: Annotated[
@@ -56,10 +57,10 @@ def study(
     if name is None and not quick:
         _list(as_json=as_json)
         return
-    chosen = list(studies().values()) if name is None else [study_of(name)]
+    chosen = [s for s in studies().values() if s.quick] if name is None else [study_of(name)]
     kept = True
     for each in chosen:
-        size = count or (each.quick if quick else each.usual)
+        size = count or (max(each.quick, 1) if quick else each.usual)
         folder = (out or Path("runs/studies")) if name is None or out is None else out
         folder = folder / f"{each.name}-{seed}" if name is None or out is None else folder
         asked = Asked(each, seed, size, folder)

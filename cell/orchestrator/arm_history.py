@@ -1,5 +1,6 @@
 """Recent measured arm states, for the gripper's pose at an image's stamp."""
 
+from bisect import bisect_right
 from collections import deque
 
 import numpy as np
@@ -21,6 +22,8 @@ class ArmHistory:
 
     def pose_at(self, stamp: float) -> Pose:
         """The gripper's pose at `stamp` [s], interpolated between the arm's own stamps."""
-        times = np.array([state.stamp for state in self._states])
-        poses = np.array([state.pose.as_array() for state in self._states])
+        states, last = self._states, len(self._states) - 1
+        after = bisect_right(states, stamp, 1, max(last, 1), key=lambda state: state.stamp)
+        pair = states[after - 1], states[min(after, last)]
+        times, poses = [s.stamp for s in pair], np.array([s.pose.as_array() for s in pair])
         return Pose(*(float(np.interp(stamp, times, poses[:, axis])) for axis in range(3)))

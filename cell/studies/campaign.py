@@ -10,10 +10,10 @@ from typing import Any
 
 from cell.campaign.journal import Cost, Journal, Record, digest, share
 from cell.campaign.run import Engine, Watcher, carry_out
+from cell.campaign.study import Case, Outcome, Study
 from cell.campaign.versions import code, data
 from cell.config.places import find_configs
 from cell.studies.catalogue import study_of
-from cell.studies.study import Case, Outcome, Study
 from drivers.errors import ConfigurationError
 
 JOURNAL = "journal"

@@ -36,8 +36,9 @@ def write_page(kept: Kept) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(folder / TABLE, markdown(kept).encode())
     for fit in study.fits if len(kept.outcomes) >= kept.asked.count else ():
-        source = {"source": progress(kept), "belongs_to": fit.path}
-        write_document(folder / Path(fit.path).name, {**fit.of(kept.outcomes), **source})
+        found = dict(fit.of(kept.outcomes))
+        found["source"] = f"{found.get('source', '')} {progress(kept)}".strip()
+        write_document(folder / Path(fit.path).name, found | {"belongs_to": fit.path})
     if study.ledger is not None:
         text = f"{study.ledger.of(kept.outcomes)}\n{progress(kept)}\n"
         replace_file(folder / Path(study.ledger.path).name, text.encode())

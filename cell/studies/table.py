@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cell.report.statistic import Figure, figure
+from cell.campaign.statistic import Figure, figure
+from cell.campaign.study import Outcome
 from cell.studies.campaign import Kept
-from cell.studies.study import Outcome
 
 ALL = "all"
 

@@ -137,4 +137,4 @@ def _vertex(left: float, here: float, right: float) -> float:
     bend = left - 2 * here + right
     if bend == 0:
         return 0.0
-    return float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5))
+    return float(min(max(0.5 * (left - right) / bend, -0.5), 0.5))

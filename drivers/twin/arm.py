@@ -1,6 +1,7 @@
 """The twin's arm: a simulated servo with tracking lag and measurement noise."""
 
 from collections import deque
+from functools import partial
 from math import exp, hypot
 from types import TracebackType
 from typing import Self
@@ -120,9 +121,12 @@ class TwinArm:
         self._trail(self._profile.tick())
         self._past.append((*self._actual, *self._rate))
         self._past.popleft()
-        pose = self._cell_in_robot.to_robot(*self._actual)
         arrives = now - min(self._delay, 0.0)
-        self._world.follow(arrives, Pose(*self._cell_in_robot.to_cell(pose)))
+        self._world.follow_when_asked(arrives, partial(self._in_cell, self._actual))
+
+    def _in_cell(self, actual: list[float]) -> Pose:
+        """A pose as the robot has it, through its own frame."""
+        return Pose(*self._cell_in_robot.to_cell(self._cell_in_robot.to_robot(*actual)))
 
     def _trail(self, command: list[float]) -> None:
         """Follow the command with a first-order lag."""

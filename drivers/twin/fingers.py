@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
@@ -22,4 +20,4 @@ class Fingers:
     def at(self, time: float) -> float:
         """Width between them at `time` [m]."""
         travel = self.speed * max(time - self.start, 0.0)
-        return float(np.clip(self.target, self.width - travel, self.width + travel))
+        return float(min(max(self.target, self.width - travel), self.width + travel))

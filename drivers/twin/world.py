@@ -1,6 +1,7 @@
 """The twin's desk: the strip and the hand over it, with their history, over the true desk."""
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol
 
@@ -44,7 +45,7 @@ class World:
         self._plant = plant
         self._settings = settings
         self._steps = 0
-        self._path: deque[tuple[float, Pose]] = deque([(0.0, start)])
+        self._path: deque[tuple[float, Callable[[], Pose]]] = deque([(0.0, lambda: start)])
         self._fingers = Fingers(opening, opening, start=0.0, speed=1.0)
         self._pointer = False
         self._bearings = RigOffsets(model.rig)
@@ -66,10 +67,16 @@ class World:
     @property
     def gripper(self) -> Pose:
         """The newest true pose of the gripper."""
-        return self._bearings.true(self._path[-1][1])
+        return self._bearings.true(self._path[-1][1]())
 
     def follow(self, stamp: float, pose: Pose) -> None:
         """Add the arm's reported `pose` at `stamp` [s]; stamps that are not newer are ignored."""
+        self.follow_when_asked(stamp, lambda: pose)
+
+    def follow_when_asked(self, stamp: float, pose: Callable[[], Pose]) -> None:
+        """Likewise with a pose that is computed where a step needs it: one in five, of an arm that
+        reports every millisecond.
+        """
         if stamp > self._path[-1][0]:
             self._path.append((stamp, pose))
 
@@ -180,10 +187,10 @@ class World:
             path.popleft()
         (t0, here) = path[0]
         if len(path) == 1 or time <= t0:
-            return here
+            return here()
         (t1, there) = path[1]
         share = (time - t0) / (t1 - t0)
-        x, z, pitch = (here.as_array() * (1 - share) + there.as_array() * share).tolist()
+        x, z, pitch = (here().as_array() * (1 - share) + there().as_array() * share).tolist()
         return Pose(x, z, pitch)
 
     def _scene(self, time: float, hand: Pose) -> Scene:

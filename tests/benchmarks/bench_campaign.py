@@ -3,18 +3,24 @@
     python -m tests.benchmarks.bench_campaign overhead [--parts 40] [--jobs 2]
     python -m tests.benchmarks.bench_campaign records [--count 3000]
     python -m tests.benchmarks.bench_campaign plan JOURNAL --cases 3000 --workers 40
+    python -m tests.benchmarks.bench_campaign kills STUDY... [--count 12] [--times 30] [--seed 0]
 
 `overhead` measures parts that sleep for a second: what a part costs besides, on the wall clock and
 of the process that hands them out. `records` reads journal files. `plan` draws costs of cases from
 a journal, hands them to the free worker next in turn as `cell study` does, and says how long that
-takes, and up to how many workers the process that hands out keeps up.
+takes, and up to how many workers the process that hands out keeps up. `kills` ends `cell study`
+with its processes at random moments, and compares its table with that of an undisturbed one.
 """
 
 import argparse
 import heapq
+import os
+import signal
+import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +101,36 @@ def planned(journal: Path, cases: int, workers: int) -> str:
     )
 
 
+def kills(study: str, count: int, times: int, rng: np.random.Generator) -> str:
+    """Whether a study that is killed so many times ends with the table of one that is not."""
+    with tempfile.TemporaryDirectory() as place:
+        whole, torn = Path(place) / "whole", Path(place) / "torn"
+        begun = time.perf_counter()
+        _study(study, count, whole).wait()
+        took = time.perf_counter() - begun
+        for _ in range(times):
+            process = _study(study, count, torn)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(rng.uniform(0.0, took))
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            half = len(Journal(torn / "journal").records())
+        _study(study, count, torn).wait()
+        same = (whole / "table.md").read_bytes() == (torn / "table.md").read_bytes()
+        return f"{study}: killed {times} times, {half} of {count} cases then; " + (
+            "the same table" if same else "ANOTHER table"
+        )
+
+
+def _study(name: str, count: int, out: Path) -> subprocess.Popen[bytes]:
+    words = ["study", name, "--count", str(count), "--out", str(out)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "cell", *words], start_new_session=True,
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
 def main() -> None:
     """Measure or plan as asked."""
     reader = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -107,7 +143,17 @@ def main() -> None:
     asked.add_argument("journal", type=Path)
     asked.add_argument("--cases", type=int, default=3000)
     asked.add_argument("--workers", type=int, default=40)
+    asked = which.add_parser("kills")
+    asked.add_argument("studies", nargs="+")
+    asked.add_argument("--count", type=int, default=12)
+    asked.add_argument("--times", type=int, default=30)
+    asked.add_argument("--seed", type=int, default=0)
     given = reader.parse_args()
+    if given.what == "kills":
+        rng = np.random.default_rng(given.seed)
+        for name in given.studies:
+            print(kills(name, given.count, given.times, rng), flush=True)
+        return
     if given.what == "overhead":
         text = overhead(given.parts, given.jobs)
     elif given.what == "records":

@@ -14,14 +14,13 @@ from PIL import Image as Picture
 from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import TwinFold, simulate_fold
+from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.looks import looks
 from drivers.twin.renderer.looks.look import Look
 from drivers.twin.settings import CameraSettings
 from drivers.types import Image
 from policies.fixed_paths import triangular
-from tests.support.look_camera import LookCamera
 from tests.support.seen_folds import STRIPS
 from tests.support.twin_calibration import twin_calibration
 
@@ -35,7 +34,7 @@ RED, YELLOW, WHITE, DARK = (40, 40, 230), (0, 230, 255), (255, 255, 255), (40, 4
 
 def tile(look: Look, fold: TwinFold) -> Image:
     """One look: its name, what is seen of `fold` or why the strip was refused."""
-    camera, calibration = LookCamera(fold.strip, look, CAMERA), twin_calibration(CAMERA)
+    camera, calibration = FoldCamera(fold.strip, CAMERA, look=look), twin_calibration(CAMERA)
     judged = inspect(camera.flat(fold.strip), calibration, SETTINGS, fold.strip)
     frame = camera.frame(fold, SEQUENCE)
     image = frame.image.copy()

@@ -1,15 +1,13 @@
-"""Published measurements of real mechanisms, fitted: `python -m tests.benchmarks.measure_mechanisms
-driven|servo|triple OUT [--data DIR] [--jobs N]` writes runs and verdict into OUT and prints it.
+"""Published measurements of real mechanisms as runs: `python -m tests.benchmarks.measure_mechanisms
+driven|servo|triple OUT [--data DIR]` writes them into OUT and prints the command that fits them.
 """
 
 import argparse
 import json
-import time
 from pathlib import Path
 
 import numpy as np
 
-from cell.gap.fit import fit
 from cell.gap.subject.mechanism.importer import convert_pendulum, write_run
 from cell.gap.subject.run_folders import read_table
 
@@ -52,26 +50,14 @@ def triple(data: Path, out: Path) -> Path:
 
 
 def main() -> None:
-    """Convert, fit, print."""
+    """Convert, and print the command that fits."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("which", choices=("driven", "servo", "triple"))
     parser.add_argument("out", type=Path)
     parser.add_argument("--data", type=Path, default=DATA)
-    parser.add_argument("--jobs", type=int, default=2)
     given = parser.parse_args()
     file = {"driven": driven, "servo": servo, "triple": triple}[given.which](given.data, given.out)
-    began = time.process_time()
-    found = fit([given.out / "runs"], file, given.out / "verdict", jobs=given.jobs)
-    print(f"{found.verdict}: {[e.name for e in found.effects]}, ambiguous {found.ambiguous}")
-    for e in found.effects:
-        for key, p in e.parameters.items():
-            print(f"  {e.name} {key} {p.value:.4g} [{p.low}, {p.high}] {p.unit}")
-    print("before", found.gap.before, "\nafter ", found.gap.after)
-    print("unexplained", found.unexplained)
-    for c in found.candidates[:8]:
-        print(f"  {c.name}: {c.elpd_gain:.0f} +- {c.se:.0f} nats",
-              {k: f"{p.value:.3g}" for k, p in c.parameters.items()})  # fmt: skip
-    print(f"{time.process_time() - began:.0f} s of processor, {found.simulations} simulations")
+    print(f"cell gap fit {given.out / 'runs'} --model {file} --out {given.out / 'verdict'}")
 
 
 if __name__ == "__main__":

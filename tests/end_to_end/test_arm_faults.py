@@ -1,13 +1,10 @@
-"""Faults of a robot, driven through its own library: named, at rest, recorded.
-
-All faults in all phases: `python -m tests.benchmarks.arm_faults`.
-"""
+"""Faults of a robot, driven through its own library: named, at rest, recorded."""
 
 import pytest
 
 pytest.importorskip("pylibfranka", reason="the robot's library is not installed")
 
-from tests.support.arm_faults import STRIKES, struck
+from tests.support.arm_faults import PHASES, STRIKES, struck
 
 QUICK = ("reflex", "TCP drop", "wrong version", "NaN", "contact 20 N", "silent parent")
 PROCESSES = ("killed child", "killed parent")
@@ -22,9 +19,10 @@ def test_fault_is_named_the_arm_rests_and_the_record_is_whole(fault, tmp_path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("fault", ["reflex", "frozen 0.7 s", "silent parent", "killed child"])
-def test_fault_in_the_middle_of_the_fold_likewise(fault, tmp_path) -> None:
-    came = struck(fault, "FOLD", tmp_path)
+@pytest.mark.parametrize("phase", PHASES)
+@pytest.mark.parametrize("fault", STRIKES)
+def test_every_fault_in_every_phase_likewise(fault, phase, tmp_path) -> None:
+    came = struck(fault, phase, tmp_path)
     assert came.outcome in STRIKES[fault][1]
     assert came.rests
     assert came.whole

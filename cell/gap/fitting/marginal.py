@@ -18,7 +18,7 @@ from drivers.types import Array
 @dataclass(frozen=True, slots=True)
 class Sought:
     """Where a spread from run to run is sought, in units of the `usual` one. Source: set by
-    hand; `tests/benchmarks/measure_spreads.py` holds what comes of it against true spreads.
+    hand; `cell study spreads` holds what comes of it against true spreads.
 
     Between `smallest` and `largest`, from `begin`; the common part of a quantity may be so many
     times its usual spread (`common`). Any fit leaves at least the share `least` of the stated

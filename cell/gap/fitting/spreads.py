@@ -24,7 +24,7 @@ NOTHING = np.zeros(0)
 @dataclass(frozen=True, slots=True)
 class Believed:
     """When a quantity counts as different from run to run. Source: set by hand;
-    `tests/benchmarks/measure_spreads.py` holds what comes of it against true spreads.
+    `cell study spreads` holds what comes of it against true spreads.
 
     One must gain `worth` nats, and beat those that scatter more commonly, named first, by `tie`; a
     common one does not scatter here where its Bayes factor is below `refuted`.

@@ -3,7 +3,7 @@
 The posterior speaks of the library's laws as they are. What no law accounts for, and how much of
 the gap on held-out runs is closed, say whether to believe it; how much they say was measured on
 verdicts held against the truth, a part of them with the true effect withheld from the library
-(`python -m tests.benchmarks.measure_confidence`; Platt 1999, Probabilities for SV machines).
+(`cell study confidence`; Platt 1999, Probabilities for SV machines).
 """
 
 from dataclasses import asdict, dataclass
@@ -61,12 +61,13 @@ class Weight(Settings):
 
 class Calibration(Settings):
     """confidence.yaml: the log-odds of a right name are `intercept` plus what each sign weighs;
-    `source` says of which verdicts that was found.
+    `source` says of which verdicts that was found, `belongs_to` where the file lies.
     """
 
     intercept: float
     weights: dict[str, Weight]
     source: str = Field(min_length=1)
+    belongs_to: str = ""
 
     def probability(self, found: Signs) -> float:
         """Probability that a name with these signs is right."""

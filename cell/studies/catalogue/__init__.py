@@ -1,21 +1,23 @@
-"""The studies by name; every module of this folder that has a `STUDY` is one, named like it."""
+"""The studies by name; every module of these folders that has a `STUDY` is one, named like it."""
 
 import importlib
 import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
-from cell.studies.study import Study
+from cell.campaign.study import Study
 from drivers.errors import ConfigurationError
+
+FOLDERS = ("cell.studies.catalogue", "cell.exam.studies")
 
 
 @cache
 def studies() -> Mapping[str, Study]:
     """Studies by name, sorted."""
-    names = sorted(name for _, name, _ in pkgutil.iter_modules(__path__))
-    modules = (importlib.import_module(f"{__name__}.{name}") for name in names)
-    found = (module.STUDY for module in modules if hasattr(module, "STUDY"))
-    return {study.name: study for study in found}
+    folders = map(importlib.import_module, FOLDERS)
+    names = (n for f in folders for _, n, _ in pkgutil.iter_modules(f.__path__, f"{f.__name__}."))
+    found = (m.STUDY for m in map(importlib.import_module, names) if hasattr(m, "STUDY"))
+    return {study.name: study for study in sorted(found, key=lambda study: study.name)}
 
 
 def study_of(name: str) -> Study:

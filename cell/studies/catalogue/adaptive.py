@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from cell.report.statistic import Quantity, Statistic
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.studies.kit.rollouts import Kept, rough, sensing_of, stepper, stretchy
-from cell.studies.study import Study, Values
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from policies.adaptive.checkpoint import load_critic

@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.unknown import unknown_strip
 from cell.exam.causes import cause_of
 from cell.perception.agreement import agreement
 from cell.perception.measured_fold import MeasuredFold
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.rollouts import Kept, Traced, rough, sensing_of, stretchy
-from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain

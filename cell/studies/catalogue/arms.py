@@ -5,10 +5,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import fold_strip
-from cell.studies.study import Study, Values
 
 FILES = ("ticks.parquet", "profile.parquet", "result.yaml")
 

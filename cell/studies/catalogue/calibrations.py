@@ -9,10 +9,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from calibration.calibration import Calibration, load_calibration
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import fold_strip
-from cell.studies.study import Study, Values
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:

@@ -11,6 +11,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.config.unknown import unknown_strip
 from cell.devices.devices import DeviceSelection
@@ -20,13 +22,12 @@ from cell.perception.perception import Perception
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
 from cell.record.run import read_run
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import cached_calibration
 from cell.studies.kit.rollouts import Kept, stepper
 from cell.studies.kit.sights import fold_of
 from cell.studies.kit.twin_fold import FoldCamera
-from cell.studies.study import Study, Values
 from drivers.strip.describe import describe
+from drivers.twin.renderer.looks import looks
 from policies.adaptive.adaptive import Adaptive
 from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import plain
@@ -37,15 +38,18 @@ from policies.sensing import IMAGES
 EVERY = 6  # images of a fold
 
 
-def image_and_reading(seed: int) -> Mapping[str, list[float]]:
-    """Milliseconds of each image of a fold of denim, rendered, then read."""
+def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
+    """Milliseconds of each image of a fold of denim in a look, rendered, then read."""
     configs = find_configs(None)
     strip, settings, camera = (
         configs.strip("denim"),
         PerceptionSettings(),
         configs.cell().twin.camera,
     )
-    made, twin = fold_of("denim", triangular(strip.length), 0.1), FoldCamera(strip, camera, seed)
+    made, twin = (
+        fold_of("denim", triangular(strip.length), 0.1),
+        FoldCamera(strip, camera, seed, looks()[look]),
+    )
     found = inspect(twin.flat(strip), cached_calibration(), settings, strip)
     if found.appearance is None:
         return {}
@@ -61,7 +65,7 @@ def image_and_reading(seed: int) -> Mapping[str, list[float]]:
     return {name: values[1:] for name, values in costs.items()}
 
 
-def decision(seed: int) -> Mapping[str, list[float]]:
+def decision(seed: int, _look: str) -> Mapping[str, list[float]]:
     """Milliseconds of each decision of `adaptive` in a fold from noisy states."""
     rng, kept = np.random.default_rng(seed), Kept(load_critic())
     strip = plain(rng)
@@ -77,7 +81,7 @@ def decision(seed: int) -> Mapping[str, list[float]]:
     return {"decision": costs}
 
 
-def whole(seed: int) -> Mapping[str, list[float]]:
+def whole(seed: int, _look: str) -> Mapping[str, list[float]]:
     """A fold as `cell fold` makes it, with page and recording: of its own time, the share that it
     took of the wall clock; milliseconds of each turn of the control loop.
     """
@@ -91,7 +95,7 @@ def whole(seed: int) -> Mapping[str, list[float]]:
     return {"turn": turns.tolist(), "fold": [result.wall / result.duration]}
 
 
-PARTS: dict[str, Callable[[int], Mapping[str, list[float]]]] = {
+PARTS: dict[str, Callable[[int, str], Mapping[str, list[float]]]] = {
     "image and reading": image_and_reading,
     "decision": decision,
     "fold": whole,
@@ -99,14 +103,15 @@ PARTS: dict[str, Callable[[int], Mapping[str, list[float]]]] = {
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
-    """The next part."""
+    """The next part, images in the next look."""
     seed, part = divmod(number, len(PARTS))
-    return {"part": list(PARTS)[part], "noise": seed}
+    look = list(looks())[seed % len(looks())] if part == 0 else next(iter(looks()))
+    return {"part": list(PARTS)[part], "look": look, "noise": seed}
 
 
 def measure(case: Values) -> Values:
     """Its costs, a list a name."""
-    return PARTS[case["part"]](case["noise"])
+    return PARTS[case["part"]](case["noise"], case["look"])
 
 
 STUDY = Study(
@@ -114,7 +119,7 @@ STUDY = Study(
     question="What do an image, its reading, a decision, a turn and a fold cost?",
     draw=draw,
     measure=measure,
-    by=("part",),
+    by=("part", "look"),
     quantities=(
         Quantity("image", Statistic.MEDIAN, "ms", 1.0, bar=8.0, label="image"),
         Quantity("reading", Statistic.MEDIAN, "ms", 1.0, bar=3.0, label="reading"),
@@ -122,7 +127,7 @@ STUDY = Study(
         Quantity("turn", Statistic.MEDIAN, "ms", 1.0, label="turn"),
         Quantity("fold", Statistic.MEDIAN, "1", 1.0, bar=0.4, label="fold over its duration"),
     ),
-    usual=12,
+    usual=36,
     quick=1,
     seconds=12.0,
 )

@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cell.report.statistic import Quantity, Statistic
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.studies.kit.paper_formulation import PaperFormulation
-from cell.studies.study import Study, Values
 from drivers.errors import SimulationNotFinite
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper, simulate

@@ -11,11 +11,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import yaml
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.folding.result import FoldResult
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import fold_strip
-from cell.studies.study import Study, Values
 from drivers.errors import CellError
 from policies.registry import policy_names
 

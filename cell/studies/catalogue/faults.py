@@ -6,11 +6,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Ledger, Outcome, Study, Values
 from cell.folding.blow import STATES, Blow, strike
 from cell.folding.faults import FAULTS
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import cached_calibration
-from cell.studies.study import Ledger, Outcome, Study, Values
 
 SEEDS = 3
 GOOD = ("stopped", "harmless")

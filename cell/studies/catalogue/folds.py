@@ -5,11 +5,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import facts, fold_strip
 from cell.studies.kit.resimulate import resimulate
-from cell.studies.study import Study, Values
 
 POLICIES = ("triangular", "circular", "shifted", "planned", "feedback", "adaptive")
 

@@ -8,13 +8,13 @@ from calibration.wizard.latency import LatencyVerdict
 from cell.calibrating.calibrate import NO_STRIP, calibration_of
 from cell.calibrating.homography_wizard import touch
 from cell.calibrating.keyboard import TwinOperator
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.devices.devices import Devices, DeviceSelection
 from cell.devices.twin import TwinCalibrationAids, twin_devices
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.operator import Unattended
-from cell.report.statistic import Quantity, Statistic
-from cell.studies.study import Study, Values
 from drivers.errors import Fault
 from drivers.twin.open import open_twin
 

@@ -7,10 +7,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import yaml
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import cached_calibration, facts, fold_strip
-from cell.studies.study import Study, Values
 from drivers.twin.renderer.looks import looks
 
 ALLOWED = 6.0  # mm of displacement

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.sights import Sight, fold_of, sights
-from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.shape import fold_tip
 from drivers.types import Array
 from policies.experiments.standard import FIRST, STANDARD

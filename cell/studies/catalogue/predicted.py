@@ -5,10 +5,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
 from cell.studies.kit.folds import fold_strip
 from cell.studies.kit.predicted import QUANTITIES, compare
-from cell.studies.study import Study, Values
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:

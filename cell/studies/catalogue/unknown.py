@@ -10,12 +10,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from scipy.optimize import least_squares
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import fold_unknown
 from cell.studies.kit.poor_images import dropping
 from cell.studies.kit.predicted import QUANTITIES, compare
-from cell.studies.study import Fit, Outcome, Study, Values
 from drivers.strip.file import StripFile
 from drivers.types import Array
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.config.places import find_configs
-from cell.report.statistic import Quantity, Statistic
-from cell.studies.study import Study, Values
 from drivers.errors import CellError
 from drivers.strip.describe import describe
 from drivers.strip.engine import Stepper

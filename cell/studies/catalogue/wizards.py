@@ -15,8 +15,8 @@ from calibration.wizard.board_views import BoardViews
 from calibration.wizard.touch_verdict import TouchVerdict
 from calibration.wizard.touched_points import TouchedPoints
 from calibration.wizard.touches import TouchSettings
-from cell.report.statistic import Quantity, Statistic
-from cell.studies.study import Study, Values
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics

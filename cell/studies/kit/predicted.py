@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cell.campaign.statistic import Quantity, Statistic
 from cell.folding.result import FoldResult
 from cell.record.run import read_run
-from cell.report.statistic import Quantity, Statistic
 from cell.studies.kit.folds import facts
 from policies.adaptive.critic import ROUGH
 

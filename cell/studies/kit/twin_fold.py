@@ -9,6 +9,8 @@ from drivers.strip.file import StripFile
 from drivers.strip.shape import Touch, desk_contact
 from drivers.twin.chain.engine import Chain
 from drivers.twin.renderer.look import StripLook
+from drivers.twin.renderer.looks.green_mat import LOOK as PLAIN
+from drivers.twin.renderer.looks.look import Look
 from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.scene import Scene
 from drivers.twin.settings import CameraSettings
@@ -67,11 +69,13 @@ def simulate_fold(
 
 
 class FoldCamera:
-    """Renders frames of a fold at any time; one renderer per strip."""
+    """Renders frames of a fold at any time in a look of the cell; one renderer per strip."""
 
-    def __init__(self, strip: StripFile, settings: CameraSettings, seed: int = 0) -> None:
+    def __init__(
+        self, strip: StripFile, settings: CameraSettings, seed: int = 0, look: Look = PLAIN
+    ) -> None:
         self.settings = settings
-        self.renderer = Renderer(settings, StripLook.of(strip), seed)
+        self.renderer = Renderer(settings, StripLook.of(strip, look.pattern), seed, surround=look)
 
     def flat(self, strip: StripFile, sequence: int = 0) -> Frame:
         """The strip flat and still before the grasp, the hand where it waits in the cell."""

@@ -3,9 +3,44 @@
 import numpy as np
 import pytest
 
+from calibration.board import BoardSettings
 from calibration.wizard.latency import SeenStep, latency_verdict
-from tests.benchmarks.measure_wizard_causes import board, touches
+from calibration.wizard.lens_verdict import lens_verdict
+from calibration.wizard.touch_verdict import touch_verdict
 from tests.calibration.wizard.test_latency import LENS, MAP, SETTINGS, _arm
+from tests.support.board_sessions import bent_session
+from tests.support.touch_sessions import SETTINGS as TOUCHES
+from tests.support.touch_sessions import Camera, touched
+
+BOARD, WILD = BoardSettings(), 0.1  # ..., share of loose touches
+
+
+def board(seed: int, height: float = 0.0) -> tuple[str, ...]:
+    """Reasons against a lens from a board bent by `height` [m] along its long side."""
+    views = bent_session(BOARD, height, seed)
+    return lens_verdict(views, (1280, 720), BOARD.width, BOARD).reasons
+
+
+def touches(seed: int, mrad: float = 0.0, *, mirrored: bool = False) -> tuple[str, ...]:
+    """Reasons against the map of a camera that turns by `mrad` somewhere among the touches."""
+    rng = np.random.default_rng(seed)
+    camera, angle, after = Camera.drawn(rng), rng.uniform(0, 2 * np.pi), int(rng.integers(5, 20))
+    nudge = 1e-3 * mrad * np.array([np.sin(angle), np.cos(angle), 0.0]) if mrad else None
+    made = touched(camera, rng, nudge=nudge, after=after, mirrored=mirrored, wild=WILD)
+    return touch_verdict(made, camera.lens, TOUCHES).reasons
+
+
+@pytest.mark.slow
+def test_sessions_of_many_cameras_are_accepted_or_refused_for_their_cause() -> None:
+    refused = {seed: reasons for seed in range(40) if (reasons := board(seed))}
+    assert set(refused) <= {13}  # clean, and its halves differ by 2.7 % in focal length
+    assert not any(touches(seed) for seed in range(40))
+    for seed in range(12):
+        for height in (0.0007, 0.001, 0.003):
+            assert any("is bent" in reason for reason in board(seed, height))
+        for mrad in (0.3, 0.7, 2.0):
+            assert any("camera moved" in reason for reason in touches(seed, mrad))
+        assert any("mirrored" in reason for reason in touches(seed, mirrored=True))
 
 
 @pytest.mark.parametrize("height", [0.0007, 0.001, 0.003])

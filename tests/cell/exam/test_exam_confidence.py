@@ -6,17 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.verdict.confidence import Signs, calibration
-from tests.benchmarks.measure_confidence import (
+from cell.campaign.study import Case, Outcome
+from cell.exam.scoring.score import RIGHT
+from cell.exam.studies.confidence import (
     OUTSIDE,
     WEIGHTS,
     Name,
-    fitted,
+    calibrate,
+    fit_calibration,
     log_loss,
     names,
     reliable,
     shares,
 )
+from cell.gap.verdict.confidence import Calibration, Signs, calibration
 
 
 def drawn(count: int, seed: int = 0) -> list[Name]:
@@ -31,7 +34,7 @@ def drawn(count: int, seed: int = 0) -> list[Name]:
 
 
 def test_what_is_stated_comes_true_as_often() -> None:
-    by = fitted(drawn(2000), np.ones(2000), "drawn")
+    by = fit_calibration(drawn(2000), np.ones(2000), "drawn")
     fresh = drawn(2000, seed=1)
     stated = [(by.probability(name.signs), name.right) for name in fresh]
     high = [right for p, right in stated if p > 0.8]
@@ -44,7 +47,7 @@ def test_what_is_stated_comes_true_as_often() -> None:
 
 def test_no_sign_speaks_against_its_sense() -> None:
     contrary = [name._replace(right=name.signs.left > 1.0) for name in drawn(400)]
-    by = fitted(contrary, np.ones(400), "drawn")
+    by = fit_calibration(contrary, np.ones(400), "drawn")
     assert by.weights["left"].weight == 0.0
     assert all(by.weights[sign].weight * w.weight >= 0.0 for sign, w in WEIGHTS.items())
 
@@ -55,20 +58,22 @@ def test_withheld_names_count_as_rarely_as_causes_outside() -> None:
     assert counts[:4].sum() / counts.sum() == pytest.approx(OUTSIDE)
 
 
-def test_ledgers_hold_names_and_all_cases(tmp_path: Path) -> None:
+def test_names_are_right_only_where_the_effect_is_in_the_library() -> None:
     signs = {"ahead": 9.0, "left": 0.6, "correlation": 0.0, "unseen": 2.0, "closed": 1.0}
-    outcome = {"case": "a", "verdict": "named", "result": "right_strict", "signs": signs}
-    lines = [
-        {"outcome": outcome, "without": []},
-        {"outcome": {**outcome, "result": "wrong_name"}, "without": ["seam"]},
-        {"outcome": {**outcome, "verdict": "no_gap"}, "without": ["seam"]},
-        {"outcome": outcome},
+    facts = {"case": "a", "signs": signs, "is_named": True, "without": []}
+    values = [
+        {**facts, "is_right": True},
+        {**facts, "is_right": False, "without": ["seam"]},
+        {**facts, "is_named": False, "is_right": None, "without": ["seam"]},
+        {**facts, "case": "b", "is_right": True},
     ]
-    path = tmp_path / "ledger.jsonl"
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
-    found, without = names([path])
+    outcomes = [Outcome(Case(i, 0, {}), v) for i, v in enumerate(values)]
+    found, without = names(outcomes)
     assert [name.right for name in found] == [True, False, True]
     assert without == 0.5
+    content = calibrate(outcomes)
+    assert "3 verdicts that name, 1 of them wrong" in content["source"]
+    assert Calibration.model_validate(content | {"belongs_to": "confidence.yaml"}).weights
 
 
 def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
@@ -77,3 +82,28 @@ def test_the_package_states_its_source_and_more_for_a_longer_lead() -> None:
     stated = [by.probability(Signs(n, 0.6, 0.0, 2.0, 1.0)) for n in (1.0, 20.0, 150.0)]
     assert stated == sorted(stated)
     assert 0.0 < stated[0] < stated[2] < 1.0
+
+
+def test_without_a_name_the_calibration_is_what_was_known_before() -> None:
+    facts = {"is_named": False, "signs": None, "without": ["seam"], "case": "a"}
+    found = Calibration.model_validate(calibrate([Outcome(Case(0, 0, {}), facts)]))
+    assert {sign: w.weight for sign, w in found.weights.items()} == pytest.approx(
+        {sign: w.weight for sign, w in WEIGHTS.items()}
+    )
+
+
+def test_the_package_holds_what_the_verdicts_of_its_source_give() -> None:
+    outcomes = []
+    for seed in (7301, 7302):
+        ledger = Path(__file__).parents[3] / "runbooks" / "exam" / f"confidence-{seed}.jsonl"
+        for line in map(json.loads, ledger.read_text(encoding="utf-8").splitlines()):
+            scored, without = line["outcome"], line["without"]
+            named = scored["verdict"] == "named"
+            right = scored["result"] in RIGHT and not without
+            facts = {**scored, "without": without, "is_named": named, "is_right": right}
+            outcomes.append(Outcome(Case(len(outcomes), seed, {}), facts))
+    found = Calibration.model_validate(calibrate(outcomes))
+    assert found.source.startswith("67 verdicts that name, 10 of them wrong")
+    assert found.intercept == pytest.approx(calibration().intercept, abs=1e-3)
+    for sign, w in calibration().weights.items():
+        assert found.weights[sign].weight == pytest.approx(w.weight, abs=1e-3)

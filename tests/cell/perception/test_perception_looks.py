@@ -10,7 +10,7 @@ from calibration.pointer import find_pointer
 from cell.perception.perception import Perception
 from cell.perception.preflight import Preflight, inspect
 from cell.perception.settings import PerceptionSettings
-from cell.studies.kit.twin_fold import TwinFold, simulate_fold
+from cell.studies.kit.twin_fold import FoldCamera, TwinFold, simulate_fold
 from drivers.strip.describe import load_strip
 from drivers.strip.file import StripFile
 from drivers.twin.renderer.looks import looks
@@ -20,7 +20,6 @@ from drivers.twin.renderer.renderer import Renderer
 from drivers.twin.settings import CameraSettings
 from drivers.types import Pose
 from policies.fixed_paths import triangular
-from tests.support.look_camera import LookCamera
 from tests.support.seen_folds import STRIPS, distances
 from tests.support.twin_calibration import NO_STRIP, pointer_frame, twin_calibration
 
@@ -43,19 +42,19 @@ def _fold(strip: str, thickness: float | None = None) -> TwinFold:
 
 
 def _judged(look: Look, strip: StripFile, settings: CameraSettings = CAMERA) -> Preflight:
-    return _judged_by(LookCamera(strip, look, settings), strip)
+    return _judged_by(FoldCamera(strip, settings, look=look), strip)
 
 
-def _judged_by(camera: LookCamera, strip: StripFile) -> Preflight:
+def _judged_by(camera: FoldCamera, strip: StripFile) -> Preflight:
     return inspect(camera.flat(strip), twin_calibration(CAMERA), SETTINGS, strip)
 
 
 @lru_cache
 def _reader(
     look: str, strip: str, thickness: float | None = None
-) -> tuple[Perception, LookCamera, TwinFold]:
+) -> tuple[Perception, FoldCamera, TwinFold]:
     fold = _fold(strip, thickness)
-    camera = LookCamera(fold.strip, looks()[look], CAMERA)
+    camera = FoldCamera(fold.strip, CAMERA, look=looks()[look])
     judged = _judged_by(camera, fold.strip)
     assert judged.passed, [check for check in judged.checks if not check.passed]
     assert judged.appearance is not None

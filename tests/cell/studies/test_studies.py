@@ -10,12 +10,15 @@ import pytest
 from typer.testing import CliRunner
 
 from cell.campaign.journal import Journal, Record
+from cell.campaign.statistic import Quantity, Statistic, figure
 from cell.cli.app import app
-from cell.report.statistic import Quantity, Statistic, figure
+from cell.gap.subject.strip.bias import ModelError
 from cell.studies.campaign import Asked, inputs, kept
 from cell.studies.catalogue import studies, study_of
+from cell.studies.page import write_page
 from cell.studies.table import markdown, rows
 from drivers.errors import ConfigurationError
+from drivers.settings import load
 
 D = Quantity("d", Statistic.MEAN_SIZE, bar=2.0)
 
@@ -112,6 +115,19 @@ def test_a_journal_of_other_code_alone_is_shown_and_says_so(tmp_path: Path) -> N
     found = kept(filled(tmp_path, "other"))
     assert len(found.outcomes) == 4
     assert "which is other code than this" in markdown(found)
+
+
+def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> None:
+    asked = Asked(study_of("damping"), 0, 2, tmp_path)
+    for case, damping in zip(asked.study.cases(0, 2), (0.03, -0.04), strict=True):
+        facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
+        values = {"damping": damping, "length": 0.0}
+        Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
+    write_page(kept(asked))
+    found = load(tmp_path / "damping.yaml", ModelError)
+    assert found.damping == pytest.approx(0.0354, abs=1e-4)
+    assert found.source.startswith("root mean square over blanket, denim; 2 cases")
+    assert found.belongs_to == "cell/gap/subject/strip/damping.yaml"
 
 
 def test_rows_do_not_depend_on_the_order_in_which_cases_came(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ class Bias(Settings):
 
 class ModelError(Settings):
     """One sigma of the share by which a fitted `damping` is off beyond noise, as two engines differ
-    in it. Written by `python -m tests.benchmarks.measure_damping`.
+    in it. Written by `cell study damping`.
     """
 
     schema_: Literal[1] = Field(1, alias="schema")

@@ -8,8 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from cell.report.drawing import INK, MUTED, RULE
 from drivers.types import Array
-from policies.catalogue import entries
-from policies.catalogue.entry import Look
+from policies.registry import look_of
 
 WIDTH = 8.4  # inch, of a page
 NOTE = 8.0  # points
@@ -22,12 +21,12 @@ DISPLACEMENT = "d = l₁ − l₂  [mm]"
 
 def colour(policy: str) -> str:
     """The colour of `policy`."""
-    return _look(policy).colour
+    return look_of(policy).colour
 
 
 def dot(policy: str) -> dict[str, Any]:
     """Marker of `policy`, for `plot`."""
-    look = _look(policy)
+    look = look_of(policy)
     return {
         "marker": look.marker,
         "ms": look.size,
@@ -35,10 +34,6 @@ def dot(policy: str) -> dict[str, Any]:
         "mec": look.colour,
         "ls": "",
     }
-
-
-def _look(policy: str) -> Look:
-    return entries()[policy].look if policy in entries() else Look()
 
 
 def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:

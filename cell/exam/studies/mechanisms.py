@@ -1,29 +1,19 @@
-"""Causes hidden in mechanisms of two to seven joints, found blind: an exam of `cell gap`.
+"""Causes hidden in mechanisms of two to seven joints, found blind."""
 
-`python -m tests.benchmarks.blind_mechanisms OUT [--count 120] [--seed 0]` appends a line of JSON a
-case to OUT/cases.jsonl and prints shares; the same command goes on where it stopped.
-"""
-
-import argparse
-import json
-import time
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
 from cell.gap.fit import fit
+from cell.gap.subject.mechanism.synthetic import OUTSIDE, TRACKED, make_runs
 from cell.gap.verdict.schema import Verdict
-from tests.support.hidden_mechanisms import OUTSIDE, make_runs
-
-Values = Mapping[str, Any]
 
 TURN = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
         "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip
-OTHERS = {"outside": OUTSIDE, "tracked": ("control_delay", "joint_elasticity"),
-          "read": ("torque_bias", "encoder_bias")}  # fmt: skip
+OTHERS = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", "encoder_bias")}
 
 
 def draw(number: int, rng: np.random.Generator) -> Values:
@@ -33,7 +23,7 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     if name in OTHERS:
         seen = number // 6 if name == "outside" else turn
         name = OTHERS[name][seen % len(OTHERS[name])]
-    kind = "tracked" if name in OTHERS["tracked"] else "outside" if name in OUTSIDE else name
+    kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else name
     if kind not in ("tracked", "outside", "nothing"):
         kind = "effect"
     cart = bool(rng.random() < 0.2) and kind != "tracked"
@@ -70,37 +60,18 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
             "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
 
 
-def shares(rows: Sequence[Values]) -> str:
-    """How many cases of each kind were right, right by class, and named what is not there."""
-    lines = []
-    for kind in ("nothing", "effect", "tracked", "outside"):
-        of = [row for row in rows if row["kind"] == kind]
-        counts = {key: sum(row[key] for row in of) for key in ("right", "by_class", "wrong")}
-        lines.append(f"{kind}: {len(of)} cases, {counts}")
-    return "\n".join(lines)
-
-
-def main() -> None:
-    """Draw, make, fit, score, append, sum up."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--count", type=int, default=120)
-    parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    ledger = given.out / "cases.jsonl"
-    rows = [json.loads(line) for line in ledger.read_text().splitlines()] if ledger.exists() else []
-    for number in range(len(rows), given.count):
-        case = draw(number, np.random.default_rng([given.seed, number]))
-        began = time.process_time()
-        row = {"case": number, **case, **measure(case)}
-        row["processor"] = round(time.process_time() - began, 1)
-        rows.append(row)
-        with ledger.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
-        print(json.dumps(row), flush=True)
-    print(shares(rows))
-
-
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    name="mechanisms",
+    question="Which causes hidden in mechanisms of two to seven joints does `cell gap` name?",
+    draw=draw,
+    measure=measure,
+    by=("kind",),
+    quantities=(
+        Quantity("right", Statistic.SHARE, "%", 100.0, label="right", digits=0),
+        Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
+        Quantity("wrong", Statistic.SHARE, "%", 100.0, label="wrong names", digits=0),
+    ),
+    usual=120,
+    quick=1,
+    seconds=60.0,
+)

@@ -1,26 +1,23 @@
 """By how much two engines differ in the base: the rod fitted to runs of a chain without noise.
 
-python -m tests.benchmarks.measure_damping [--out damping.yaml]
-
 Neither damps more: their shapes are 17 um apart, and a percent of damping moves a shape by 2 um. A
 rod on a harder desk and a chain of more links come closer. The gap workflow takes the root mean
-square over strips for the model's own error: `cell/gap/subject/strip/damping.yaml`, written here.
+square over strips for the model's own error.
 """
 
-import argparse
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.config.places import find_configs
 from cell.gap.fit import fit
-from cell.gap.subject.strip.bias import DAMPING
 from cell.gap.subject.strip.synthetic import Fold, Instruments, write_fold
 from cell.gap.subject.strip.ways import way_of
-from cell.record.documents import write_document
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.twin.chain.engine import Chain
@@ -38,12 +35,19 @@ class Quiet(np.random.Generator):
         return loc + 0.0 * super().normal(loc, scale, size)
 
 
-def differences(name: str) -> tuple[float, float]:
+def draw(number: int, _rng: np.random.Generator) -> Values:
+    """The next strip of the cell, in another order of the motions each time round."""
+    strips = find_configs(None).strip_names()
+    order, strip = divmod(number, len(strips))
+    return {"strip": strips[strip], "order": order}
+
+
+def measure(case: Values) -> Values:
     """Bending length and retardation time of the fit over those of the chain, less one."""
     configs = find_configs(None)
-    strip = configs.strip(name)
+    strip = configs.strip(case["strip"])
     with TemporaryDirectory() as place:
-        for index, motion in enumerate(standard_order(np.random.default_rng(0))):
+        for index, motion in enumerate(standard_order(np.random.default_rng(case["order"]))):
             way, chain = way_of(STANDARD[motion].of(strip.length)), Chain(LINKS)
             model = describe(strip, index=index)
             made = simulate(chain, model, way.t, way.poses, dt=STEP, shapes=True)
@@ -52,29 +56,32 @@ def differences(name: str) -> tuple[float, float]:
             write_fold(folder, strip.name, fold, Instruments(), Quiet(np.random.PCG64(1)))
         path = configs.strip_path(strip.name)
         base = fit([Path(place) / "runs"], path, Path(place) / "out").base
-    length = base["bending_length"].value / strip.bending_length - 1.0
-    return length, base["retardation_time"].value / strip.retardation_time - 1.0
+    return {
+        "length": base["bending_length"].value / strip.bending_length - 1.0,
+        "damping": base["retardation_time"].value / strip.retardation_time - 1.0,
+    }
 
 
-def main() -> None:
-    """A line a strip, then the data file of their root mean square."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=DAMPING)
-    asked, found = parser.parse_args(), []
-    names = find_configs(None).strip_names()
-    for name in names:
-        length, damping = differences(name)
-        found.append(damping)
-        sys.stdout.write(f"{name:14s} bending length {100 * length:+.2f} %, "
-                         f"retardation time {100 * damping:+.2f} %\n")  # fmt: skip
-        sys.stdout.flush()
-    content = {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found))))}
-    source = (
-        f"root mean square over {', '.join(names)}; `python -m tests.benchmarks.measure_damping`"
-    )
-    belongs = {"source": source, "belongs_to": "cell/gap/subject/strip/damping.yaml"}
-    write_document(asked.out, {**content, "strips": len(found), **belongs})
+def model_error(outcomes: Sequence[Outcome]) -> Values:
+    """The root mean square over strips."""
+    found = [o.values["damping"] for o in outcomes]
+    names = ", ".join(dict.fromkeys(o.case.values["strip"] for o in outcomes))
+    return {"schema": 1, "damping": float(np.sqrt(np.mean(np.square(found)))),
+            "strips": len(found), "source": f"root mean square over {names};"}  # fmt: skip
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    name="damping",
+    question="By how much do rod and chain differ in bending length and damping?",
+    draw=draw,
+    measure=measure,
+    by=("strip",),
+    quantities=(
+        Quantity("damping", Statistic.RMS, "%", 100.0, label="damping rms"),
+        Quantity("length", Statistic.RMS, "%", 100.0, label="bending length rms"),
+    ),
+    fits=(Fit("cell/gap/subject/strip/damping.yaml", model_error),),
+    usual=10,
+    quick=0,
+    seconds=45.0,
+)

@@ -119,7 +119,7 @@ def _constant(m: Any, _c: Chain, s: float) -> None:
     m.actuator_biasprm[:, 1] *= 1.0 + 0.08 * s
 
 
-def _bent(m: Any, _c: Chain, s: float) -> None:
+def _bend_link(m: Any, _c: Chain, s: float) -> None:
     """A link that is bent: the last one leaves its joint at another angle."""
     turn, last = np.zeros(4), m.nbody - 1
     mujoco.mju_axisAngle2Quat(turn, np.array([0.6, 0.8, 0.0]), 0.12 * s)
@@ -158,7 +158,8 @@ def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> N
 
 EDITS: Mapping[str, Edit] = {
     "dry_friction": _friction, "quadratic_damping": _quadratic, "cable_spring": _spring,
-    "armature": _armature, "payload": _payload, "torque_constant": _constant, "bent_link": _bent,
+    "armature": _armature, "payload": _payload, "torque_constant": _constant,
+    "bent_link": _bend_link,
 }  # fmt: skip
 READINGS: Mapping[str, Reading] = {
     "torque_bias": _bias, "encoder_bias": _encoder, "loose_bolt": _bolt,
@@ -186,7 +187,7 @@ def make_runs(
         if hidden in EDITS:
             EDITS[hidden](model, chain, size)
         model.dof_damping[:] *= 1.0 + 0.02 * rng.standard_normal(joints)
-        columns = _moved(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
+        columns = _move(model, chain, hidden, size, float(rng.uniform(0.5, 1.5)), rng)
         if hidden in READINGS:
             READINGS[hidden](columns, chain, size, rng)
         for i in range(joints):
@@ -198,7 +199,7 @@ def make_runs(
     return file
 
 
-def _moved(
+def _move(
     model: Any, chain: Chain, hidden: str, size: float, pace: float, rng: np.random.Generator
 ) -> Columns:
     """Columns (m,) of a motion there and back: joints, torques, and commands `c1` on.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cell.campaign.journal import digest
-from cell.report.statistic import Quantity
+from cell.campaign.statistic import Quantity
 
 Values = Mapping[str, Any]
 """Plain JSON by name."""
@@ -40,7 +40,7 @@ class Outcome:
 @dataclass(frozen=True, slots=True)
 class Fit:
     """A data file of the package that a study writes: `path` in the checkout, content `of` all
-    outcomes.
+    outcomes, to whose `source`, if any, the page adds how many cases there were.
     """
 
     path: str
@@ -62,8 +62,9 @@ class Study:
     `draw` makes case number i from a generator of its own, seeded by (seed, i), so that a larger
     study holds the smaller one. `measure` takes the values of a case to those of its outcome; both
     are functions of a module, so that another process can call them. `usual` and `quick` are
-    numbers of cases, `seconds` the processor time of one, `limit` the wall time at which it is set
-    aside [s]. Rows of the table are groups of cases with equal values of `by`.
+    numbers of cases, the latter 0 where one takes minutes; `seconds` is the processor time of one,
+    `limit` the wall time at which it is set aside [s]. Rows of the table are groups of cases with
+    equal values of `by`.
     """
 
     name: str

@@ -1,0 +1,1 @@
+"""Studies of `cell gap`: what it finds, states and costs where the truth is known."""

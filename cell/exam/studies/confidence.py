@@ -1,0 +1,223 @@
+"""Whether the confidence of `cell gap` is earned, and its calibration: verdicts against the truth.
+
+Cases from the state hide one effect, one in eight two. From two in five the effect is withheld from
+the library, with what looks like it: whatever is named is wrong, and a law may be offered instead.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Fit, Ledger, Outcome, Study, Values
+from cell.config.places import find_configs
+from cell.exam.case import Case
+from cell.exam.cases.draw import Draw
+from cell.exam.report.page import table
+from cell.exam.runs.from_model import make_runs
+from cell.exam.scoring.score import RIGHT, score
+from cell.exam.scoring.statistics import brier, calibration_error, reliability
+from cell.exam.scoring.targets import rate_text
+from cell.gap.fit import fit
+from cell.gap.verdict.accept import RECORD
+from cell.gap.verdict.confidence import Calibration, Signs, Weight, calibration
+from drivers.strip.effects import registry
+from drivers.types import Array
+
+PAIRS = 8  # one case in so many hides two
+FIFTHS, LACKING = 5, (1, 3)  # of five cases, those that lack the effect
+OUTSIDE = 0.2  # of the cases that a confidence speaks of: as in the exam through images
+WEIGHTS = {  # what a sign may weigh, and where it counts; before the verdicts are seen
+    "ahead": Weight(weight=3.0, low=0.0, high=200.0, by_order=True),
+    "left": Weight(weight=-2.0, low=0.5, high=2.0),
+    "correlation": Weight(weight=-2.0, low=0.0, high=0.6),
+    "closed": Weight(weight=1.0, low=0.0, high=1.0),
+}
+FIRM = 2.0  # one sigma of what a sign weighs about that, in log-odds
+
+
+class Name(NamedTuple):
+    """A verdict that names: its signs, whether it is right, what it stated, and of which case."""
+
+    signs: Signs
+    right: bool
+    withheld: bool
+    case: str
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """What `measure` draws a case from: one effect or two, in the library or not."""
+    kind, of_kind = ("pair", number // PAIRS) if number % PAIRS == PAIRS - 1 else ("single", number)
+    lacks = number % FIFTHS in LACKING
+    return {"kind": kind, "number": number, "of_kind": of_kind, "seed": int(rng.integers(2**31)),
+            "library": "lacks the effect" if lacks else "whole"}  # fmt: skip
+
+
+def measure(case: Values) -> Values:
+    """The verdict on a case, its score, and by how much an offered law shrinks the gap."""
+    hidden = Draw("state", case["kind"], case["number"], case["of_kind"], case["seed"]).case()
+    without = names_to_withhold(hidden) if case["library"] != "whole" else []
+    configs = find_configs(None)
+    with TemporaryDirectory() as name:
+        place = Path(name)
+        make_runs(hidden, place / "runs")
+        strip = configs.strip_path(hidden.strip)
+        verdict = fit([place / "runs"], strip, place / "out", jobs=1, without=without)
+        law = json.loads((place / "out" / RECORD).read_text(encoding="utf-8"))["law"]
+    scored = score(verdict, hidden, configs.strip(hidden.strip))
+    named = scored.verdict == "named"
+    found: dict[str, Any] = scored.model_dump(mode="json", exclude={"tier", "kind", "runtime"})
+    return found | {
+        "without": without,
+        "is_named": named,
+        "is_right": (scored.result in RIGHT and not without) if named else None,
+        "offered": law is not None,
+        "closed": None if law is None else law["shrink"],
+    }
+
+
+def names_to_withhold(case: Case) -> list[str]:
+    """One hidden effect, or the one whose law the hidden one resembles, and what no run separates
+    from it.
+    """
+    hidden = sorted(case.effects or case.answer)[0]
+    return sorted({hidden, *registry()[hidden].looks_like})
+
+
+def names(outcomes: Sequence[Outcome]) -> tuple[list[Name], float]:
+    """The verdicts with a name, and the share of all cases from which the effect was withheld."""
+    found = [
+        Name(Signs(**v["signs"]), v["is_right"], bool(v["without"]), v["case"])
+        for v in (o.values for o in outcomes)
+        if v["is_named"] and v["signs"]
+    ]
+    return found, sum(bool(o.values["without"]) for o in outcomes) / max(len(outcomes), 1)
+
+
+def shares(found: Sequence[Name], without: float) -> Array:
+    """What each verdict counts (n,), so that OUTSIDE of all cases lack the effect and not the share
+    `without` that was withheld.
+    """
+    lacking, whole = OUTSIDE / without if without else 1.0, (1.0 - OUTSIDE) / (1.0 - without or 1.0)
+    return np.array([lacking if name.withheld else whole for name in found])
+
+
+def fit_calibration(found: Sequence[Name], counts: Array, source: str) -> Calibration:
+    """The calibration that is most probable given these verdicts, each as often as it counts (n,).
+
+    Logistic regression with normal priors of what each sign weighs, for few verdicts are wrong; no
+    sign speaks against its sense.
+    """
+    rows = [[w.share(getattr(name.signs, sign)) for sign, w in WEIGHTS.items()] for name in found]
+    columns = np.reshape(rows, (len(found), len(WEIGHTS)))
+    right = np.array([name.right for name in found], dtype=float)
+    prior = np.array([w.weight for w in WEIGHTS.values()])
+
+    def loss(x: Array) -> float:
+        odds = x[0] + columns @ x[1:]
+        nats = counts @ (np.logaddexp(0.0, odds) - right * odds)
+        return float(nats + 0.5 * np.sum(((x[1:] - prior) / FIRM) ** 2))
+
+    speaks = [(0.0, None) if w.weight > 0.0 else (None, 0.0) for w in WEIGHTS.values()]
+    begin = np.concatenate([[0.0], prior])
+    best = optimize.minimize(loss, begin, method="L-BFGS-B", bounds=[(None, None), *speaks]).x
+    intercept, *weights = best
+    moved = {
+        sign: w.model_copy(update={"weight": float(value)})
+        for (sign, w), value in zip(WEIGHTS.items(), weights, strict=True)
+    }
+    return Calibration(intercept=float(intercept), weights=moved, source=source)
+
+
+def leave_each_out(found: Sequence[Name], counts: Array) -> list[tuple[float, bool]]:
+    """What the calibration of all other cases, with their counts (n,), states of each verdict, and
+    whether it is right.
+    """
+    stated = []
+    for name in found:
+        kept = np.array([other.case != name.case for other in found])
+        others = [other for other in found if other.case != name.case]
+        by = fit_calibration(others, counts[kept], "-")
+        stated.append((by.probability(name.signs), name.right))
+    return stated
+
+
+def log_loss(stated: Sequence[tuple[float, bool]], counts: Array | None = None) -> float:
+    """Mean nats lost by stating these probabilities of these outcomes, each as often as it counts
+    (n,).
+    """
+    p = np.array([p if right else 1.0 - p for p, right in stated])
+    return float(-np.average(np.log(np.clip(p, 1e-9, 1.0)), weights=counts))
+
+
+def reliable(stated: Sequence[tuple[float, bool]]) -> str:
+    """The reliability table, in fifths of the stated probability, as Markdown."""
+    rows = [
+        (f"{b.confidence:.2f}", rate_text(b.right), f"{100 * (b.right.value - b.confidence):+.0f}")
+        for b in reliability(stated, FIFTHS)
+    ]
+    wrong = [p for p, right in stated if not right]
+    low = sum(p < 0.7 for p in wrong)
+    head = ["mean stated probability, by fifths", "right, by class", "points apart"]
+    return (
+        f"{table(head, rows)}\n\n{len(stated)} verdicts that name, {len(wrong)} of them wrong; "
+        f"expected calibration error {calibration_error(stated, FIFTHS):.3f}, log loss "
+        f"{log_loss(stated):.3f} nats, Brier score {brier(stated):.3f}; {low} of {len(wrong)} "
+        "wrong names are stated under 0.7."
+    )
+
+
+def calibrate(outcomes: Sequence[Outcome]) -> Values:
+    """The calibration of all these verdicts; its source says what it states of those left out."""
+    found, without = names(outcomes)
+    counts = shares(found, without)
+    source = (
+        f"{len(found)} verdicts that name, {sum(not name.right for name in found)} of them wrong, "
+        f"{sum(name.withheld for name in found)} with the effect withheld, counted as if that were "
+        f"so in {100 * OUTSIDE:.0f} % of all cases."
+    )
+    if found:
+        stated = leave_each_out(found, counts)
+        rate = float(np.average([name.right for name in found], weights=counts))
+        plain = log_loss([(rate, name.right) for name in found], counts)
+        source += f" Left out one by one, log loss {log_loss(stated, counts):.3f} nats, "
+        source += f"of one probability for all {plain:.3f}."
+    return fit_calibration(found, counts, source).model_dump()
+
+
+def judge(outcomes: Sequence[Outcome]) -> str:
+    """What the package states of the verdicts, by whether the effect was in the library."""
+    (found, _), by = names(outcomes), calibration()
+    parts = []
+    for words, kept in (("All", (False, True)), ("None withheld", (False,)), ("Withheld", (True,))):
+        mine = [(by.probability(n.signs), n.right) for n in found if n.withheld in kept]
+        if mine:
+            parts.append(f"{words}:\n\n{reliable(mine)}\n")
+    return "\n".join(parts)
+
+
+STUDY = Study(
+    name="confidence",
+    question="Is what `cell gap` names right as often as it states, in and out of its library?",
+    draw=draw,
+    measure=measure,
+    by=("library",),
+    quantities=(
+        Quantity("is_named", Statistic.SHARE, "%", 100.0, label="named", digits=0),
+        Quantity("is_right", Statistic.SHARE, "%", 100.0, label="right of these", digits=0),
+        Quantity("confidence", Statistic.MEAN, "%", 100.0, label="stated", digits=0),
+        Quantity("offered", Statistic.SHARE, "%", 100.0, label="a law offered", digits=0),
+        Quantity("closed", Statistic.MEDIAN, "%", 100.0, label="gap that it closes", digits=0),
+        Quantity("simulations", Statistic.MEDIAN, "", 1.0, label="simulations", digits=0),
+    ),
+    fits=(Fit("cell/gap/verdict/confidence.yaml", calibrate),),
+    ledger=Ledger("runbooks/exam/confidence.md", judge),
+    usual=60,
+    quick=1,
+    seconds=60.0,
+)
