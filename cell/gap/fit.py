@@ -36,7 +36,7 @@ from cell.gap.verdict.stated import deviations
 from drivers.errors import ConfigurationError
 from drivers.yaml_edit import dump_text
 
-Overlay = Callable[[Findings, Path], None]
+Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
 VERSION = "28"  # of the engine: another one starts anew
@@ -87,7 +87,7 @@ def fit(
     progress("write", 0.97)
     _write(found, verdict, file, out)
     if overlay is not None:
-        overlay(found, out / "overlay.rrd")
+        overlay(found, verdict, out / "overlay.rrd")
     write_text(out / "verdict.json", verdict.to_json())
     tape.erase()
     progress("done", 1.0)

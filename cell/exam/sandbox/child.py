@@ -15,6 +15,7 @@ from cell.exam.sandbox.restrict import Policy, die_with_parent, restrict
 
 if TYPE_CHECKING:
     from cell.gap.verdict.findings import Findings
+    from cell.gap.verdict.schema import Verdict
 
 VERDICT, NOTES = "verdict.json", "exam.json"
 
@@ -47,7 +48,7 @@ def _judge(kernel: bool) -> None:
     out = Path("out")
     notes: dict[str, object] = {"kernel": kernel}
 
-    def note(found: "Findings", _path: Path) -> None:
+    def note(found: "Findings", _verdict: "Verdict", _path: Path) -> None:
         notes["tried"] = refitted_models(found)
         notes["scatter"] = {s.name: s.value for s in found.judged.scatter}
 

@@ -1,7 +1,8 @@
 """`overlay.rrd`: measured runs with what the model made of them before and after, in Rerun.
 
 Of run NAME: /NAME/curve, /NAME/tracks and /NAME/signals, each with `measured`, `before` (the
-refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events.
+refitted base) and `after` (the accepted model), on the run's own time `t`, and /NAME/events. What
+the verdict says stands in /verdict.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,8 +15,10 @@ import rerun.blueprint as rrb
 
 from cell.gap.report.figures import AFTER, BEFORE
 from cell.gap.report.replayed import Replayed, replayed
+from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
+from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.types import Array
@@ -26,18 +29,23 @@ HAND, DESK = 0xC9CED6FF, 0x8A9099FF
 RADIUS = 1.2  # mm
 
 
-def write_overlay(found: Findings, path: Path) -> None:
+def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
     """The recording at `path`, held-out runs first; ConfigurationError if it cannot be written."""
-    write_recording(found.subject.name, list(replayed(found)), path)
+    words = f"{headline(verdict)}. {sentence(found, verdict)}"
+    write_recording(found.subject.name, list(replayed(found)), path, words)
 
 
-def write_recording(name: str, runs: Sequence[Replayed], path: Path) -> None:
-    """Write the recording of `runs` of `name`; ConfigurationError where it cannot be written."""
+def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str) -> None:
+    """Write the recording of `runs` of `name` beside `words`, which say what came of them.
+
+    Raises ConfigurationError where it cannot be written.
+    """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
         with replacing(path) as scratch:
             recording.set_sinks(rr.FileSink(scratch))
             recording.send_blueprint(blueprint(runs))
+            recording.log("verdict", rr.TextDocument(words), static=True)
             for run in runs:
                 _write(recording, run)
             recording.disconnect()
@@ -53,8 +61,9 @@ def blueprint(runs: Sequence[Replayed]) -> Any:
     A subject without curves has its plots only.
     """
     tabs = [_tab(run) for run in runs]
+    said = rrb.TextDocumentView(origin="/verdict", name="verdict")
     return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
+        rrb.Vertical(said, rrb.Tabs(*tabs, active_tab=0), row_shares=[1, 6]),
         rrb.TimePanel(timeline="t", state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),

@@ -54,6 +54,16 @@ def read(path: Path) -> dict[str, Rows]:
     }
 
 
+def static_text(path: Path, entity: str) -> str:
+    """The text that stands at `entity` whatever the time."""
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.is_static and chunk.entity_path == entity:
+            batch = chunk.to_record_batch()
+            (name,) = (n for n in batch.schema.names if n.split(":")[-1] == "text")
+            return batch[name].to_pylist()[0][0]
+    return ""
+
+
 MOVING = {"strips", "positions", "scalars", "text"}
 
 
@@ -92,7 +102,7 @@ def replays(strip: Strip) -> list[Replayed]:
 @pytest.fixture(scope="module")
 def recording(replays: list[Replayed], tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "overlay.rrd"
-    write_recording("denim", replays, path)
+    write_recording("denim", replays, path, "named")
     return path
 
 
@@ -148,9 +158,8 @@ def test_a_recording_carries_one_blueprint(recording) -> None:
 
 def test_a_model_without_effects_has_no_after(replays, tmp_path) -> None:
     run = replays[0]
-    write_recording(
-        "denim", [Replayed(run.name, True, run.measured, run.before, None)], tmp_path / "o.rrd"
-    )
+    alone = Replayed(run.name, True, run.measured, run.before, None)
+    write_recording("denim", [alone], tmp_path / "o.rrd", "no gap")
     rows = read(tmp_path / "o.rrd")
     assert "/00-normal/curve/before" in rows
     assert not [entity for entity in rows if entity.endswith("/after")]
@@ -159,7 +168,7 @@ def test_a_model_without_effects_has_no_after(replays, tmp_path) -> None:
 def test_a_place_that_cannot_be_written_is_named(replays, tmp_path) -> None:
     path = tmp_path / "none" / "overlay.rrd"
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_recording("denim", replays, path)
+        write_recording("denim", replays, path, "named")
 
 
 def test_the_place_of_a_touch_is_fitted_but_no_key_of_the_verdict(strip) -> None:
@@ -187,5 +196,6 @@ def test_swings_are_recorded_beside_the_verdict(tmp_path) -> None:
     }
     assert np.std(left["after"]) == pytest.approx(1.0, rel=0.25), "noise alone"
     assert np.std(left["before"]) > 2.0 * np.std(left["after"])
+    assert "dry friction" in static_text(tmp_path / "out" / "overlay.rrd", "/verdict").lower()
     kept = read_verdict(tmp_path / "out" / "verdict.json")
     assert set(kept.gap.before) == {"angle_mrad", "excess"}
