@@ -80,7 +80,8 @@ class Stage(StrEnum):
 class TouchNews:
     """Progress with the pointer: which pose of the `plan` is `wanted` and `why`, the last result.
 
-    `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose.
+    `touches` are all points so far; `frame` and `pose` the newest image and the arm's pose;
+    `dropped` the touch that the operator took back.
     """
 
     stage: Stage
@@ -92,6 +93,7 @@ class TouchNews:
     pose: Pose | None = None
     result: TouchResult | None = None
     steps: LatencySteps | None = None
+    dropped: Touched | None = None
 
     @property
     def title(self) -> str:

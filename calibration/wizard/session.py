@@ -64,7 +64,7 @@ class Row(Settings):
     """One line of told.jsonl: an accepted or refused image and its measurements.
 
     `corners` are [id, u, v] of the board, `centre` of the pointer; `pose` x, z, pitch of the arm.
-    `dropped` takes the earlier row of the same number back.
+    `dropped` takes the earlier row of the same number back, and of the same touch (`again`).
     """
 
     model_config = ConfigDict(extra="allow")
@@ -113,6 +113,8 @@ class SessionFolder:
             seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
             content = {"arm": news.steps.arm.tolist(), "seen": seen}
             _write(self.folder / LATENCY, (json.dumps(content) + "\n").encode())
+        elif isinstance(news, TouchNews) and news.dropped is not None:
+            self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
             taken = news.result is not None and news.result.taken is not None
             self.add(row, news.frame.image if taken else None)
@@ -218,7 +220,8 @@ def taken_images(
     kept: list[Row] = []
     for row in read_rows(folder) if (folder / ROWS).exists() else ():
         if row.dropped:
-            kept = [other for other in kept if other.number != row.number]
+            mine = (row.number, row.again)
+            kept = [other for other in kept if (other.number, other.again) != mine]
         elif row.taken:
             kept.append(row)
     for row in kept:

@@ -108,12 +108,14 @@ class TouchedPoints:
         self._tries, self._last = 0, None
         self._repeat_suspects()
 
-    def repeat(self) -> None:
-        """Request the previous point again; its touch is dropped."""
-        if self._touches:
-            dropped = self._touches.pop()
-            self._queue = [dropped.number, *self._queue]
-            self._tries, self._last = 0, None
+    def repeat(self) -> Touched | None:
+        """Request the previous point again; its touch is dropped and returned, None without one."""
+        if not self._touches:
+            return None
+        dropped = self._touches.pop()
+        self._queue = [dropped.number, *self._queue]
+        self._tries, self._last = 0, None
+        return dropped
 
     def verdict(self) -> TouchVerdict:
         """The verdict on the points so far."""

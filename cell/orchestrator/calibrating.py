@@ -79,7 +79,7 @@ def _touch_all(cell: CalibrationContext, points: TouchedPoints, record: Record) 
         if answer is Answer.SKIP:
             points.skip()
         elif answer is Answer.AGAIN:
-            points.repeat()
+            cell.watch(replace(_news(points, pose, why), dropped=points.repeat()))
         else:
             yield from move(pose)
             yield from _touch(cell, points, record, why)

@@ -108,6 +108,10 @@ def test_person_is_asked_before_every_motion_and_obeyed(touched) -> None:
     assert session.touches is not None
     assert 3 not in session.touches.errors_mm
     assert sum(q.words.startswith("point 5 ") for q in person.asked) == 2
+    rows = [
+        (row.number, row.taken) for row in read_rows(session.folder) if row.taken or row.dropped
+    ]
+    assert rows[4:7] == [(5, True), (5, False), (5, True)], "taken, taken back, taken anew"
 
 
 def test_watchers_are_told_of_every_stage(touched) -> None:
