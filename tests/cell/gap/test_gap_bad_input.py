@@ -9,9 +9,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from cell.gap.fit import fit
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.pendulum.subject import Pendulum
 from cell.gap.subject.strip.simulation import Simulation
+from drivers.errors import ConfigurationError
+from drivers.strip.effects import registry
 from drivers.types import Array
 from tests.cell.cli.test_command_errors import refused
 from tests.cell.gap.subject.test_gap_strip_runs import drop_column, edit_column, edit_yaml, put
@@ -318,3 +321,9 @@ def test_single_folds_that_all_say_index_zero_claim_no_order(bench) -> None:
 
     folders = sorted(bench.runs("strip").iterdir())
     check_indices(folders, [0, 0])
+
+
+def test_a_library_of_which_all_is_withheld_is_refused(bench: Bench) -> None:
+    every = sorted(registry())
+    with pytest.raises(ConfigurationError, match="withholds every effect; leave one"):
+        fit([bench.runs("strip")], bench.file["strip"], bench.root / "out", without=every)

@@ -221,4 +221,6 @@ def open_strip(
         if name not in registry():
             known = ", ".join(sorted(registry()))
             raise ConfigurationError(f"--without {name}: is no effect; allowed: {known}")
+    if registry().keys() <= {*without, *strip.effects}:
+        raise ConfigurationError("--without: withholds every effect; leave one to look for")
     return Strip(strip, read_runs(folders, strip), jobs, without=without)
