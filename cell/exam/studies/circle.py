@@ -23,6 +23,7 @@ from cell.folding.result import FoldResult
 from cell.folding.standard_runs import fold_runs, standard_requests
 from cell.gap.fit import fit
 from cell.gap.verdict.accept import accept
+from drivers.files import replace_file
 from drivers.yaml_edit import dump_text
 
 BEFORE, STANDARD, AFTER, NEXT = 0, 1000, 2000, 10_000  # first seeds; of the next time round
@@ -99,7 +100,7 @@ def measure(case: Values) -> Values:
         if hidden := HIDDEN[case["hidden"]]:
             content = configs.strip(case["strip"]).model_dump(mode="json", by_alias=True)
             plant = work / "plant.yaml"
-            plant.write_text(dump_text(content | {"effects": hidden}), encoding="utf-8")
+            replace_file(plant, dump_text(content | {"effects": hidden}).encode())
         circle = Circle(case["strip"], plant, work, case["scatter"])
         before = circle.fold("before", first + BEFORE, count)
         named = circle.learn(first + STANDARD)

@@ -128,6 +128,6 @@ def test_calibration_is_put_to_use_without_a_change_of_anything_else(tmp_path: P
     cell_file.write_text(before)
     use_calibration(cell_file, path)
     after = cell_file.read_text()
-    line = re.search(r"^calibration: .*\n", after, re.MULTILINE)[0]
+    line = re.search(r"^calibration:\s+\S+\n", after, re.MULTILINE)[0]
     assert after.replace(line, "") == before
     assert Configs(tmp_path).cell().calibration == str(path)

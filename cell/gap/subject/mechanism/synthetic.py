@@ -11,10 +11,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import yaml
 
 from cell.gap.subject.mechanism.importer import write_run
+from drivers.files import replace_file
 from drivers.types import Array
+from drivers.yaml_edit import dump_text
 
 RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # ... s, s, steps a reading
 ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
@@ -176,9 +177,9 @@ def make_runs(
     rng, tracked = np.random.default_rng(seed), hidden in TRACKED
     chain = Chain.of(joints, cart=cart, gain=STIFF if tracked else 12.0)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "chain.xml").write_text(chain.xml())
+    replace_file(folder / "chain.xml", chain.xml().encode())
     file = folder / "chain.yaml"
-    file.write_text(yaml.safe_dump(chain.file(tracking=tracked), sort_keys=False))
+    replace_file(file, dump_text(chain.file(tracking=tracked)).encode())
     for k in range(RUNS):
         model = mujoco.MjModel.from_xml_string(chain.xml())
         model.opt.timestep = STEP
