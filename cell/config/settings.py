@@ -32,7 +32,7 @@ class RecordSettings(Settings):
     """Which images a run keeps, and the encoder of its film; hashes of all are always kept."""
 
     frames: Keep = "key"
-    film: Encoder | Literal["none"] = "libsvtav1"
+    film: Encoder | Literal["none"] = "libx264"
 
 
 class SigmaSettings(Settings):

@@ -20,7 +20,7 @@ ENCODER = "libx264"  # which every player knows
 SECOND = 60  # images between two from which decoding can start
 QUALITY = {
     "libsvtav1": {"crf": "35", "preset": "11", "svtav1-params": "pred-struct=1:lp=1"},
-    "libx264": {"crf": "23", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
+    "libx264": {"crf": "28", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
     "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
 }
 # Of an .mp4: every image is on its way to the disk once the next one is encoded.

@@ -3,6 +3,7 @@
 import os
 import queue
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 from cell.record.film import FilmWriter
@@ -10,12 +11,15 @@ from drivers.types import Image
 
 QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
 POLITE = 10  # nice value of the encoder's threads
+PATIENCE = 20.0  # s of waiting for an image, after which the encoder hangs
+HANGS = "the film breaks off: its encoder hangs"
 
 
 class FilmThread:
     """Encodes images into the film at `path`; an image that finds no room is left out of it.
 
-    `patient` makes `put` wait for room instead. `failure` says why the film breaks off, if it does.
+    `patient` makes `put` wait for room instead. `failure` says why the film breaks off, if it does:
+    no run waits for an encoder that hangs, as SVT-AV1 now and then does.
     """
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
@@ -32,17 +36,23 @@ class FilmThread:
 
         Returns its number in the film, None for an image that is left out.
         """
+        if self.failure:
+            return None
         try:
-            self._waiting.put((stamp, image), block=self._patient)
+            self._waiting.put((stamp, image), self._patient, PATIENCE)
         except queue.Full:
+            self.failure = HANGS if self._patient else ""
             return None
         self._count += 1
         return self._count - 1
 
     def close(self) -> None:
-        """Wait until the film is whole."""
-        self._waiting.put(None)
-        self._thread.join()
+        """Wait until the film is whole, or its encoder hangs."""
+        with suppress(queue.Full):
+            self._waiting.put(None, timeout=PATIENCE)
+        self._thread.join(PATIENCE)
+        if self._thread.is_alive():
+            self.failure = HANGS
 
     def _work(self, path: Path, encoder: str) -> None:
         # On Linux a thread has a nice value of its own, which those that it starts inherit.

@@ -33,7 +33,7 @@ LAST = 1.0  # s of a film that may be lost
 
 def record(root: Path) -> None:
     """Record by the wall clock until killed."""
-    writer = RunWriter.create(root, HEADER, "key", film="libsvtav1")
+    writer = RunWriter.create(root, HEADER, "key", film="libx264")
     noise = np.random.default_rng(0).integers(90, 110, (8, 720, 1280, 3), np.uint8)
     begun, row = time.monotonic(), 0
     while True:

@@ -270,7 +270,7 @@ def request(configs: Path, runs: Path, arm: str = "fci", film: bool = False) -> 
     choice = DeviceSelection(arm=arm, seed=0)
     return Request(
         "denim", "triangular", None, choice, runs, configs, "none", truth=False, viz="off",
-        film="libsvtav1" if film else None,
+        film="libx264" if film else None,
     )  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def frame(sequence: int) -> Frame:
     return Frame(stamp, stamp + 0.02, "made", sequence, image(sequence))
 
 
-def filmed(root: Path, encoder: str = "libsvtav1", patient: bool = True, count: int = IMAGES):
+def filmed(root: Path, encoder: str = "libx264", patient: bool = True, count: int = IMAGES):
     writer = RunWriter.create(root, HEADER, "none", patient=patient, film=encoder)
     for sequence in range(count):
         writer.frame(frame(sequence))
@@ -86,7 +86,7 @@ from pathlib import Path
 from cell.record.writer import RunWriter
 from tests.cell.record.test_run_film import frame
 root = Path({str(tmp_path)!r})
-writer = RunWriter.create(root, {HEADER!r}, "none", patient=True, film="libsvtav1")
+writer = RunWriter.create(root, {HEADER!r}, "none", patient=True, film="libx264")
 for sequence in range({IMAGES}):
     writer.frame(frame(sequence))
 time.sleep(600)
@@ -129,3 +129,12 @@ def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch)
     assert run.result.outcome == "path_done"
     assert len(run.frame_index()) == 40
     assert "the film breaks off: [Errno 28]" in run.header.model_extra["film"]
+
+
+def test_encoder_that_hangs_ends_the_film_and_not_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr("cell.record.film_thread.PATIENCE", 0.2)
+    monkeypatch.setattr(FilmWriter, "add", lambda *_: threading.Event().wait())
+    run = filmed(tmp_path, count=QUEUE + 12)
+    assert run.result.outcome == "path_done"
+    assert len(run.frame_index()) == QUEUE + 12
+    assert "its encoder hangs" in run.header.model_extra["film"]

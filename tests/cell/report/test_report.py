@@ -95,7 +95,7 @@ def test_tip_is_shown_only_of_a_fold(finished):
 
 
 def test_film_of_a_run_plays_in_step_with_its_curves(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libsvtav1")
+    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libx264")
     for k in range(12):
         stamp = 0.03 * k - 0.07
         image = np.full((64, 96, 3), 9 * k, np.uint8)

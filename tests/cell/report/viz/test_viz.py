@@ -287,7 +287,7 @@ def test_shadow_that_cannot_follow_shows_nothing():
 
 
 def test_film_of_a_run_is_in_its_recording_at_the_cameras_own_times(tmp_path):
-    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libsvtav1")
+    writer = RunWriter.create(tmp_path, HEADER, "none", patient=True, film="libx264")
     writer.event(5.0, "origin")
     stamps = [0.03 * k + 0.01 * (k % 3) - 0.2 for k in range(20)]
     for k, stamp in enumerate(stamps):
