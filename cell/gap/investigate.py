@@ -63,7 +63,9 @@ def investigate(
         again = with_scatter(fitted.base.estimate, beside, whole)
         fitted = _judged_base(subject, again, beside, simulate, rng)
         screened = _screened(subject, fitted, screened.probed)
-        begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
+        begun = search.singles_with_scatter(
+            fits, subject.scope.candidates, beside, whole, fitted.base.estimate
+        )
         fits = _refit_singles(subject, fitted, screened, simulate, begun)
     fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     better = search.better_base(simulate, fits)

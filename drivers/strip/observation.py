@@ -47,6 +47,13 @@ def true_contact(observation: Observation, x: Array | float) -> Array | float:
     return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
 
 
+def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
+    """Force (m, 2) [N] in reports at `t` (m,) [s] of a true `force` (k, 2) at `true_t` (k,)."""
+    then = t - observation.force_delay
+    seen = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
+    return np.asarray(seen + np.array([observation.force_x, observation.force_z]))
+
+
 def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
     """layer_touch as images show it.
 

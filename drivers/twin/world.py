@@ -9,7 +9,6 @@ import numpy as np
 
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper
-from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
@@ -139,12 +138,12 @@ class World:
         return self._grip is not None
 
     @property
-    def load(self) -> float:
-        """Weight of the strip that hangs between the desk and the gripper [N]."""
+    def grip_force(self) -> tuple[float, float]:
+        """Force [N] along x and z of the strip on the gripper."""
         if not self.holds_strip or not self._seen:
-            return 0.0
-        lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
-        return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
+            return 0.0, 0.0
+        x, z = self._seen[-1].grip_force[0].tolist()
+        return x, z
 
     def truth(self) -> Truth:
         """The true history since the grasp."""
