@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cell.gap.subject.strip.synthetic import row_means
 from cell.gap.subject.strip.ways import way_of
 from drivers.strip.describe import describe
 from drivers.strip.engine import StripMotion, simulate
+from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.twin.settings import WrenchSettings
@@ -53,7 +53,7 @@ def test_both_engines_feel_the_same_force_in_a_fold() -> None:
 
 
 def at(motion: StripMotion, t: Array) -> Array:
-    force = row_means(motion, t)
+    force = mean_force(motion.t, motion.grip_force)
     return np.stack([np.interp(t, motion.t, column) for column in force.T], axis=1)
 
 

@@ -11,7 +11,7 @@ from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
-from drivers.strip.observation import reported_force
+from drivers.strip.observation import mean_force, reported_force
 from drivers.strip.rod.motions import GripperPath
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
@@ -56,7 +56,8 @@ def _measured(fold: Fold, sigma: Sigma, index: int) -> Measured:
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     seen = fold.model.observation
     felt_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
-    felt = reported_force(seen, felt_t, fold.motion.t, fold.motion.grip_force)
+    motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
+    felt = reported_force(seen, felt_t, fold.motion.t, motion_force)
     return Measured(
         t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,

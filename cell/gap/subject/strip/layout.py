@@ -32,7 +32,7 @@ class Floors:
     contact_x: float = 0.0006
     displacement: float = 0.001
     touch_time: float = 0.02
-    force: float = 0.0003
+    force: float = 0.0001
 
 
 @dataclass(frozen=True, slots=True)

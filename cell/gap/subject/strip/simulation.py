@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from drivers.errors import Fault
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import Observation, StripModel
+from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice, needs_terms
 from drivers.strip.rod.motions import GripperPath, simulate_all
@@ -182,7 +183,7 @@ class Simulation:
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)
         begin = float(motion.t[0]) - self.grain.dt + SHAPES
-        force = motion.grip_force
+        force = mean_force(motion.t, motion.grip_force)
         return SimulatedMotion(
             motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
         )

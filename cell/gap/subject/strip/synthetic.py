@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 
 from cell.record.documents import write_document
@@ -17,6 +16,7 @@ from drivers.settings import SCHEMA
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import StripModel
 from drivers.strip.observation import (
+    mean_force,
     reported_force,
     seen_contact,
     seen_points,
@@ -181,21 +181,10 @@ def _ticks(
 
 def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
     """Reported force at `t` (m,), with noise of its own: nothing else of a run changes with it."""
-    force = reported_force(fold.model.observation, t, fold.motion.t, row_means(fold.motion, t))
+    felt = mean_force(fold.motion.t, fold.motion.grip_force)
+    force = reported_force(fold.model.observation, t, fold.motion.t, felt)
     noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
-
-
-def row_means(motion: StripMotion, t: Array) -> Array:
-    """Force (k, 2) [N] on the gripper, each step's a mean over the time between rows `t` (m,).
-
-    A path that is given in rows is one of kinks, where a gripper jerks.
-    """
-    half = 0.5 * float(np.median(np.diff(t)))
-    total = cumulative_trapezoid(motion.grip_force, motion.t, axis=0, initial=0.0)
-    ends = [np.clip(motion.t + side * half, motion.t[0], motion.t[-1]) for side in (-1, 1)]
-    first, last = (np.stack([np.interp(e, motion.t, c) for c in total.T], axis=1) for e in ends)
-    return np.asarray((last - first) / (ends[1] - ends[0])[:, None])
 
 
 def _contact(fold: Fold, stamp: float) -> float:
