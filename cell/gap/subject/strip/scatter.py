@@ -120,11 +120,11 @@ RUN_EFFECTS = (
 
 TARE = "a tare in the posture at rest right before the grasp"
 FORCE_EFFECTS = (
-    RunEffect("force_x", "what the tare left of the force along the desk", "N", 0.02, 0.002,
+    RunEffect("force_x", "what the tare left of the force along the desk", "N", 0.02, 0.0005,
               _force_x, TARE, common=True),
-    RunEffect("force_z", "what the tare left of the force upwards", "N", 0.02, 0.002, _force_z,
+    RunEffect("force_z", "what the tare left of the force upwards", "N", 0.02, 0.0005, _force_z,
               TARE, common=True),
-    RunEffect("force_delay", "how late the arm reports a force", "s", 0.005, 0.002, _force_delay,
+    RunEffect("force_delay", "how late the arm reports a force", "s", 0.005, 0.0005, _force_delay,
               "force and place from one message of the arm"),
 )  # fmt: skip
 """What runs that measure force differ by besides. Spreads: assumed, for an arm at its best."""
