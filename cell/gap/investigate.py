@@ -63,9 +63,7 @@ def investigate(
         again = with_scatter(fitted.base.estimate, beside, whole)
         fitted = _judged_base(subject, again, beside, simulate, rng)
         screened = _screened(subject, fitted, screened.probed)
-        begun = search.singles_with_scatter(
-            fits, subject.scope.candidates, beside, whole, fitted.base.estimate
-        )
+        begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
         fits = _refit_singles(subject, fitted, screened, simulate, begun)
     fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     better = search.better_base(simulate, fits)

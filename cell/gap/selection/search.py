@@ -258,38 +258,14 @@ def extended(
 
 
 def singles_with_scatter(
-    fits: Fits,
-    candidates: Sequence[Candidate],
-    found: Sequence[Spread],
-    whole: Evidence,
-    base: Estimate,
+    fits: Fits, candidates: Sequence[Candidate], found: Sequence[Spread], whole: Evidence
 ) -> dict[str, Estimate]:
-    """The fitted single effects by name, with the random unknowns `found` of the runs `whole`, to
-    begin with in the runs of the `base` that was refitted so.
+    """The fitted single effects by name, with the random unknowns `found` of the runs `whole`.
 
     Those with free shape parameters are left out.
     """
     plain = [m.estimate for m in fits.of_size(1) if m.model.effects[0] in candidates]
-    return {
-        e.model.effects[0].name: replace(
-            with_scatter(e, found, whole), evidence=base.evidence, jacobians=_secants(e, base)
-        )
-        for e in plain
-    }
-
-
-def _secants(fit: Estimate, base: Estimate) -> tuple[Array, ...]:
-    """Secants of a fit in units of the base's noise, by the unknowns that the base's runs have:
-    these do the same wherever a model is.
-    """
-    own, shared = len(base.shared), len(fit.shared)
-    rows = zip(
-        fit.jacobians, fit.evidence.scales, base.jacobians, base.evidence.scales, strict=True
-    )
-    return tuple(
-        np.concatenate([mine[:, :shared] * (old / new)[:, None], its[:, own:]], axis=1)
-        for mine, old, its, new in rows
-    )
+    return {e.model.effects[0].name: with_scatter(e, found, whole) for e in plain}
 
 
 def without_each(fits: Fits) -> list[Score]:
