@@ -47,9 +47,8 @@ class Follower:
         return None
 
     def force(self, tip: Array, time: float) -> Array:  # noqa: ARG002
-        """Force (3,) [N] of the strip on the gripper, in the robot's base."""
-        x, z = self._world.grip_force
-        return np.asarray(self._turn @ (x, 0.0, z), dtype=np.float64)
+        """Weight (3,) [N] of the strip on the gripper, in the robot's base."""
+        return np.asarray(self._turn @ (0.0, 0.0, -self._world.load), dtype=np.float64)
 
     def _follow(self, now: float) -> None:
         seen = self._seen()

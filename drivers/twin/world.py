@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.errors import Fault
 from drivers.strip.engine import Observables, Stepper
+from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.strip.shape import Touch
 from drivers.twin.clock import NANO, nanoseconds
@@ -136,6 +137,14 @@ class World:
     def holds_strip(self) -> bool:
         """Whether the fingers hold the strip's edge."""
         return self._grip is not None
+
+    @property
+    def load(self) -> float:
+        """Weight of the strip that hangs between the desk and the gripper [N]."""
+        if not self.holds_strip or not self._seen:
+            return 0.0
+        lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
+        return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
     @property
     def grip_force(self) -> tuple[float, float]:
