@@ -12,7 +12,7 @@ import yaml
 from pydantic import Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_text, replace_file, writing
+from drivers.files import read_text, write_file
 from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
@@ -206,8 +206,7 @@ COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
     """Write `lens` of the camera `name` as ROS camera_info; ConfigurationError where it cannot."""
     content = yaml.safe_dump(CameraFile.of(lens, name).content(), sort_keys=False)
-    with writing(path):
-        replace_file(path, content.encode())
+    write_file(path, content)
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
@@ -218,8 +217,7 @@ def write_opencv(lens: Lens, path: Path) -> None:
     store.write("image_height", lens.height)
     store.write("camera_matrix", np.array(lens.matrix))
     store.write("distortion_coefficients", np.array(lens.distortion)[None])
-    with writing(path):
-        replace_file(path, store.releaseAndGetString().encode())
+    write_file(path, store.releaseAndGetString())
 
 
 def read_lens(path: Path) -> Lens:

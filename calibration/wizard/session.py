@@ -16,7 +16,7 @@ from calibration.wizard.latency import LatencySettings
 from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
+from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
 from drivers.pictures import read_picture
 from drivers.settings import Settings, load, parse, read_json
 from drivers.types import Image
@@ -25,6 +25,7 @@ MEASURED = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes les
 SIDE = 16_384  # px
 SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
 LATENCY, PICTURE = "latency.json", "picture.png"
+MAKE_ROOM = "make room"  # what an operator does whose disk is full
 FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
 Side = Annotated[int, Field(gt=0, le=SIDE)]
@@ -112,7 +113,7 @@ class SessionFolder:
         if isinstance(news, TouchNews) and news.steps is not None:
             seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
             content = {"arm": news.steps.arm.tolist(), "seen": seen}
-            _write(self.folder / LATENCY, (json.dumps(content) + "\n").encode())
+            write_file(self.folder / LATENCY, json.dumps(content) + "\n", MAKE_ROOM)
         elif isinstance(news, TouchNews) and news.dropped is not None:
             self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
@@ -131,7 +132,7 @@ class SessionFolder:
             write_image(self.folder / name, image)
             row = row.model_copy(update={"image": name})
         line = row.model_dump_json(exclude_defaults=True) + "\n"
-        with writing(self.folder / ROWS, "make room"):
+        with writing(self.folder / ROWS, MAKE_ROOM):
             append_line(self.folder / ROWS, line.encode())
 
 
@@ -190,7 +191,7 @@ def _mend_rows(path: Path) -> None:
         return
     text = read_text(path, MEASURED)
     if not text.endswith("\n"):
-        _write(path, text[: text.rfind("\n") + 1].encode())
+        write_file(path, text[: text.rfind("\n") + 1], MAKE_ROOM)
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
@@ -276,14 +277,9 @@ def write_image(path: Path, image: Image) -> None:
     made, content = cv2.imencode(".png", image, FAST)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
-    _write(path, content.tobytes())
+    write_file(path, content.tobytes(), MAKE_ROOM)
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content`; a place that cannot be written is a ConfigurationError."""
-    _write(path, yaml.safe_dump(dict(content), sort_keys=False).encode())
-
-
-def _write(path: Path, content: bytes) -> None:
-    with writing(path, "make room"):
-        replace_file(path, content)
+    write_file(path, yaml.safe_dump(dict(content), sort_keys=False), MAKE_ROOM)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Configs, check_names, length_option
+from cell.cli.options import Arm, Configs, ask, check_names, length_option
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -113,7 +113,7 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     touched = []
     for number, point in enumerate(POINTS, start=1):
-        _ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
+        ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
         touched.append(hand_pose(task)[12:15])
     mounting = mounting_from(np.array(touched), lying.length)
     path = write_mounting(found, mounting)
@@ -130,18 +130,12 @@ def _allowed(
     choice = DeviceSelection(arm=arm)
     if not is_real(settings, choice):
         return settings, choice
-    confirm(settings, _ask)
+    confirm(settings, ask)
     return (settings if full_speed else slowed(settings)), choice
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
     return choice.arm_driver(settings).real and settings.fci.address is not None
-
-
-def _ask(question: str) -> str:
-    sys.stderr.write(question)
-    sys.stderr.flush()
-    return sys.stdin.readline()
 
 
 def _end(outcome: "Outcome") -> None:

@@ -14,10 +14,12 @@ from cell.cli.options import (
     Configs,
     Json,
     Runs,
+    ask,
     busy,
     check_names,
     length_option,
     policy_names,
+    print_json,
     strip_names,
 )
 from drivers.errors import CellError
@@ -270,14 +272,8 @@ def _real(base: "Request") -> bool:
         refuse_red([*checks(configs, base.choice, base.runs, BRIEF)])
     if not real:
         return False
-    confirm(settings, _ask)
+    confirm(settings, ask)
     return True
-
-
-def _ask(question: str) -> str:
-    sys.stderr.write(question)
-    sys.stderr.flush()
-    return sys.stdin.readline()
 
 
 def _results(
@@ -301,7 +297,7 @@ def _results(
         return
     for number, request in enumerate(wanted):
         if real and number > 0:
-            _ask("Lay the strip again, flat and straight, then press Enter: ")
+            ask("Lay the strip again, flat and straight, then press Enter: ")
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             try:
@@ -328,7 +324,7 @@ def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResul
 
 def _tell(result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
+        print_json(result.line())
         if result.exit_code != 0:
             _remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
     elif result.run:

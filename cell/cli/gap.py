@@ -13,7 +13,7 @@ import typer
 from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import near, plan
 from cell.cli.gap_rehearse import rehearse
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, print_json
 
 if TYPE_CHECKING:
     from cell.gap.verdict.schema import Verdict
@@ -105,16 +105,13 @@ def check(
     """
     from cell.gap.check import check as look
     from cell.gap.report.check_page import check_page
-    from cell.gap.verdict.schema import write_text
     from drivers.errors import ConfigurationError
-    from drivers.files import writing
+    from drivers.files import write_file
 
     file, cores = _one_of(strip, model, configs, subject), os.cpu_count() or 1
     found = look(runs, file, min(jobs or cores, cores))
-    with writing(f"--out {out}"):
-        out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "check.json", found.to_json())
-    write_text(out / "check.html", check_page(found, file.stem))
+    write_file(out / "check.json", found.to_json())
+    write_file(out / "check.html", check_page(found, file.stem))
     if as_json:
         sys.stdout.write(found.to_json())
     else:
@@ -282,8 +279,7 @@ def _cell_file(configs: Path | None) -> Path:
 
 def _tell(what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool) -> None:
     if as_json:
-        facts = {what: list(effects), "files": [str(path) for path in files]}
-        sys.stdout.write(json.dumps(facts) + "\n")
+        print_json({what: effects, "files": files})
         return
     sys.stdout.write(f"{what}: {', '.join(effects)}\n")
     sys.stdout.writelines(f"  {path}\n" for path in files)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, Runs
+from cell.cli.options import Json, Runs, print_json
 
 if TYPE_CHECKING:
     from cell.record.catalogue import Catalogue
@@ -115,7 +115,7 @@ def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
             facts |= {**numbers, "duration": row.duration, "size": row.size}
             if row.tags or row.note:
                 facts |= {"tags": row.tags.split(), "note": row.note}
-            sys.stdout.write(json.dumps(facts) + "\n")
+            print_json(facts)
     else:
         _print_table(rows)
 

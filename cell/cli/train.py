@@ -1,6 +1,5 @@
 """`cell train`."""
 
-import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, engine
+from cell.cli.options import Json, engine, print_json
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -74,7 +73,7 @@ def train(
     if policy is Learned.ADAPTIVE:
         corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
     if as_json:
-        sys.stdout.write(json.dumps(trained.line() | corrected) + "\n")
+        print_json(trained.line() | corrected)
         return
     show(trained.evaluations, wide_console())
     if corrected:
@@ -135,7 +134,7 @@ def _transfer(
 
 def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps({"schema": 1, **facts}) + "\n")
+        print_json({"schema": 1, **facts})
         return
     left = facts["left_out"]
     sys.stdout.write(

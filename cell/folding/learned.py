@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.strip.file import Provenance, StripFile
 from policies.prediction import FoldPrediction
 
@@ -53,6 +53,5 @@ def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
     learned = learned_strip(strip, predicted, folder.name)
     content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
-    with writing(path):
-        replace_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
+    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100))
     return path

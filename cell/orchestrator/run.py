@@ -1,8 +1,12 @@
 """One run: snapshot, monitors, command, record, at the control rate, until it ends."""
 
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from types import FrameType
 from typing import Protocol
 
 from cell.devices.devices import Devices
@@ -17,7 +21,7 @@ from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, 
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
 from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
-from cell.orchestrator.watchdog import at_most
+from drivers.errors import Fault
 from drivers.types import STILL
 from policies.prediction import FoldPrediction
 
@@ -255,3 +259,27 @@ def _reached(context: Context) -> tuple[str, str, int]:
         return "path_done", "the path ended and no touch was seen", 1
     complaint = None if context.laid is None else context.laid.complaint()
     return ("layer_touch", "the layers touch", 0) if complaint is None else (*complaint, 1)
+
+
+@contextmanager
+def at_most(limit: float) -> Iterator[None]:
+    """Raise Fault `turn_overtime` within the block once it takes longer than `limit` [s].
+
+    By an alarm of the operating system, which only the main thread hears: elsewhere nothing is
+    watched. Code that never returns to the interpreter is not ended; then only the arm's own
+    driver brakes, which misses the cell's heartbeat.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def rang(_number: int, _frame: FrameType | None) -> None:
+        raise Fault("turn_overtime", f"a turn of the control loop takes longer than {limit:g} s")
+
+    before = signal.signal(signal.SIGALRM, rang)
+    signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

@@ -22,7 +22,7 @@ from cell.report.markup import (
 )
 from cell.report.overlay import jpeg_text
 from cell.report.words import millimetres, milliseconds
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.pictures import read_picture
 from drivers.settings import read_yaml
 
@@ -39,8 +39,7 @@ def write_calibration_report(path: Path) -> Path:
     """
     made = path.with_suffix(".html")
     text = calibration_report(load_calibration(path), path.name)
-    with writing(made):
-        replace_file(made, text.encode())
+    write_file(made, text)
     return made
 
 
@@ -60,8 +59,7 @@ def write_session_page(folder: Path) -> Path:
     ]
     if made.is_file():
         parts += _sections(load_calibration(made))
-    with writing(path):
-        replace_file(path, page(f"session {folder.name}", parts).encode())
+    write_file(path, page(f"session {folder.name}", parts))
     return path
 
 

@@ -15,7 +15,7 @@ from cell.report.facts import facts
 from cell.report.markup import Link, drawing, masthead, page, section, table, verdict_box
 from cell.report.words import NO_VALUE, millimetres, seconds
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST = 40  # runs in one comparison; more lines cannot be distinguished
@@ -35,9 +35,7 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
             "`cell runs --where`"
         )
     runs = [Salvage.of(folder) for folder in folders]
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(out, comparison(runs, out.parent).encode(errors="backslashreplace"))
+    write_file(out, comparison(runs, out.parent))
     return out
 
 

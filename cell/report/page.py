@@ -42,7 +42,7 @@ from cell.report.timing import timing_figure
 from cell.report.verdict import verdict_of
 from cell.report.words import millimetres
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 FILES = (
     (RECORDING, "the fold in Rerun: rerun run.rrd"),
@@ -67,8 +67,7 @@ def write_report(folder: Path, *, ended: bool = False) -> Path:
     """
     run = Salvage.of(folder)
     path = folder / REPORT
-    with writing(path):
-        replace_file(path, report(run, ended=ended).encode(errors="backslashreplace"))
+    write_file(path, report(run, ended=ended))
     return path
 
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from cell.train.evaluation import Engine, Evaluation, make_stepper
 from cell.train.run import EVALUATION, alone_in
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.strip.describe import describe
 from drivers.types import Array
 from policies.adaptive.adaptive import Adaptive
@@ -75,7 +75,8 @@ def train_critic(
             console.print("interrupted; the same command goes on", highlight=False)
             raise
         trained = TrainedCritic(training.checkpoint, settings, training.tried, found)
-        _keep(trained, folder / EVALUATION)
+        content = json.dumps(trained.line(), indent=1) + "\n"
+        write_file(folder / EVALUATION, content, "make room and run the command again")
         return trained
 
 
@@ -116,8 +117,3 @@ def _bar(console: Console) -> Bar:
         console=console,
         disable=not console.is_terminal,
     )
-
-
-def _keep(trained: TrainedCritic, path: Path) -> None:
-    with writing(path, "make room and run the command again"):
-        replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())

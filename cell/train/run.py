@@ -14,7 +14,7 @@ from rich.console import Console
 from cell.train.evaluation import Evaluation, evaluate
 from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file, writing
 from policies.train.settings import TrainingSettings
 from policies.train.training import TrainingRun
 
@@ -65,13 +65,9 @@ def train(
             finally:
                 meter.close()
         trained = Trained(run.checkpoint, settings, found)
-        _keep(trained, folder / EVALUATION)
+        content = json.dumps(trained.line(), indent=1) + "\n"
+        write_file(folder / EVALUATION, content, "make room and run the command again")
         return trained
-
-
-def _keep(trained: Trained, path: Path) -> None:
-    with writing(path, "make room and run the command again"):
-        replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())
 
 
 @contextmanager

@@ -30,7 +30,7 @@ CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
 class Driven(Protocol):
-    """Interface of a robot that runs a motion of the hand, such as `drivers.arm.robot.Robot`."""
+    """Interface of a robot that runs a motion of the hand, as `drivers.arm.by_joints.ByJoints`."""
 
     def start_poses(self) -> Any:
         """Start the motion."""

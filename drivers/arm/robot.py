@@ -114,14 +114,6 @@ class Robot:
         with _named(self._stopped):
             self._robot.automatic_error_recovery()
 
-    def start_poses(self) -> Motion:
-        """Start a motion commanded by poses of the hand."""
-        with _named(self._stopped):
-            motion: Motion = self._robot.start_cartesian_pose_control(
-                franka.ControllerMode.JointImpedance
-            )
-        return motion
-
     def start_joints(self) -> Motion:
         """Start a motion commanded by joint positions."""
         with _named(self._stopped):
@@ -143,13 +135,6 @@ class Robot:
             if awaited and own_clock and perf_counter() - begun < AWAITED:
                 state = motion.readOnce()[0]
             return state
-
-    def write_pose(self, motion: Motion, pose: list[float], *, last: bool = False) -> None:
-        """Command the hand's pose, 16 numbers, column-major; `last` ends the motion there."""
-        with _named(self._stopped):
-            command = franka.CartesianPose(pose)
-            command.motion_finished = last
-            motion.writeOnce(command)
 
     def write_joints(self, motion: Motion, joints: list[float], *, last: bool = False) -> None:
         """Command the joints (7,) [rad]; `last` ends the motion there."""

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
+from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
@@ -97,8 +97,7 @@ class Journal:
         return lines
 
     def _replace(self, text: str) -> None:
-        with writing(self.path, ELSEWHERE):
-            replace_file(self.path, text.encode())
+        write_file(self.path, text, ELSEWHERE)
 
     def _strange(self) -> ConfigurationError:
         return ConfigurationError(f"{self.path}: is not a training journal; {ELSEWHERE}")

@@ -9,9 +9,10 @@ from cell.gap.report.repeats import repeats
 from cell.gap.report.sentence import capital, deviation, headline, sentence
 from cell.gap.subject.subject import EditsModel
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Kind, Verdict, write_text
+from cell.gap.verdict.schema import Kind, Verdict
 from cell.report.markup import Tone, masthead, section, steps, table, verdict_box
 from cell.report.markup import page as document
+from drivers.files import write_file
 
 TONES: dict[Kind, Tone] = {
     "named": "good",
@@ -28,7 +29,7 @@ main svg { height: auto; } .wide table { width: auto; }
 
 def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
     """Write the page at `path`."""
-    write_text(path, page(found, verdict))
+    write_file(path, page(found, verdict))
 
 
 def page(found: Findings, verdict: Verdict) -> str:

@@ -11,10 +11,9 @@ from typing import Any
 
 from cell.config.settings import CellSettings
 from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.verdict.schema import write_text
 from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, lock_folders, read_bytes, read_text
+from drivers.files import MEGABYTE, lock_folders, read_bytes, read_text, write_file
 from drivers.settings import load, parse, read_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
@@ -78,7 +77,7 @@ def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Acce
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
     kept = {"schema": 1, "before": before, "after": after}
-    write_text(out / ACCEPTED, json.dumps(kept, indent=1))  # first: from it half a change is undone
+    write_file(out / ACCEPTED, json.dumps(kept, indent=1))  # first: from it half a change is undone
     try:
         _write(changes)
     except ConfigurationError:
@@ -174,7 +173,7 @@ def _write(changes: Mapping[Path, str]) -> None:
         if text == ABSENT:
             path.unlink(missing_ok=True)
         else:
-            write_text(path, text)
+            write_file(path, text)
 
 
 def _found(path: Path) -> str:

@@ -1,6 +1,6 @@
 """The verdict as it is written: from findings to the document of `verdict`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -18,6 +18,7 @@ from cell.gap.verdict.decide import kind, unexplained
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     Compared,
+    Deviation,
     Gap,
     Interval,
     Measured,
@@ -220,3 +221,38 @@ def _advice(found: Findings) -> list[Recommended]:
         for a in found.advised.experiments
         if a.sigma >= TELLING
     ]
+
+
+TOLERATED = 2.0  # standard deviations of what was known before, without a stated range: 95 %
+
+
+def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
+    """The values `found` whose whole 95 % interval lies outside what the file tolerates."""
+    rows = []
+    for p in base:
+        value = found.get(p.name)
+        if value is None:
+            continue
+        low, high = _tolerated(p)
+        above = value.low is not None and value.low > high
+        below = value.high is not None and value.high < low
+        if above or below:
+            rows.append(
+                Deviation(
+                    parameter=p.name,
+                    stated=p.shown(p.start),
+                    tolerated=(low, high if np.isfinite(high) else None),
+                    unit=p.unit,
+                    **value.model_dump(include={"value", "low", "high"}),
+                )
+            )
+    return rows
+
+
+def _tolerated(p: Parameter) -> tuple[float, float]:
+    """The range that the file allows, as files state the value."""
+    if p.tolerated is not None:
+        return p.tolerated
+    reach = TOLERATED * p.spread
+    ends = p.shown(max(p.start - reach, p.low)), p.shown(p.start + reach)
+    return min(ends), max(ends)

@@ -44,7 +44,7 @@ from cell.studies.benchmark.figures.style import WIDTH, smooth, stiffness_colour
 from cell.studies.benchmark.numbers import newtons, numeral
 from cell.studies.benchmark.results import Laid, Refused, Results
 from cell.studies.benchmark.summary import Row, rows, told_misses
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 DPI = 160
 
@@ -82,9 +82,9 @@ def folded_figure(results: Results) -> str:
 def write_results(results: Results, folder: Path) -> Path:
     """Write benchmark.json and benchmark.html into `folder`; the path of the page."""
     content = results.model_dump_json(by_alias=True, indent=1)
-    _write(folder / "benchmark.json", content.encode())
+    write_file(folder / "benchmark.json", content)
     page = folder / "benchmark.html"
-    _write(page, page_of(results).encode())
+    write_file(page, page_of(results))
     return page
 
 
@@ -95,7 +95,7 @@ def write_main_picture(results: Results, path: Path) -> None:
     content = io.BytesIO()
     with rc_context({"svg.fonttype": "path"}):
         main_picture(results).savefig(content, format="png", dpi=DPI, facecolor="white")
-    _write(path, content.getvalue())
+    write_file(path, content.getvalue())
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
@@ -105,12 +105,6 @@ def lines(results: Results) -> list[dict[str, Any]]:
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]
-
-
-def _write(path: Path, content: bytes) -> None:
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, content)
 
 
 TITLE = "Feedback-based fabric strip folding, from simulation"

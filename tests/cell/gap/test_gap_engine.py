@@ -11,7 +11,7 @@ from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
 from cell.gap.fitting.starts import undetermined
-from cell.gap.fitting.tasks import Counter, run_all, run_one
+from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.hold_out import held_out
@@ -30,6 +30,7 @@ from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from drivers.types import Array
+from tests.support.swings import Counter
 
 T = np.linspace(0.0, 1.0, 60)
 SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}

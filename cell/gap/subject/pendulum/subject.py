@@ -11,7 +11,7 @@ import numpy as np
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.runs import Swing, read_run
+from cell.gap.subject.pendulum.runs import Swing, make_run, read_run
 from cell.gap.subject.pendulum.scope import check_effects, scope
 from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
@@ -171,16 +171,12 @@ class Pendulum:
 
     def experiments(self) -> Sequence[Experiment]:
         """Swings worth measuring next."""
-        from cell.gap.subject.pendulum.experiments import experiments
-
         return experiments(self.file, self._runs)
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The pendulum file with refitted base and named effects; a pendulum has no cell."""
-        from cell.gap.subject.pendulum.subject import patched
-
         return patched(self.file, base, effects, source), None
 
 
@@ -220,3 +216,37 @@ def _at(states: Array, t: Array, step: float) -> Array:
     rise = b - a
     value = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
     return np.asarray(value.T)
+
+
+SET_UP = 1.0  # minutes to set the pendulum up and let it go
+
+
+def experiments(pendulum: PendulumFile, runs: Sequence[Run]) -> list[Experiment]:
+    """Releases from rest, each as long as the measured runs unless it says otherwise."""
+    n = len(pendulum.links)
+    span = float(np.median([run.samples.t[-1] for run in runs])) if runs else 5.0
+    sigma = float(np.median([run.samples.reading[0] for run in runs])) if runs else 1e-3
+    whole = np.ones(n)
+    last = np.zeros(n)
+    last[-1] = 1.0
+    plans = [
+        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * whole, span),
+        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * whole, span),
+        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * whole, span),
+        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * whole, 3 * span),
+        ("hang still", "let it hang still and read the angles", 0.0 * whole, span),
+    ]
+    if n > 1:
+        plans.append(("last link alone", "hold the others straight, lift the last link "
+                      "60 degrees, let go", 1.0 * last, span))  # fmt: skip
+    return [_planned(pendulum, *plan, sigma) for plan in plans]
+
+
+def _planned(
+    pendulum: PendulumFile, name: str, instruction: str, lift: Array, span: float, sigma: float
+) -> Experiment:
+    step = min(0.02, 0.05 / fastest(pendulum))
+    t = np.arange(0.0, span, step)
+    angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
+    run = make_run(pendulum, name, name, t, angles, sigma, np.zeros_like(angles))
+    return Experiment(name, instruction, SET_UP + span / 60.0, run)
