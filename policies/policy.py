@@ -54,12 +54,9 @@ class Policy(Protocol):
         """Clear the memory; prepare to fold `count` strips of the length of
         `strip` at `speed` [m/s].
         """
-        ...
 
     def lift(self) -> Path:
         """The path whose first section lifts the edge from (L, 0) to the take-over height."""
-        ...
 
     def decide(self, observation: Observation) -> Decision:
         """Direction and speed for each strip."""
-        ...

@@ -1,7 +1,6 @@
 """Terminal view of a calibration: what to do next, why, and the coverage."""
 
 from collections.abc import Iterable, Sequence
-from types import TracebackType
 from typing import Self
 
 import cv2
@@ -45,12 +44,7 @@ class WizardPanel:
             self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop, leaving the last view visible, without a question."""
         if self._live is not None:
             self.ask("")

@@ -10,18 +10,14 @@ class Part(Protocol):
     @property
     def key(self) -> str:
         """Unique name among the parts."""
-        ...
 
     @property
     def of(self) -> str:
         """Digest of the code and files that the outcome depends on."""
-        ...
 
     @property
     def cost(self) -> float:
         """Estimated time on one core [s]."""
-        ...
 
     def measure(self) -> Mapping[str, Any]:
         """Its outcome, plain JSON; raises CellError where there is none."""
-        ...

@@ -17,7 +17,6 @@ class Engine(Protocol):
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """The records of `parts` as they finish, each stored in the journal at `folder`."""
-        ...
 
 
 class Watcher(Protocol):
@@ -25,11 +24,9 @@ class Watcher(Protocol):
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Called first: `parts` are wanted, of which `known` are done."""
-        ...
 
     def finished(self, part: Part, record: Record) -> None:
         """Called after each part."""
-        ...
 
 
 def carry_out(

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
     from contextlib import AbstractContextManager
 
-    from cell.train.critic import TrainedCritic
     from cell.train.run import Trained
 
 
@@ -91,7 +90,7 @@ def _trained(
     size: dict[str, int],
     workers: "AbstractContextManager[Executor]",
     grid: int,
-) -> "Trained | TrainedCritic":
+) -> "Trained":
     """The policy trained in the rod and judged on a `grid`; `size` is that of `feedback`."""
     from rich.console import Console
 

@@ -18,7 +18,6 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Release it; calling it twice is allowed."""
-        ...
 
 
 class CalibrationAids(Protocol):
@@ -26,15 +25,12 @@ class CalibrationAids(Protocol):
 
     def show_board(self, wanted: WantedView) -> Frame:
         """An image of the calibration board held as `wanted`."""
-        ...
 
     def measure_board(self) -> float:
         """Length [m] of the printed squares across all columns, by a ruler."""
-        ...
 
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers, or remove it."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +74,6 @@ class Plant(Protocol):
 
     def truth(self, origin: float) -> Mapping[str, Any]:
         """Plain facts about what really happened, times since `origin` [s]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

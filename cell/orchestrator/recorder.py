@@ -18,35 +18,27 @@ class Record(Protocol):
     @property
     def origin(self) -> float:
         """Clock time of t = 0."""
-        ...
 
     def describe(self, **facts: Any) -> None:
         """Add facts to the header that were not known at the start."""
-        ...
 
     def begin(self, clock: float) -> None:
         """The lift begins, and measured time with it; called again, measured time begins here."""
-        ...
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
         """One cycle of the control loop that took `cost` [s] to compute."""
-        ...
 
     def sight(self, measurement: StripMeasurement) -> None:
         """The measurement from one image."""
-        ...
 
     def frame(self, frame: Frame) -> None:
         """An image that was processed."""
-        ...
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """The policy's decision on a measurement."""
-        ...
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
         """An event."""
-        ...
 
 
 class Recorder:

@@ -33,11 +33,9 @@ class Observer(Protocol):
 
     def see(self, snapshot: Snapshot) -> None:
         """Called on every tick."""
-        ...
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Called on every event."""
-        ...
 
 
 class Run:

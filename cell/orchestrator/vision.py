@@ -35,22 +35,18 @@ class Reader(Protocol):
     @property
     def since(self) -> float | None:
         """When the image under way was begun [s]; None while nothing is."""
-        ...
 
     @property
     def dead(self) -> str:
         """Why no image is read any more; empty while they are."""
-        ...
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
         """Begin to read `frame`, taken when the gripper was at `gripper`; with `touches` the
         layers are watched, too.
         """
-        ...
 
     def take(self) -> Seen | None:
         """What the image under way showed, once; None until that is known."""
-        ...
 
 
 class StripReader:

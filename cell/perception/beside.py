@@ -56,11 +56,9 @@ class Sight(Protocol):
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """The checks of an image before the grasp; the strip's colours are kept."""
-        ...
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
         """The strip in `frame`, and with `touches` whether its layers touch."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

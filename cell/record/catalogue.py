@@ -8,7 +8,6 @@ from dataclasses import astuple, fields
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from cell.record.files import RESULT, RUN
@@ -53,12 +52,7 @@ class Catalogue:
         """The catalogue itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the database."""
         self._base.close()
 

@@ -9,6 +9,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from cell.campaign.progress import clock
 from cell.train.evaluation import Engine, Evaluation
 from policies.train.search import Progress
 
@@ -65,12 +66,6 @@ class Meter:
             return False
         every = max(1, self._generations // LINES)
         return done % every == 0 or done == self._generations
-
-
-def clock(seconds: float) -> str:
-    """Minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d}"
 
 
 def show(evaluations: Sequence[Evaluation], console: Console) -> None:

@@ -24,15 +24,12 @@ class DrivenByJoints(Protocol):
 
     def start_joints(self) -> Any:
         """Start the motion."""
-        ...
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
         """The next state; unless it is `awaited` also one that has lain there."""
-        ...
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
         """Send the command for this tick."""
-        ...
 
 
 class Moment(NamedTuple):

@@ -34,15 +34,12 @@ class Driven(Protocol):
 
     def start_poses(self) -> Any:
         """Start the motion."""
-        ...
 
     def read(self, motion: Any) -> Any:
         """The next state."""
-        ...
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
         """Send the command for this tick."""
-        ...
 
 
 class Loop:

@@ -40,11 +40,9 @@ class Motion(Protocol):
 
     def readOnce(self) -> tuple[Any, Any]:  # noqa: N802
         """The next state."""
-        ...
 
     def writeOnce(self, command: Any) -> None:  # noqa: N802
         """Send the command for this tick."""
-        ...
 
 
 class Robot:

@@ -25,7 +25,6 @@ class Plant(Stepper, Protocol):
 
     def release(self) -> None:
         """Release the grasped edge; later poses of a step have no effect on it."""
-        ...
 
 
 class World:

@@ -27,21 +27,17 @@ class Source(Protocol):
     @property
     def path(self) -> Path:
         """The file or folder, for errors."""
-        ...
 
     @property
     def name(self) -> str:
         """What to call the run."""
-        ...
 
     @property
     def documents(self) -> Mapping[str, bytes]:
         """YAML documents that came with the tables, by file name."""
-        ...
 
     def table(self, file: str, how: Table) -> pa.Table:
         """The table that the mapping names `file`; ConfigurationError where there is none."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,6 @@ class Fields(Protocol):
 
     def __getitem__(self, name: str) -> Array:
         """The field's own array."""
-        ...
 
 
 @dataclass(slots=True)
