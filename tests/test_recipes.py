@@ -98,7 +98,6 @@ EFFECT = Effect(
     name="magnet",
     sentence="a magnet holds a joint",
     of="model",
-    expressed="force",
     source="a dipole in a field",
     parameters=_parameters,
     keys=1,

@@ -9,7 +9,7 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion, move, open_hand
@@ -37,7 +37,7 @@ def by_hand(
         devices.arm.connect()
         devices.camera.connect()
         context = ManualContext(settings.controller, motion)
-        return Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+        return Run(devices, context, Record(), interrupted=interrupted).execute()
     finally:
         devices.close()
 

@@ -15,7 +15,6 @@ ITERATIONS = 150
 STEP = 0.3  # rad, of one iteration
 CENTRE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
 SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
-HALF_RANGE = frozen((POSITION_HIGH - POSITION_LOW) / 2)
 
 
 class Unreachable(CellError):

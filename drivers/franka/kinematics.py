@@ -87,15 +87,6 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
     return pose, np.swapaxes(columns, -1, -2)
 
 
-def elbow(q: Array) -> tuple[float, float]:
-    """Redundancy of a posture (7,): angle of joint 3 [rad] and sign of joint 4's flexion.
-
-    The sign is -1 unless joint 4 is stretched beyond the elbow's offset (libfranka, RobotState).
-    """
-    beyond = q[3] > ELBOW_FLIP
-    return float(q[2]), 1.0 if beyond else -1.0
-
-
 def from_last_joint(tool: Array) -> Array:
     """The tool (4, 4) in the frame of the last joint, given in that of the flange."""
     moved = np.array(tool, dtype=np.float64)

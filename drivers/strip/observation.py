@@ -42,11 +42,6 @@ def seen_contact(observation: Observation, x: Array | float) -> Array | float:
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
 
 
-def true_contact(observation: Observation, x: Array | float) -> Array | float:
-    """True desk contact (...,) [m] measured at `x` (...,); inverse of `seen_contact`."""
-    return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
-
-
 def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:
     """layer_touch as images show it.
 

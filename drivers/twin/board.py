@@ -52,18 +52,6 @@ def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: H
     return pose
 
 
-def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
-    """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
-
-    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
-    """
-    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    pose = np.eye(4)
-    pose[:3, :3] = upright @ _rotation(tilt, turn, roll)
-    pose[:3, 3] = centre
-    return pose
-
-
 def _rotation(tilt: float, turn: float, roll: float) -> Array:
     ct, st, cy, sy, cr, sr = (f(a) for a in (tilt, turn, roll) for f in (np.cos, np.sin))
     about_x = np.array([[1, 0, 0], [0, ct, -st], [0, st, ct]]).T

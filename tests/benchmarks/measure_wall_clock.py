@@ -48,7 +48,7 @@ from cell.devices.open import open_cell
 from cell.folding.fold import Request, fold
 from cell.folding.steady import punctual, without_long_collections
 from cell.orchestrator.context import ManualContext
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
 from cell.perception.beside import Seen, StripSight, Subject
@@ -340,7 +340,7 @@ def idle(bench: Bench, seconds: float) -> list[Late]:
     try:
         devices.connect()
         with without_long_collections(), punctual(True):
-            outcome = Run(devices, context, NullRecorder()).execute()
+            outcome = Run(devices, context, Record()).execute()
     finally:
         devices.close()
     sys.stderr.write(f"idle: {outcome.name}: {outcome.reason}\n")

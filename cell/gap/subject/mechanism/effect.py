@@ -11,7 +11,6 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-Expressed = Literal["field", "signal", "force", "variant"]
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
@@ -53,7 +52,6 @@ class Effect:
     name: str
     sentence: str
     of: Of
-    expressed: Expressed
     source: str
     parameters: Parameters
     revealed_by: str

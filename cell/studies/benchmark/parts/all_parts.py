@@ -9,6 +9,7 @@ import numpy as np
 
 import policies
 from cell.campaign.journal import digest
+from cell.campaign.part import Part
 from cell.campaign.versions import code
 from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
@@ -19,7 +20,6 @@ from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
 from cell.studies.benchmark.parts.hidden_effect import HIDDEN, HiddenEffect
 from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
-from cell.studies.benchmark.parts.part import Part
 from cell.studies.benchmark.results import ImageFold
 from cell.studies.benchmark.spec import BenchmarkSpec
 

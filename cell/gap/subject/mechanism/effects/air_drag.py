@@ -22,7 +22,6 @@ EFFECT = Effect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
     of="model",
-    expressed="field",
     source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia",
     parameters=_parameters,
     edit=_edit,

@@ -20,7 +20,6 @@ EFFECT = Effect(
     name="armature",
     sentence="drives have rotor inertia that the model lacks",
     of="model",
-    expressed="field",
     source="MJCF joint/armature: rotor inertia times the gear ratio squared",
     parameters=_parameters,
     edit=_edit,

@@ -29,7 +29,6 @@ EFFECT = Effect(
     name="base_tilt",
     sentence="the base stands tilted",
     of="rig",
-    expressed="field",
     source="rotation of gravity about x, then y",
     parameters=_parameters,
     edit=_edit,

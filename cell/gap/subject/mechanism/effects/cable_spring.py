@@ -38,7 +38,6 @@ EFFECT = Effect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
     of="model",
-    expressed="force",
     source="Hooke; MJCF joint/stiffness and springref",
     parameters=_parameters,
     shape=_shape,

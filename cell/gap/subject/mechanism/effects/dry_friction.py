@@ -69,7 +69,6 @@ EFFECT = Effect(
     name="dry_friction",
     sentence="joints rub like dry friction",
     of="model",
-    expressed="force",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
     parameters=_parameters,
     shape=_shape,

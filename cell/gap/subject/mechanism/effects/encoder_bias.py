@@ -21,7 +21,6 @@ EFFECT = Effect(
     name="encoder_bias",
     sentence="encoders read a constant too much or too little",
     of="rig",
-    expressed="signal",
     source="zero of an encoder",
     parameters=_parameters,
     read=_read,

@@ -21,7 +21,6 @@ EFFECT = Effect(
     name="encoder_scale",
     sentence="encoders count too much or too little a turn",
     of="rig",
-    expressed="signal",
     source="scale of an encoder",
     parameters=_parameters,
     read=_read,

@@ -45,7 +45,6 @@ EFFECT = Effect(
     name="presliding",
     sentence="joints yield like springs before they slide",
     of="model",
-    expressed="force",
     source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
     parameters=_parameters,
     shape=_shape,

@@ -18,7 +18,6 @@ EFFECT = Effect(
     name="sensor_delay",
     sentence="readings are stamped late",
     of="rig",
-    expressed="signal",
     source="transport delay",
     parameters=_parameters,
     read=_read,

@@ -21,7 +21,6 @@ EFFECT = Effect(
     name="torque_bias",
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
-    expressed="force",
     source="offset of a current sensor",
     parameters=_parameters,
     keys=1,

@@ -33,7 +33,6 @@ EFFECT = Effect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
     of="model",
-    expressed="force",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
     parameters=_parameters,
     shape=_shape,
