@@ -368,5 +368,5 @@ def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> 
     only(installed, monkeypatch, catalogue, "coins", STUDY)
     asked = campaign.Asked(catalogue.study_of("coins"), 0, 40, installed / "out")
     campaign.measure(asked, Here(), Quiet(), (1, 1), again=False)
-    assert "| all | 40 |" in markdown(campaign.kept(asked))
+    assert "| all | 40 |" in markdown(campaign.kept_outcomes(asked))
     sys.modules.pop(f"{catalogue.__name__}.coins")

@@ -57,7 +57,7 @@ def to(pose: Pose) -> Callable[[Snapshot], Motion]:
     return lambda _: move(pose)
 
 
-def opened(_: Snapshot) -> Motion:
+def open_fingers(_: Snapshot) -> Motion:
     """Open the fingers."""
     return open_hand()
 
@@ -86,7 +86,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     check_drivers(settings, DeviceSelection(arm="fci"))
     from cell.devices.fci import start_joints
 
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     return start_joints(installation, settings.fold, strip.length, home)
 

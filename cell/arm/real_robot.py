@@ -39,7 +39,7 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
         )
 
 
-def slowed(settings: CellFile, share: float = SLOW) -> CellFile:
+def slow_down(settings: CellFile, share: float = SLOW) -> CellFile:
     """The cell with all speeds at a `share`, and the time that a run then needs."""
     fold = settings.fold.model_copy(
         update={

@@ -44,7 +44,7 @@ class Cluster:
     address: str
     limit: float | None = None
 
-    def measured(
+    def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """The records of `parts` as they finish, through deaths of workers and scheduler.

@@ -38,7 +38,7 @@ def home(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    settings, choice = _allowed(found.cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(found.cell(), arm, full_speed)
     lying = found.strip(strip)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
@@ -57,7 +57,7 @@ def park(
     from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
@@ -84,7 +84,7 @@ def jog(
     from cell.arm import by_hand
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
     motion = by_hand.jog(x, z, radians(pitch))
     _end(by_hand.by_hand(settings, choice, motion))
 
@@ -94,8 +94,8 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     from cell.arm import by_hand
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed=False)
-    _end(by_hand.by_hand(settings, choice, by_hand.opened))
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
+    _end(by_hand.by_hand(settings, choice, by_hand.open_fingers))
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -120,18 +120,18 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
     sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
 
 
-def _allowed(
+def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool
 ) -> "tuple[CellFile, DeviceSelection]":
     """Settings and selection, once the operator has agreed to the motion of a real robot."""
-    from cell.arm.real_robot import confirm, is_real, slowed
+    from cell.arm.real_robot import confirm, is_real, slow_down
     from cell.devices.devices import DeviceSelection
 
     choice = DeviceSelection(arm=arm)
     if not is_real(settings, choice):
         return settings, choice
     confirm(settings, ask)
-    return (settings if full_speed else slowed(settings)), choice
+    return (settings if full_speed else slow_down(settings)), choice
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:

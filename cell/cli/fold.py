@@ -141,13 +141,13 @@ def fold(
     """Fold a strip in half and say how well it went."""
     check_names(configs, strip, policy)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.batch import checked, doubts_about, requests
+    from cell.folding.batch import check_requests, doubts_about, requests
     from cell.folding.correct import with_correction
     from cell.folding.fold import Request
 
     choice = DeviceSelection(arm, camera, None, seed)
     base = Request(
-        strip=_named(strip, length, thickness),
+        strip=_name_strip(strip, length, thickness),
         policy=policy,
         checkpoint=checkpoint,
         choice=choice,
@@ -161,7 +161,7 @@ def fold(
         specimen=specimen,
     )
     base = with_correction(base, "on" if until is not None and learning is None else learning)
-    wanted = checked(requests(base, plant or [], repeat))
+    wanted = check_requests(requests(base, plant or [], repeat))
     for doubt in doubts_about(wanted):
         _remark(doubt)
     if dry_run:
@@ -171,7 +171,7 @@ def fold(
         sys.exit(_folded_until(wanted, until, as_json=as_json))
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
-    sys.exit(_folded(base, wanted, jobs, as_json=as_json))
+    sys.exit(_fold_each(base, wanted, jobs, as_json=as_json))
 
 
 def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
@@ -206,7 +206,9 @@ def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> 
     code = 1
     for request in wanted:
         made: list[FoldResult] = []
-        code = _folded(request, [with_correction(request, "on")], 1, made.append, as_json=as_json)
+        code = _fold_each(
+            request, [with_correction(request, "on")], 1, made.append, as_json=as_json
+        )
         if code > 1 or (code == 0 and _offset(made) <= close):
             return code
         following = with_correction(request, "on").correction.total
@@ -220,7 +222,7 @@ def _offset(made: "list[FoldResult]") -> float:
     return next((abs(value) for value in seen if value is not None), float("inf"))
 
 
-def _folded(
+def _fold_each(
     base: "Request",
     wanted: "Sequence[Request]",
     jobs: int,
@@ -242,7 +244,7 @@ def _folded(
     return code
 
 
-def _named(strip: str, length: float | None, thickness: float | None) -> str:
+def _name_strip(strip: str, length: float | None, thickness: float | None) -> str:
     """The strip as requests name it: one without a file by its length, and thickness if known."""
     from cell.config.unknown import NAME, name_of
     from drivers.errors import ConfigurationError

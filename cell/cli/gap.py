@@ -64,7 +64,7 @@ def fit(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
+    """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
     file = _one_of(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
@@ -168,7 +168,7 @@ def undo(
 
 @gap.command()
 def advise(fitted: Fitted, as_json: Json = False) -> None:
-    """Say which experiment would tell most next."""
+    """Say which experiment would separate the explanations best."""
     from cell.gap.verdict.schema import read_verdict
 
     verdict = read_verdict(fitted / "verdict.json")
@@ -189,8 +189,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """By how much the runs differ for no reason, and whether less of it would tell more than the
-    best motion, which tells `planned` sigma.
+    """By how much the runs differ for no reason, and whether less of it would separate more than
+    the best motion, which separates by `planned` sigma.
     """
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
@@ -215,11 +215,11 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         )
         yield f"  {effect.name}: {values}; confidence {effect.confidence:.2f}"
     for names in verdict.ambiguous:
-        yield f"  cannot tell apart: {', '.join(names)}"
+        yield f"  alike in these runs: {', '.join(names)}"
     if verdict.unexplained is not None:
         yield f"  unexplained: {verdict.unexplained.description}"
     if verdict.effects and verdict.gap.before["excess"]:
-        beside = ", with one of each that cannot be told apart" if verdict.ambiguous else ""
+        beside = ", with one of each that are alike" if verdict.ambiguous else ""
         yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %{beside}"
     elif verdict.effects:
         yield "  the held-out runs showed no gap: it sits in the runs that were fitted"

@@ -36,7 +36,7 @@ def learn(
                 f"cell learn: {what!r} is neither show, forget, off nor on; a run goes with "
                 "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
             )
-        _measured(memory, Path(what), edges)
+        _learn_from_ruler(memory, Path(what), edges)
         return
     if edges is not None:
         raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
@@ -50,7 +50,7 @@ def learn(
         sys.stdout.write(f"{settings.name}: learning is {what}\n")
 
 
-def _measured(memory: "Memory", folder: Path, edges: str) -> None:
+def _learn_from_ruler(memory: "Memory", folder: Path, edges: str) -> None:
     from cell.config.length import metres
     from cell.learning.experience import ruler_experience
 

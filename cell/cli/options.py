@@ -86,15 +86,15 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
         )
 
 
-def _named(kind: str, names: tuple[str, ...]) -> Any:
+def _choice_of(kind: str, names: tuple[str, ...]) -> Any:
     """An option whose value is one of `names`."""
 
-    def known(value: str) -> str:
+    def check(value: str) -> str:
         if value not in names:
             raise typer.BadParameter(f"{value!r} is not one of {', '.join(map(repr, names))}.")
         return value
 
-    return typer.Option(help=f"{kind} driver.", parser=known, metavar=f"<{'|'.join(names)}>")
+    return typer.Option(help=f"{kind} driver.", parser=check, metavar=f"<{'|'.join(names)}>")
 
 
 Strip = Annotated[
@@ -103,8 +103,8 @@ Strip = Annotated[
         "--strip", help="Strip by name, or a path to its .yaml file.", autocompletion=strip_names
     ),
 ]
-Arm = Annotated[str | None, _named("Arm", arm_names())]
-Camera = Annotated[str | None, _named("Camera", camera_names())]
+Arm = Annotated[str | None, _choice_of("Arm", arm_names())]
+Camera = Annotated[str | None, _choice_of("Camera", camera_names())]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
 Configs = Annotated[
     Path | None,

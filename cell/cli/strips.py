@@ -25,7 +25,7 @@ strips = typer.Typer(
 
 
 @strips.callback()
-def known(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
+def list_strips(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
     """List the strips that this cell knows; measure one, make a new one."""
     if context.invoked_subcommand is not None:
         return

@@ -105,11 +105,11 @@ def _measure(
 
 def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
     """Print table or JSON, write the page; whether the bars are kept, and whether cases failed."""
-    from cell.studies.campaign import kept
+    from cell.studies.campaign import kept_outcomes
     from cell.studies.page import write_page
     from cell.studies.table import keeps_bars, markdown, rows
 
-    found = kept(asked)
+    found = kept_outcomes(asked)
     table = rows(found)
     page = write_page(found)
     if as_json:

@@ -67,7 +67,7 @@ def train(
         _print_transfer(_transfer(checkpoint, folder, seed, folds, jobs, cluster), as_json=as_json)
         return
     size = {"generations": generations, "population": population, "strips": strips}
-    trained = _trained(policy, folder, seed, size, _workers(jobs, cluster), grid)
+    trained = _train(policy, folder, seed, size, _workers(jobs, cluster), grid)
     corrected: dict[str, Any] = {}
     if policy is Learned.ADAPTIVE:
         corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
@@ -83,7 +83,7 @@ def train(
     )
 
 
-def _trained(
+def _train(
     policy: Learned,
     folder: Path,
     seed: int,

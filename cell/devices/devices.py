@@ -37,8 +37,8 @@ class CalibrationAids(Protocol):
 class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
-    `camera_locks` tells the values to which the camera controls are locked, `others` are what else
-    must be closed at the end. Once closed, `arm_timing` tells how evenly the states of a
+    `camera_locks` states the values to which the camera controls are locked, `others` are what else
+    must be closed at the end. Once closed, `arm_timing` says how evenly the states of a
     free-running arm came, and `arm_joints` what a robot said of its joints at every tick, rows
     (n, 29) as `drivers.arm.joint_log` keeps them on the clock's time. In `real_time` the clock is
     the wall's, and waits for nobody.

@@ -32,7 +32,7 @@ class Worker(process.Worker):
     def begin_fold(self, number: int, request: Request, calibration: Calibration | None) -> None:
         """Start to fold `request`, as task `number`."""
         self.task = number
-        self.begin(_folded, request, calibration)
+        self.begin(_fold_one, request, calibration)
 
     def fold_result(self) -> FoldResult | CellError:
         """Wait for and return the result of its task; a process that died is a Fault."""
@@ -50,7 +50,7 @@ class Worker(process.Worker):
             super().stop()
 
 
-def _folded(
+def _fold_one(
     request: Request, calibration: Calibration | None, stop: process.StopSignal
 ) -> FoldResult | CellError:
     try:
@@ -59,7 +59,7 @@ def _folded(
         return error
     except KeyboardInterrupt:
         return Interrupted("stopped at once from the keyboard")
-    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one is told
+    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one fails
         return Unexpected(error)
 
 
@@ -79,7 +79,7 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
     )
 
 
-def checked(wanted: Sequence[Request]) -> Sequence[Request]:
+def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
     """`wanted`, which differ in plant and seed, after reading every file that they name.
 
     Raises ConfigurationError before anything has moved, not in the middle of the folds.

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from cell.arm.arm_prediction import fold_poses
-from cell.arm.arm_settings import at_speed, suited
+from cell.arm.arm_settings import at_speed, suit_to_arm
 from cell.arm.by_hand import by_hand, home_joints
-from cell.arm.real_robot import is_real, slowed
+from cell.arm.real_robot import is_real, slow_down
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.fold import Request
@@ -113,8 +113,8 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
-        settings = slowed(settings)
-    settings = suited(settings, request.choice)
+        settings = slow_down(settings)
+    settings = suit_to_arm(settings, request.choice)
     folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real

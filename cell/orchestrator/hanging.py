@@ -20,7 +20,7 @@ STILL = 0.0005  # m, the way of the profile's mean under which a strip rests
 def hang_still(longest: float, record: Record) -> Motion:
     """Bring the gripper to rest, upright, and wait for the strip, at most `longest` [s].
 
-    Returns the snapshot at the end of the pause. The event `hanging` tells whether the strip came
+    Returns the snapshot at the end of the pause. The event `hanging` says whether the strip came
     to rest, and how far it still moved [m].
     """
     snapshot = yield from wait_for(lambda now: not now.arm.moving)

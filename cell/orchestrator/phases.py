@@ -155,7 +155,7 @@ def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> No
         record.event(snapshot.time, kind, path="shifted" if cell.predicted.blind else "its own")
 
 
-def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Continue to the lay without a stop: at a gripper at rest the hanging strip would shift the
     loop by 5 mm.
     """
@@ -166,7 +166,7 @@ def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk without pulling the contact of the layers along."""
-    touch = _seen(cell)
+    touch = _seen_touch(cell)
     path = lay_path(touch, begin.arm.pose, max(cell.strip.thickness, touch.distance))
     snapshot = yield from follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -226,7 +226,7 @@ _FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
-    State.TOUCHED: touched,
+    State.TOUCHED: continue_to_lay,
     State.LAY: lay,
     State.RELEASE: release,
 }
@@ -293,7 +293,7 @@ def _camera_checks(
     return (camera_check(shift, cell.settings.landmarks),)
 
 
-def _seen(cell: FoldContext) -> SeenTouch:
+def _seen_touch(cell: FoldContext) -> SeenTouch:
     if cell.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     return cell.seen_touch

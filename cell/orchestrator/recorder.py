@@ -96,7 +96,7 @@ class Recorder(Record):
         if self._lift is None:
             self._early.append(frame)
         else:
-            self._writer.frame(_shifted(frame, -self._lift))
+            self._writer.frame(_shift_times(frame, -self._lift))
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add the policy's decision on the newest measurement, for `cell replay`."""
@@ -128,8 +128,8 @@ class Recorder(Record):
     def _flush_early(self) -> None:
         early, self._early = self._early, []
         for frame in early:
-            self._writer.frame(_shifted(frame, -(self._lift or 0.0)))
+            self._writer.frame(_shift_times(frame, -(self._lift or 0.0)))
 
 
-def _shifted(frame: Frame, offset: float) -> Frame:
+def _shift_times(frame: Frame, offset: float) -> Frame:
     return replace(frame, stamp=frame.stamp + offset, arrival=frame.arrival + offset)

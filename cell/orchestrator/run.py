@@ -80,7 +80,7 @@ class Run:
         period = 1.0 / self._context.settings.fold.control_rate
         start, tick = clock.now(), 0
         try:
-            self._guarded(lambda: self._take(Event.START, start))
+            self._guard(lambda: self._take(Event.START, start))
             while not (self._machine.over and self._rests):
                 tick += 1
                 self._turn_at(start + tick * period)
@@ -88,7 +88,7 @@ class Run:
             run_suppressed(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
+    def _guard(self, action: Callable[[], None]) -> None:
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
@@ -99,7 +99,7 @@ class Run:
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
-            self._guarded(lambda: self._timely_turn(due))
+            self._guard(lambda: self._timely_turn(due))
         else:
             self._brake(due)
 
@@ -154,7 +154,7 @@ class Run:
             )
             run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
             self._show(lambda observer: observer.see(snapshot))
-        self._rests = self._safe_stop.ended(arm)
+        self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:
             run_suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
@@ -237,7 +237,7 @@ class Run:
         if self._stopped is not None:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         else:
-            name, reason, code = _reached(self._context)
+            name, reason, code = _completion(self._context)
         touch, edge_offset = None, None
         if isinstance(self._context, FoldContext):
             touch, laid = self._context.seen_touch, self._context.laid
@@ -247,7 +247,7 @@ class Run:
         return Outcome(name, reason, code, touch, edge_offset, duration, self._predicted)
 
 
-def _reached(context: Context) -> tuple[str, str, int]:
+def _completion(context: Context) -> tuple[str, str, int]:
     """Name, reason and exit code of a run that completed."""
     if isinstance(context, CalibrationContext):
         return "calibrated", "all points were touched", 0

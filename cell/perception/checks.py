@@ -19,7 +19,7 @@ from drivers.types import Array, Image
 
 MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
 THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
-WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
+WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
 HIDDEN = 0.04  # share of the background that may look like the strip
@@ -85,7 +85,7 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
     return PreflightCheck(
         "solid",
         least >= SOLID,
-        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip is told from the desk, "
+        f"where it shows least, {100 * max(least, 0.0):.0f} % of the strip differs from the desk, "
         f"{100 * SOLID:.0f} % are needed; part of its pattern looks like the desk",
         "lay a mat under it that differs from each of its colours",
     )

@@ -70,17 +70,17 @@ class Catalogue:
             )
         order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
         text = f"SELECT {', '.join(SHOWN)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
-        found = self._asked(f"{text} ORDER BY {order}began, {FIRST}", "--where")
+        found = self._execute(f"{text} ORDER BY {order}began, {FIRST}", "--where")
         return tuple(self._row(values) for values in found)
 
     def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
         """Columns and rows of a SELECT over the table `runs`; ConfigurationError for anything
         else.
         """
-        found = self._asked(sql, "--sql")
+        found = self._execute(sql, "--sql")
         return tuple(column[0] for column in found.description or ()), found.fetchall()
 
-    def _asked(self, sql: str, origin: str) -> sqlite3.Cursor:
+    def _execute(self, sql: str, origin: str) -> sqlite3.Cursor:
         try:
             return self._base.execute(sql)
         except (sqlite3.Error, sqlite3.Warning) as error:
@@ -126,14 +126,14 @@ def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
     try:
         with os.scandir(root) as found:
             for entry in found:
-                if head := _changed(f"{entry.path}/{RUN}"):
-                    tail = _changed(f"{entry.path}/{RESULT}")
+                if head := _change_time(f"{entry.path}/{RUN}"):
+                    tail = _change_time(f"{entry.path}/{RESULT}")
                     yield entry.name, (entry.stat().st_mtime_ns, head, tail)
     except OSError as error:
         raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
 
 
-def _changed(path: str) -> int:
+def _change_time(path: str) -> int:
     """The time of change of the file at `path` [ns]; 0 where there is none."""
     try:
         return os.stat(path).st_mtime_ns  # noqa: PTH116  ten thousand paths take a tenth of a second

@@ -202,10 +202,10 @@ def _size(folder: Path) -> int:
 def _began(folder: Path) -> datetime:
     stamp = BEGAN.match(folder.name)
     stamped = None if stamp is None else _moment(stamp[1])
-    return stamped or _written(folder / RUN)
+    return stamped or _write_time(folder / RUN)
 
 
-def _written(path: Path) -> datetime:
+def _write_time(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, OverflowError, ValueError):  # gone, or dated beyond the calendar

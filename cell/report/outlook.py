@@ -34,7 +34,9 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
         ("yarn friction", _interval(final.yield_curvature, 1.0, 0, "1/m")),
     ]
     return (
-        rows if result.agreement is None else [*rows, ("strip and model", _said(result.agreement))]
+        rows
+        if result.agreement is None
+        else [*rows, ("strip and model", _agreement_in_words(result.agreement))]
     )
 
 
@@ -72,6 +74,6 @@ def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
     return f"{value} {unit} ({low} to {high})"
 
 
-def _said(note: AgreementNote) -> str:
+def _agreement_in_words(note: AgreementNote) -> str:
     verdict = "agree" if note.like_model else "do not agree"
     return f"{verdict}, {millimetres(note.residual)} apart"

@@ -76,10 +76,10 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
         return _dead(run)
     if run.result.displacement is None:
         return _without_displacement(run, run.result)
-    return _folded(run, run.result, run.result.displacement, truth or {})
+    return _fold_verdict(run, run.result, run.result.displacement, truth or {})
 
 
-def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
+def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
     """How the edges lie where that was seen, or else how the layers met."""
     edge = result.edge_offset
     sentences = [*_edges(edge, truth.get("edge_offset")), *_touch(run, result, d, truth)]

@@ -13,7 +13,7 @@ from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
 SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
-ROUGHLY = 200  # points of a first midline, which tells width and length
+ROUGHLY = 200  # points of a first midline, which gives width and length
 TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
 THICKEST = 0.15  # of its length
 SPACING = 0.5  # widths between the points that are fitted

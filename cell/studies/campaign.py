@@ -103,7 +103,7 @@ def measure(
         pass
 
 
-def kept(asked: Asked) -> Kept:
+def kept_outcomes(asked: Asked) -> Kept:
     """The outcomes by the code as it is now; where there are none, by that which left most."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]

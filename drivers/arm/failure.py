@@ -89,13 +89,13 @@ class Failed(Exception):
         self.failure = failure
 
 
-def encoded(content: dict[str, Any]) -> bytes:
+def encode(content: dict[str, Any]) -> bytes:
     """A message between the two processes as bytes."""
     return json.dumps(content).encode()
 
 
-def decoded(message: bytes) -> dict[str, Any]:
-    """The message that `encoded` turned into bytes."""
+def decode(message: bytes) -> dict[str, Any]:
+    """The message that `encode` turned into bytes."""
     content: dict[str, Any] = json.loads(message)
     return content
 

@@ -34,7 +34,7 @@ class ReachGuard:
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within FAST of its velocity and SHARE
     of its acceleration; what braking would ask, within its acceleration. So the arm can brake,
-    whatever it is told next. Where a change of all axes at once in the worst directions would ask
+    whatever is commanded next. Where a change of all axes at once in the worst directions would ask
     SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
     """
 
@@ -58,9 +58,9 @@ class ReachGuard:
         peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
         braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
-        self._soon, here = self._followed(self._soon, where)
+        self._soon, here = self._follow(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
-        self._rest, there = self._followed(self._rest, rest)
+        self._rest, there = self._follow(self._rest, rest)
         if here is None or there is None:
             return "the arm does not reach on"
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
@@ -82,7 +82,7 @@ class ReachGuard:
             return f"joint {int(asked.argmax()) + 1} could not follow any further"
         return ""
 
-    def _followed(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+    def _follow(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
         """Joints (7,) at a place x, z, pitch, from near ones, and the rates (7, 3) that a unit of
         velocity on each axis asks of them there; None where they do not reach.
         """

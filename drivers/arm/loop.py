@@ -24,7 +24,7 @@ from drivers.types import Pose, Velocity
 FIRST = 20  # commands at most until the robot has heard one
 LOOK = 10  # ticks between looks ahead
 SPAN = 8  # states over which the velocity is measured
-REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
+REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 SLOW = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
@@ -43,7 +43,7 @@ class Driven(Protocol):
 
 
 class Loop:
-    """One motion that follows commands in the strip's plane until it is told to end.
+    """One motion that follows commands in the strip's plane until it is asked to end.
 
     `step` answers the current state with a command and waits for the next state, on the robot's
     clock or, in lock-step, on the cell's.
@@ -98,7 +98,7 @@ class Loop:
         self._publish(state)
 
     def _heard(self, state: Any) -> Any:
-        """The state once the robot follows commands; until then it is told to stay where it is."""
+        """The state once the robot follows commands; until then it is to stay where it is."""
         for _ in range(FIRST):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
@@ -224,7 +224,7 @@ class Loop:
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
-            self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
+            self._halt(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
             here = self._path[-1][:3] if self._path else here
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
@@ -239,7 +239,7 @@ class Loop:
                 *here,
                 *rate,
                 *self._position,
-                *self._plane.force(self._touch.felt(state)),
+                *self._plane.force(self._touch.beyond_tare(state)),
                 self._plane.place(pose)[1],
                 self.success,
                 self._profile.moving or not calm,

@@ -105,17 +105,17 @@ def _ways(
             near = solve(plane.matrix(*poses[0].tolist()), seed)
         except Unreachable:
             continue
-        start = _tracked(near, plane.matrix(*poses[0].tolist()), elbow)
+        start = _track_pose(near, plane.matrix(*poses[0].tolist()), elbow)
         if start is not None:
-            yield _followed(plane, poses, times, start)
+            yield _follow_path(plane, poses, times, start)
 
 
-def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
     joints, problems, least = start, list[Problem](), (np.inf, 0)
     count = 0
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
-        there = _tracked(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
+        there = _track_pose(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
         if there is None:
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
@@ -151,7 +151,7 @@ def _furthest(way: Reach) -> tuple[bool, float]:
     return way.allowed, way.margin
 
 
-def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:
+def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
     """Joints (7,) near `joints` at `pose` (4, 4) with the elbow at `elbow` [rad]; None if none."""
     for _ in range(NEWTON):
         reached, jac = pose_and_jacobian(joints)

@@ -35,7 +35,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
     if size <= settings.rest:
         return
     goal = _beside(np.array(state.q), force / size)
-    robot.configure(_loosened(settings.collision, size))
+    robot.configure(_loosen(settings.collision, size))
     guard = ForceGuard(size + RISE)
 
     def free(now: Any) -> bool:
@@ -62,7 +62,7 @@ def _beside(joints: Array, direction: Array) -> Array:
     return joints
 
 
-def _loosened(collision: CollisionSettings, force: float) -> CollisionSettings:
+def _loosen(collision: CollisionSettings, force: float) -> CollisionSettings:
     """Thresholds under which the arm may move while it is pressed with `force` [N]."""
     upper = {
         "force_upper": min(max(collision.force_upper, 2 * force + RISE), 100.0),

@@ -20,7 +20,7 @@ SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full sp
 UNHEARD = 3e-7  # rad: more than the rounding of the state
 SAME = 1e-6  # rad/s^2, likewise
 NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
-REST = 1e-3  # rad/s at which the robot may be told to stand
+REST = 1e-3  # rad/s at which the robot may be commanded to stand
 NEARING = 3.0  # 1/s, speed over the distance that is left
 TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
 
@@ -41,15 +41,15 @@ def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
     """Where the robot's setpoint is in `state`, so many `ticks` after it was `before`, if it was
     `sent` joints (7,) meanwhile: more exactly than the rounded state says.
     """
-    told = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-    heard = _apart(told.change, before.change) > SAME
+    seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+    heard = _apart(seen.change, before.change) > SAME
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
         place = [
             p + TICK * (rate - ago * TICK * change)
-            for p, rate, change in zip(place, told.rate, told.change, strict=True)
+            for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return told if _apart(told.place, place) > UNHEARD else told._replace(place=place)
+    return seen if _apart(seen.place, place) > UNHEARD else seen._replace(place=place)
 
 
 class Way:

@@ -90,7 +90,7 @@ class Publisher:
             for name in MEASURED:
                 self._packet.fields[name][:] = np.nan
             self._contact = None
-        return self._packet.sealed(robot.time, rate)
+        return self._packet.seal(robot.time, rate)
 
     def _put_configuration(self, configuration: Configuration) -> None:
         packet = self._packet

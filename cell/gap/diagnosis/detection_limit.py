@@ -15,7 +15,7 @@ SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is
 def detectable(
     about: Projection, probed: Sequence[Probed], by: LikelihoodScale
 ) -> dict[str, float | None]:
-    """Smallest value of each effect's most telling parameter; None where none would show.
+    """Smallest detectable value of each effect's main parameter; None where none would show.
 
     The response of the probe nearest to SURE, and to what the model's own error may feign on top,
     refitted base projected out, scaled to it. An effect that changes nothing, or whose size would

@@ -1,4 +1,4 @@
-"""One amplitude must serve all conditions and phases: what tells a cause from a proxy."""
+"""One amplitude must serve all conditions and phases: that separates a cause from a proxy."""
 
 from dataclasses import dataclass
 

@@ -11,7 +11,7 @@ from cell.gap.fitting.spreads import Spread
 from drivers.types import Array
 
 STEP = 0.1  # of the logarithm of a spread, by which it is tried
-FEWEST = 5.0  # what is usual in laboratories tells as much of a spread as six runs do
+FEWEST = 5.0  # what is usual in laboratories says as much of a spread as six runs do
 
 MOST = 1e6  # as good as infinitely many
 

@@ -29,7 +29,7 @@ def weights(r: Array) -> Array:
     return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
-def clipped(r: Array) -> Array:
+def clip_residuals(r: Array) -> Array:
     """psi(r) (n,) of Huber's loss: what a residual weighs in the fit."""
     return np.clip(r, -THRESHOLD, THRESHOLD)
 
@@ -62,7 +62,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
-    scaled = _scaled(residuals)
+    scaled = _with_common_scale(residuals)
     clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
@@ -84,7 +84,7 @@ def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     return float(products[0]) / power if power > 0.0 else 0.0
 
 
-def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
+def _with_common_scale(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     return [(r, s) for r in residuals]
 

@@ -5,7 +5,7 @@ from html import escape
 
 from cell.gap.report import figures
 from cell.gap.report.sentence import motion
-from cell.gap.report.units import interval, number, probability, shown, unit
+from cell.gap.report.units import in_small_unit, interval, number, probability, unit
 from cell.gap.selection.choice import MATERIAL
 from cell.gap.verdict.compose import SEEN
 from cell.gap.verdict.findings import Findings
@@ -31,8 +31,8 @@ def where(found: Findings) -> str:
     alone = sum(place.p < SEEN for place in found.fitted.places)
     if found.judged.places and alone < len(strong):
         text += (
-            f" By itself {alone or 'none'} of them would be told from noise and from what differs "
-            f"from run to run; the others are where what is left goes the way of "
+            f" By itself {alone or 'none'} of them would stand out from noise and from what "
+            f"differs from run to run; the others are where what is left goes the way of "
             f"{found.accepted.model.name}."
         )
     return f"<p>{escape(text)}</p>" + figures.heat_map(places)
@@ -148,4 +148,4 @@ def _ends(low: float | None, high: float | None, of: str) -> str:
 
 
 def _four(value: float, of: str) -> str:
-    return number(shown(value, of), 4)
+    return number(in_small_unit(value, of), 4)

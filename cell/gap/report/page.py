@@ -4,7 +4,7 @@ from html import escape
 from pathlib import Path
 
 from cell.gap.report.evidence import base, candidates, where
-from cell.gap.report.held_out import conditions, remains, shown
+from cell.gap.report.held_out import compare_held_out, conditions, remains
 from cell.gap.report.repeats import repeats
 from cell.gap.report.sentence import capital, deviation, headline, sentence
 from cell.gap.subject.subject import EditsModel
@@ -44,7 +44,7 @@ def page(found: Findings, verdict: Verdict) -> str:
         _card(found, verdict),
         _following(found, verdict),
         notes,
-        section("Before and after, on runs that were held out", shown(found, verdict)),
+        section("Before and after, on runs that were held out", compare_held_out(found, verdict)),
         section("Where they disagree", where(found)),
         section("What remains", remains(found, verdict)),
         section("How well the runs repeat", repeats(found)),
@@ -95,17 +95,17 @@ def _following(found: Findings, verdict: Verdict) -> str:
 
 
 def _experiments(verdict: Verdict) -> str:
-    """Planned runs that would tell explanations apart, where any would change something."""
+    """Planned runs that would separate the explanations, where that would change something."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return ""
     if not verdict.advice:
-        return "<p>No planned experiment would tell more than these runs do.</p>"
+        return "<p>No planned experiment would separate more than these runs do.</p>"
     rows = [
         (a.experiment, f"{called(a.separates[0])} from {called(a.separates[1])}",
          f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
         for a in verdict.advice[:5]
     ]  # fmt: skip
-    return table(("experiment", "tells", "sigma", "minutes"), rows)
+    return table(("experiment", "separates", "sigma", "minutes"), rows)
 
 
 def called(model: str) -> str:

@@ -117,9 +117,9 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
     stored, record = read_stored(kept, Acceptance), _record(out)
-    paths = _named(stored, kept, file, cell_file, _made(out, file))
+    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
     for name, path in paths.items():
-        if _found(path) not in (stored.after.get(name), _hash(stored.before[name])):
+        if _current_hash(path) not in (stored.after.get(name), _hash(stored.before[name])):
             raise ConfigurationError(f"{path}: has changed since the acceptance; edit it by hand")
     _check_writable(list(paths.values()))
     _write({path: stored.before[name] for name, path in paths.items()})
@@ -127,7 +127,7 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     return Accepted(tuple(paths.values()), record.effects or record.laws or record.values)
 
 
-def _named(
+def _files_by_name(
     stored: Acceptance, kept: Path, file: Path, cell_file: Path | None, made: Sequence[Path]
 ) -> Mapping[str, Path]:
     """The files of an acceptance by their stored names; ConfigurationError for any but `file`,
@@ -157,8 +157,8 @@ def _take_back_half(out: Path, file: Path, cell_file: Path | None) -> None:
     stored = read_stored(kept, Acceptance)
     if _name(file) not in stored.before:
         return
-    paths = _named(stored, kept, file, cell_file, _made(out, file))
-    found = {name: _found(path) for name, path in paths.items()}
+    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
+    found = {name: _current_hash(path) for name, path in paths.items()}
     old = {name for name in paths if found[name] == _hash(stored.before[name])}
     new = {name for name in paths if found[name] == stored.after.get(name)} - old
     if not old or len(old) + len(new) < len(paths):
@@ -176,7 +176,7 @@ def _write(changes: Mapping[Path, str]) -> None:
             write_file(path, text)
 
 
-def _found(path: Path) -> str:
+def _current_hash(path: Path) -> str:
     """Hash of the file as it is, of ABSENT where there is none."""
     return sha256(path) if path.exists() else _hash(ABSENT)
 
@@ -195,7 +195,7 @@ def out_folder(out: Path) -> Path:
     return out
 
 
-def _made(out: Path, file: Path) -> list[Path]:
+def _models_beside(out: Path, file: Path) -> list[Path]:
     """Models that an acceptance of the fit in `out` writes beside `file`."""
     patches = [p for p in (out / PATCH, out / LAW_PATCH, out / BASE_PATCH) if p.exists()]
     kinds = [read_yaml(p) for p in patches]

@@ -73,7 +73,7 @@ def is_proxy(found: Findings) -> bool:
 
 def in_doubt(found: Findings) -> bool:
     """Whether what was named may imitate another cause: several effects, one that leaves more than
-    noise on any runs, or one that a single run tells.
+    noise on any runs, or one that a single run shows.
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
@@ -157,7 +157,7 @@ def has_unexplained_part(found: Findings, which: Kind) -> bool:
     return which == "unexplained" or (which != "no_gap" and found.judged.remains)
 
 
-def unexplained(found: Findings, which: Kind) -> Unexplained | None:
+def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
     """What remains, where it is described."""
     judged = found.judged
     if not has_unexplained_part(found, which):

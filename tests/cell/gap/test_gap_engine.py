@@ -10,7 +10,7 @@ from cell.gap.diagnosis.lack_of_fit import pure_error
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.starts import undetermined
+from cell.gap.fitting.starts import weak_directions
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
@@ -276,7 +276,7 @@ def test_direction_that_the_runs_cannot_determine_is_named() -> None:
     for run in subject.runs:
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
         object.__setattr__(run, "local", (shift,))
-    weak = undetermined(fitted(subject))
+    weak = weak_directions(fitted(subject))
     assert [u.words for u in weak] == ["offset"]
 
 

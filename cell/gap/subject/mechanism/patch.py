@@ -25,7 +25,7 @@ def accepted_name(opened: Opened) -> str:
     return f"{opened.file.name}-accepted.xml"
 
 
-def patched(
+def patch_file(
     opened: Opened, base: Mapping[str, float], effects: Accepted, source: str
 ) -> dict[str, object]:
     """Content of the mechanism file after acceptance; old values stay in its provenance."""

@@ -231,7 +231,7 @@ def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
     )
 
 
-def averaged(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
     counts = np.diff(edges)
     mean = np.add.reduceat(values, edges[:-1], axis=1) / counts

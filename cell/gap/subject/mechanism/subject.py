@@ -17,16 +17,16 @@ from cell.gap.subject.mechanism.forward import Forward, commands_of
 from cell.gap.subject.mechanism.gripper_path import cell_patch, readings_of, sentences, shift
 from cell.gap.subject.mechanism.library import (
     accepted_parameters,
-    described,
+    candidates,
+    describing_terms,
     effect_of,
-    grouped,
-    offered,
+    group_by_effect,
     ordered_values,
     user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, averaged, cut, samples
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -73,8 +73,8 @@ class MechanismSubject:
         else:
             settle = opened.file.start.settle or 0.0
             self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
-                                   settle, jobs, self._compiled())  # fmt: skip
-        self._scope = self._scoped(without)
+                                   settle, jobs, self._compiled_effects())  # fmt: skip
+        self._scope = self._scope_without(without)
         self._by_run = [b for b in opened.base if b.by_run is not None]
         self._runs = tuple(self._run(r) for r in opened.recordings)
 
@@ -100,14 +100,14 @@ class MechanismSubject:
         """What it may lack."""
         return self._scope
 
-    def _compiled(self) -> frozenset[str]:
+    def _compiled_effects(self) -> frozenset[str]:
         """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
         m = self._mechanism
-        known = [effect_of(c.name) for c in (*self._candidates(), *described(m))]
+        known = [effect_of(c.name) for c in (*self._candidates(), *describing_terms(m))]
         known += [effect_of(name) for name in self.opened.file.effects]
         return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
 
-    def _scoped(self, without: Sequence[str]) -> Scope:
+    def _scope_without(self, without: Sequence[str]) -> Scope:
         accepted, m = self.opened.file.effects, self._mechanism
         base = [b.parameter for b in self.opened.base]
         base += list(accepted_parameters(m, accepted))
@@ -120,10 +120,10 @@ class MechanismSubject:
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
-                     quantities, described(m), tuple(scatter))  # fmt: skip
+                     quantities, describing_terms(m), tuple(scatter))  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
-        return offered(self._mechanism, self.opened.file.effects)
+        return candidates(self._mechanism, self.opened.file.effects)
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         key, factor = KEYS[kind]
@@ -151,7 +151,7 @@ class MechanismSubject:
             content = Content(made, commands=commands, start=start)
             local = self._initial(start)
             speed = np.gradient(made.values[0], made.t)
-        mean_speed, _ = averaged(speed[None], made.edges)
+        mean_speed, _ = average(speed[None], made.edges)
         local += tuple(
             Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
@@ -206,7 +206,7 @@ class MechanismSubject:
         for request, predicted in zip(requests, found, strict=True):
             made = _content(request.run).cut
             difference = made.values - (np.nan if predicted is None else predicted)
-            residuals.append(Residuals(*averaged(difference, made.edges)))
+            residuals.append(Residuals(*average(difference, made.edges)))
         return residuals
 
     def _case(self, request: Request) -> Case:
@@ -214,7 +214,7 @@ class MechanismSubject:
         o, content = self.opened, _content(request.run)
         joints, count = len(self._mechanism.joints), len(o.base)
         names = [p.name for p in self._scope.base[count:]]
-        effects = {**grouped(names, request.base[count:]), **request.effects}
+        effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         values = np.array(request.base[:count])
         own = {p.name: float(v) for p, v in zip(request.run.local, request.local, strict=True)}
         for i, b in enumerate(o.base):
@@ -286,10 +286,10 @@ class MechanismSubject:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The mechanism file with refitted base and named effects; see `patch`."""
-        from cell.gap.subject.mechanism.patch import patched
+        from cell.gap.subject.mechanism.patch import patch_file
 
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
-        return patched(self.opened, base, effects, source), of_cell
+        return patch_file(self.opened, base, effects, source), of_cell
 
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]

@@ -23,7 +23,7 @@ BATCH = 768  # swings integrated at once: their arrays stay in the cache
 STEP = 0.08  # rad of the fastest small swing in one step
 
 
-def patched(
+def patch_file(
     pendulum: PendulumFile,
     base: Mapping[str, float],
     effects: Mapping[str, Mapping[str, float]],
@@ -120,7 +120,7 @@ class Pendulum:
     def _together(self, requests: Sequence[Request]) -> list[Residuals]:
         states, biases = self._swung(requests)
         return [
-            _compared(_content(r.run), states[..., i], self._step, biases[i])
+            _residuals(_content(r.run), states[..., i], self._step, biases[i])
             for i, r in enumerate(requests)
         ]
 
@@ -177,7 +177,7 @@ class Pendulum:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The pendulum file with refitted base and named effects; a pendulum has no cell."""
-        return patched(self.file, base, effects, source), None
+        return patch_file(self.file, base, effects, source), None
 
 
 def open_pendulum(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Pendulum:
@@ -194,7 +194,7 @@ def _content(run: Run) -> Swing:
     return cast(Swing, run.content)
 
 
-def _compared(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
+def _residuals(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
     """Residuals of one run against states (steps + 1, 2, n) on a grid of `step` [s]."""
     wild = np.abs(states).max(initial=0.0) > 1e3 or not np.isfinite(states).all()
     difference = measured.angles - _at(states, measured.t, step) - bias[:, None]
@@ -239,10 +239,10 @@ def experiments(pendulum: PendulumFile, runs: Sequence[Run]) -> list[Experiment]
     if n > 1:
         plans.append(("last link alone", "hold the others straight, lift the last link "
                       "60 degrees, let go", 1.0 * last, span))  # fmt: skip
-    return [_planned(pendulum, *plan, sigma) for plan in plans]
+    return [_plan_experiment(pendulum, *plan, sigma) for plan in plans]
 
 
-def _planned(
+def _plan_experiment(
     pendulum: PendulumFile, name: str, instruction: str, lift: Array, span: float, sigma: float
 ) -> Experiment:
     step = min(0.02, 0.05 / fastest(pendulum))

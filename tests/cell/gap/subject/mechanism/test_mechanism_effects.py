@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.effects import registry
-from cell.gap.subject.mechanism.library import described, effect_of
+from cell.gap.subject.mechanism.library import describing_terms, effect_of
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request, Residuals
@@ -49,7 +49,7 @@ def test_every_effect_acts_by_a_hook_and_says_from_where_it_comes() -> None:
 
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
-    for candidate in (*arm.scope.candidates, *described(arm.opened.mechanism)):
+    for candidate in (*arm.scope.candidates, *describing_terms(arm.opened.mechanism)):
         for null in (candidate.null, candidate.with_shape().null):
             same = simulated(arm, {candidate.name: null})
             assert np.array_equal(same.mean, plain.mean), candidate.name
