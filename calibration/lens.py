@@ -20,7 +20,7 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3
 FOCAL = 0.1, 100.0  # of the image's longer side: from a fisheye to a telescope
 DISTORTION = 100.0
-LARGEST = 20_000  # px of a side
+LARGEST_SIDE = 20_000  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +108,9 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     sides = np.array([lens.width, lens.height], dtype=np.float64)
     focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
     low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
-    if sides.max() > LARGEST:
-        reason = (
-            f"image_width, image_height: are {lens.width} x {lens.height} px, at most {LARGEST}"
-        )
+    if sides.max() > LARGEST_SIDE:
+        size = f"{lens.width} x {lens.height} px"
+        reason = f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"
     elif not ((focal >= low) & (focal <= high)).all():
         reason = (
             f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed "

@@ -23,7 +23,7 @@ from calibration.wizard.news import Result, ViewResult
 from drivers.types import Frame, Image
 
 ENOUGH = 4  # views from which a lens is fitted, to compute how the board leans
-NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view may miss the wanted
+VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
 class BoardViews:
@@ -187,4 +187,4 @@ def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
         abs(width / wanted.size - 1.0),
         max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
     )
-    return all(miss <= allowed for miss, allowed in zip(misses, NEAR, strict=True))
+    return all(miss <= allowed for miss, allowed in zip(misses, VIEW_TOLERANCE, strict=True))

@@ -14,7 +14,7 @@ from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-STEP = 1e-4  # m, difference for the derivative along the board's normal
+NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
 CAMERA = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
 
 
@@ -85,10 +85,10 @@ def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]
     board = np.asarray(view.board, dtype=np.float64)
     _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
-    raised = board + np.array([0.0, 0.0, STEP])
+    raised = board + np.array([0.0, 0.0, NORMAL_STEP])
     lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
     error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
-    height = (lifted - seen).reshape(-1, 1) / STEP
+    height = (lifted - seen).reshape(-1, 1) / NORMAL_STEP
     return error, slopes[:, CAMERA], slopes[:, :6], height
 
 
@@ -96,7 +96,7 @@ def _solution(by: Array, values: Array) -> Array:
     return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
 
 
-SURE = 4.0  # sigma by which a bow must be seen
+BOW_SIGMA = 4.0  # sigma by which a bow must be seen
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
@@ -187,7 +187,7 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
     """A board that is not flat, which makes the focal length wrong by percents and little else."""
     return reasons(
-        (found.height_mm > max(settings.bow_mm, SURE * found.sigma_mm),
+        (found.height_mm > max(settings.bow_mm, BOW_SIGMA * found.sigma_mm),
          f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
          f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
     )  # fmt: skip

@@ -21,7 +21,7 @@ from drivers.pictures import read_picture
 from drivers.settings import Settings, load, parse, read_json
 from drivers.types import Image
 
-MEASURED = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
+LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
 SIDE = 16_384  # px
 SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
 LATENCY, PICTURE = "latency.json", "picture.png"
@@ -189,7 +189,7 @@ def _mend_rows(path: Path) -> None:
     """Remove a last line that is not whole, so that more can follow."""
     if not path.exists():
         return
-    text = read_text(path, MEASURED)
+    text = read_text(path, LARGEST_LOG)
     if not text.endswith("\n"):
         write_file(path, text[: text.rfind("\n") + 1], MAKE_ROOM)
 
@@ -200,7 +200,7 @@ def read_rows(folder: Path) -> Iterator[Row]:
     Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
     """
     path = folder / ROWS
-    lines = read_text(path, MEASURED).splitlines()
+    lines = read_text(path, LARGEST_LOG).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
             content = json.loads(line)
@@ -261,7 +261,7 @@ def read_latency(folder: Path) -> Steps:
     path = folder / LATENCY
     if not path.exists():
         return Steps()
-    return parse(read_json(path, MEASURED), Steps, str(path))
+    return parse(read_json(path, LARGEST_LOG), Steps, str(path))
 
 
 def make_folder(folder: Path) -> None:

@@ -8,7 +8,7 @@ from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
 from drivers.limits import MotionLimits
 
-SLOW = 0.1  # share of the speed of first runs
+FIRST_RUN_SPEED = 0.1  # share of the speed of first runs
 LONGEST = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
@@ -39,7 +39,7 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
         )
 
 
-def slow_down(settings: CellFile, share: float = SLOW) -> CellFile:
+def slow_down(settings: CellFile, share: float = FIRST_RUN_SPEED) -> CellFile:
     """The cell with all speeds at a `share`, and the time that a run then needs."""
     fold = settings.fold.model_copy(
         update={

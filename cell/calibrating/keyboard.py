@@ -12,7 +12,7 @@ from typing import TextIO
 from cell.devices.devices import CalibrationAids, Devices
 from cell.orchestrator.operator import Answer, Ask, Operator, Question, Unattended
 
-END = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
+CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
 ENTER = "\n"
 
 
@@ -76,8 +76,8 @@ def _is_single(number: int) -> bool:
 
 
 def _key(text: str) -> str:
-    if text in {"", END}:
-        return END
+    if text in {"", CTRL_D}:
+        return CTRL_D
     return text.strip().lower() or ENTER
 
 
@@ -135,7 +135,7 @@ class Keyboard:
             key = self._keys.read(GLANCE if self._waits else 0.0)
             if key is None and not self._waits:
                 return None
-            if key in {END, "a"}:
+            if key in {CTRL_D, "a"}:
                 self._alone = True
                 self._prompt("")
                 return Answer.GO

@@ -103,9 +103,9 @@ def _days(stated: float) -> float:
 
 def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
     if as_csv:
-        from cell.record.catalogue import SHOWN, values_of
+        from cell.record.catalogue import RUN_COLUMNS, values_of
 
-        _write_csv(SHOWN, [values_of(row) for row in rows])
+        _write_csv(RUN_COLUMNS, [values_of(row) for row in rows])
     elif as_json:
         for row in rows:
             facts: dict[str, Any] = {"run": str(row.folder), "strip": row.strip}

@@ -121,10 +121,10 @@ def _transfer(
 
     from cell.campaign.progress import Meter
     from cell.parallel import cores
-    from cell.train.transfer import LIMIT, transfer
+    from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.training import CHECKPOINT
 
-    by = engine(jobs or (1 if cluster else cores()), cluster, LIMIT)
+    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
     out = folder / CHECKPOINT
     with Meter(Console(stderr=True)) as meter:
         found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)

@@ -19,7 +19,7 @@ from policies.path import Path
 from policies.policy import Decision, Observation, Policy
 
 HOLLOW = 60.0  # N of a false reading
-ROOM = 4096  # bytes that a full disk still takes in a file
+DISK_ROOM = 4096  # bytes that a full disk still takes in a file
 
 
 class FailingPolicy:
@@ -171,7 +171,7 @@ def hanging(_: Decision) -> Decision:
 def full_disk(_: Scene) -> None:
     """Files take no more bytes, as on a full disk; the campaign lifts it afterwards."""
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
 def slow(scene: Scene) -> None:

@@ -20,7 +20,7 @@ from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
-from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
+from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
 from drivers.errors import Fault
 from drivers.types import STILL
 from policies.prediction import FoldPrediction
@@ -206,7 +206,7 @@ class Run:
         return self._snapshot
 
     def _record(self, view: View, state: State) -> None:
-        if view.read and state in MEASURED and view.measurement is not None:
+        if view.read and state in MEASURED_STATES and view.measurement is not None:
             self._recorder.sight(view.measurement)
         if view.fresh and state in RECORDED and view.frame is not None:
             self._recorder.frame(view.frame)

@@ -21,8 +21,8 @@ from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.types import Frame, Pose
 
-MEASURED = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
-RECORDED = MEASURED | {State.LAY, State.RELEASE}
+MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
+RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
 GLANCE = 0.1  # s between images where nothing is measured in them
 
 
@@ -184,12 +184,12 @@ class Vision:
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
         """Whether a frame newer than the last one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
-        after = after if state in MEASURED else after + GLANCE
+        after = after if state in MEASURED_STATES else after + GLANCE
         frame = self._camera.read(after, timeout=0.0)
         if frame is None:
             return False
         self._frame = frame
-        self._waiting = frame if state in MEASURED else None
+        self._waiting = frame if state in MEASURED_STATES else None
         self._identical = self._sanity.tell(frame, now, arm.pose_at(frame.stamp)).identical
         return True
 

@@ -22,7 +22,7 @@ THICKEST = 0.008  # m; from there on the desk before it is looked for within its
 WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
-HIDDEN = 0.04  # share of the background that may look like the strip
+ALIKE_SHARE = 0.04  # share of the background that may look like the strip
 APART = 3.0  # separation from what is behind it, standard deviations
 
 
@@ -113,9 +113,9 @@ def background_contrast(
         )
     return PreflightCheck(
         "background",
-        share <= HIDDEN,
+        share <= ALIKE_SHARE,
         f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
-        f"{100 * HIDDEN:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
+        f"{100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
         "take away or cover what stands there, or hang a cloth of another colour behind the desk",
     )
 

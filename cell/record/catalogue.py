@@ -17,7 +17,7 @@ from drivers.errors import ConfigurationError, suggestion
 VERSION = 1  # of the columns; another one is thrown away
 COLUMNS = tuple(field.name for field in fields(RunRow))
 FIRST = "run"  # in place of `folder`: the folder's name
-SHOWN = (FIRST, *COLUMNS[1:])
+RUN_COLUMNS = (FIRST, *COLUMNS[1:])
 LIKE = COLUMNS.index("like_model") - 2
 ALLOWED = {
     sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_RECURSIVE,
@@ -63,13 +63,13 @@ class Catalogue:
         Raises ConfigurationError for what is no such expression or column.
         """
         key = sort.removeprefix("-")
-        if key and key not in SHOWN:
+        if key and key not in RUN_COLUMNS:
             raise ConfigurationError(
-                f"--sort: unknown column {key!r}{suggestion(key, SHOWN)}; "
-                f"allowed: {', '.join(SHOWN)}"
+                f"--sort: unknown column {key!r}{suggestion(key, RUN_COLUMNS)}; "
+                f"allowed: {', '.join(RUN_COLUMNS)}"
             )
         order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
-        text = f"SELECT {', '.join(SHOWN)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
+        text = f"SELECT {', '.join(RUN_COLUMNS)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
         found = self._execute(f"{text} ORDER BY {order}began, {FIRST}", "--where")
         return tuple(self._row(values) for values in found)
 
@@ -85,7 +85,7 @@ class Catalogue:
             return self._base.execute(sql)
         except (sqlite3.Error, sqlite3.Warning) as error:
             raise ConfigurationError(
-                f"{origin}: {error}; columns of runs: {', '.join(SHOWN)}"
+                f"{origin}: {error}; columns of runs: {', '.join(RUN_COLUMNS)}"
             ) from None
 
     def _row(self, values: Sequence[Any]) -> RunRow:
@@ -117,7 +117,7 @@ class Catalogue:
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
-    """The values of the columns `SHOWN` of `row`, in SI units."""
+    """The values of the columns `RUN_COLUMNS` of `row`, in SI units."""
     return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
@@ -158,7 +158,7 @@ def _open(path: Path) -> sqlite3.Connection:
 
 
 def _with_tables(base: sqlite3.Connection) -> sqlite3.Connection:
-    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *SHOWN[1:], "at", "head", "tail"))
+    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *RUN_COLUMNS[1:], "at", "head", "tail"))
     base.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns})")
     base.execute(f"PRAGMA user_version = {VERSION}")
     return base

@@ -18,7 +18,7 @@ from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
-MOST = 40  # runs in one comparison; more lines cannot be distinguished
+MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 NUMBERS = ("run", "policy", "seed", "outcome", "displacement", "edges apart", "touch", "duration")
 OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
 
@@ -26,12 +26,12 @@ OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
 def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     """Write the page that compares the runs in `folders` to `out`, and return its path.
 
-    Raises ConfigurationError for a folder that is no run, more than `MOST`, or a place that cannot
-    be written.
+    Raises ConfigurationError for a folder that is no run, more than `MOST_RUNS`, or a place that
+    cannot be written.
     """
-    if len(folders) > MOST:
+    if len(folders) > MOST_RUNS:
         raise ConfigurationError(
-            f"{len(folders)} runs are too many for one page, at most {MOST}; choose with "
+            f"{len(folders)} runs are too many for one page, at most {MOST_RUNS}; choose with "
             "`cell runs --where`"
         )
     runs = [Salvage.of(folder) for folder in folders]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.record.columns import REACH, Sights, Ticks
+from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.run import Run
 from cell.report.drawing import (
     BLUE,
@@ -63,7 +63,9 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
-            near = points[(np.abs(points) < REACH).all(axis=1)]  # a wild one would fill the page
+            near = points[
+                (np.abs(points) < FARTHEST_HAND).all(axis=1)
+            ]  # a wild one would fill the page
             axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85)
         _outlines(axes, outlines)
         _desk(axes, run)

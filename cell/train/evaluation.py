@@ -13,7 +13,7 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.domain import grid
-from policies.train.folding import FINE
+from policies.train.folding import JUDGING_SEGMENTS
 from policies.train.objective import fold_all, rollout_settings
 from policies.train.settings import TrainingSettings
 
@@ -114,4 +114,4 @@ def fold_row(
 
 def make_stepper(engine: Engine) -> Stepper:
     """A stepper of that engine."""
-    return Rod(FINE, strict=False) if engine is Engine.ROD else Chain(LINKS)
+    return Rod(JUDGING_SEGMENTS, strict=False) if engine is Engine.ROD else Chain(LINKS)

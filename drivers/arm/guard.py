@@ -11,12 +11,12 @@ from drivers.franka.tracking import ELBOW_JOINT, joint_rates, joint_step
 from drivers.limits import MotionLimits
 from drivers.types import Array, Pose, Velocity
 
-ROOM = 0.03  # rad that each joint keeps from its ends
+JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
 REACHED = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
 FAST = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
-SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for what changes on the way
+ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
 SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
@@ -64,7 +64,7 @@ class ReachGuard:
         if here is None or there is None:
             return "the arm does not reach on"
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
-        if room.min() < ROOM:
+        if room.min() < JOINT_MARGIN:
             return f"joint {int(room.argmin()) + 1} comes to its end"
         turning = here @ speed
         later = pose_and_jacobian(self._soon + REACTION * turning)[1]
@@ -72,7 +72,7 @@ class ReachGuard:
         asked = np.maximum.reduce(
             [
                 self._haste(turning),
-                np.abs(here @ change + bending) / limits.ACCELERATION / SHARE,
+                np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
                 np.abs(there) @ self._most / limits.ACCELERATION / SPARE,

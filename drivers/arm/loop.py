@@ -12,7 +12,7 @@ from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
-from drivers.arm.plane import BESIDE, LEANING, StripPlane
+from drivers.arm.plane import LEANING, OUT_OF_PLANE, StripPlane
 from drivers.arm.settings import FciSettings
 from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
@@ -22,8 +22,8 @@ from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
 FIRST = 20  # commands at most until the robot has heard one
-LOOK = 10  # ticks between looks ahead
-SPAN = 8  # states over which the velocity is measured
+TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
+VELOCITY_STATES = 8  # states over which the velocity is measured
 REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 SLOW = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
@@ -79,7 +79,7 @@ class Loop:
         self.ticks = 0
         self.success = 0.0
         self._departure = Departure()
-        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=SPAN + 1)
+        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
 
     def begin(self) -> None:
         """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
@@ -128,7 +128,7 @@ class Loop:
         """Report a state, and brake where it or what lies ahead demands it."""
         self._publish(state)
         self._feel(state)
-        if self._new or self.ticks % LOOK == 0:
+        if self._new or self.ticks % TICKS_BETWEEN_LOOKS == 0:
             self._look_ahead()
 
     def end(self) -> None:
@@ -271,7 +271,7 @@ def rehearse(installation: Installation) -> None:
     profile = MotionProfile(limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, limits, HOME.tolist())
     profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
-    for _ in range(LOOK):
+    for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, Departure().tick())
         guard.objection(Soon(*profile.soon(REACTION)))
@@ -292,12 +292,12 @@ def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda plane: plane.aside(pose)[1])
     beside, leaning = plane.aside(pose)
-    if beside > BESIDE or leaning > LEANING:
+    if beside > OUT_OF_PLANE or leaning > LEANING:
         raise Failed(
             Failure(
                 Cause.PLACE,
                 f"the hand stands {1e3 * beside:.0f} mm beside the strip's plane and leans "
-                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * BESIDE:.0f} mm and "
+                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * OUT_OF_PLANE:.0f} mm and "
                 f"{degrees(LEANING):.1f} deg",
             )
         )

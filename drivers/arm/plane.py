@@ -12,7 +12,7 @@ from drivers.types import Array
 
 Numbers = list[float]
 Triple = tuple[float, float, float]
-BESIDE = 0.005  # m beside the strip's plane that are taken along
+OUT_OF_PLANE = 0.005  # m beside the strip's plane that are taken along
 LEANING = 0.05  # rad out of it, likewise
 
 

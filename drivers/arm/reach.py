@@ -14,10 +14,10 @@ from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.installation import Installation
 from drivers.types import STILL, Array, Pose, Velocity, frozen
 
-STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
-MARGIN = 0.05  # rad that every joint keeps from its ends
+POSE_STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
+JOINT_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
-SHARE = 0.9  # of a joint's allowed velocity
+VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
 NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 ENOUGH = 5  # problems of one way, after which it is given up
@@ -165,11 +165,13 @@ def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
 def _objection(joints: Array, there: Array, time: float) -> str:
     """Why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
     room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
-    if room < MARGIN:
-        return f"joint {joint} comes within {room:.2f} rad of its end, allowed {MARGIN:.2f} rad"
+    if room < JOINT_MARGIN:
+        return (
+            f"joint {joint} comes within {room:.2f} rad of its end, allowed {JOINT_MARGIN:.2f} rad"
+        )
     low, high = velocity_bounds(there)
     rate = (there - joints) / time
-    fast = np.maximum(rate / (SHARE * high + 1e-9), rate / (SHARE * low - 1e-9))
+    fast = np.maximum(rate / (VELOCITY_SHARE * high + 1e-9), rate / (VELOCITY_SHARE * low - 1e-9))
     if fast.max() > 1.0:
         worst = int(fast.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
@@ -184,7 +186,7 @@ def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         way = float(np.hypot(*(there - here)[:2]))
         turn = abs(float(there[2] - here[2])) / 5
-        count = max(1, int(np.ceil(max(way, turn) / STEP)))
+        count = max(1, int(np.ceil(max(way, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
         poses.append(here + shares * (there - here))
         times.append(np.full(count, max(way, turn, 1e-6) / speed / count))

@@ -19,7 +19,7 @@ JOINTS = 7
 SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
 UNHEARD = 3e-7  # rad: more than the rounding of the state
 SAME = 1e-6  # rad/s^2, likewise
-NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
+GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
 REST = 1e-3  # rad/s at which the robot may be commanded to stand
 NEARING = 3.0  # 1/s, speed over the distance that is left
 TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
@@ -74,7 +74,7 @@ class Way:
         still = max(map(abs, self._here.rate)) < REST
         if self._goal is None:
             return still
-        return still and _apart(self._here.place, self._goal) < NEAR
+        return still and _apart(self._here.place, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
         """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""

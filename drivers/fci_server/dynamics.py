@@ -9,7 +9,7 @@ from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE
 from drivers.types import Array
 
-SLOW = 0.005  # rad/s over which dry friction changes sign
+FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
 
 
 class Dynamics:
@@ -41,7 +41,7 @@ class Dynamics:
         taken = np.array(data.qfrc_inverse)
         if plant.payload:
             taken += self._payload_torque(course.velocity, course.acceleration)
-        taken += np.multiply(plant.friction, np.tanh(course.velocity / SLOW))
+        taken += np.multiply(plant.friction, np.tanh(course.velocity / FRICTION_WIDTH))
         taken += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
         return np.asarray(taken)
 

@@ -18,7 +18,7 @@ PARAMETERS = frozen(
     ]
 )
 FLANGE = 0.107  # m, from the last joint along its axis
-REACH = 0.855  # m, about the shoulder, to the middle of the wrist
+WRIST_REACH = 0.855  # m, about the shoulder, to the middle of the wrist
 ELBOW_FLIP = -0.467002423653011  # rad of joint 4, beyond which the elbow is flexed the other way
 HOME = frozen([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])  # rad
 

@@ -15,7 +15,7 @@ from cell.gap.fitting.projection import Projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
-SPAN = 0.3  # s of one bin in which repeats are compared
+BIN_TIME = 0.3  # s of one bin in which repeats are compared
 DRAWS = 400
 OTHERS = 6  # runs that a model must describe before one may go another way
 
@@ -65,7 +65,7 @@ def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
     rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
     s = run.samples
     for i in range(len(s)):
-        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / SPAN))
+        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / BIN_TIME))
         rows[key].append(i)
     return rows
 

@@ -10,7 +10,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from drivers.types import Array
 
-LEAST = 4  # samples that make a bin
+FEWEST_SAMPLES = 4  # samples that make a bin
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,4 +77,4 @@ def rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]
             key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), run.condition)
             bins[key].append(at + i)
         at += len(s)
-    return {key: rows for key, rows in bins.items() if len(rows) >= LEAST}
+    return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}

@@ -17,7 +17,7 @@ from drivers.errors import ConfigurationError, suggestion
 from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Array, frozen
 
-LARGEST = 64 * MEGABYTE
+LARGEST_TABLE = 64 * MEGABYTE
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -88,7 +88,9 @@ def _csv(path: Path, table: Table) -> pa.Table:
     convert = pc.ConvertOptions(decimal_point=table.decimal, null_values=["", "nan", "NaN", "NA"])
     try:
         return pc.read_csv(
-            io.BytesIO(read_bytes(path, LARGEST)), parse_options=parse, convert_options=convert
+            io.BytesIO(read_bytes(path, LARGEST_TABLE)),
+            parse_options=parse,
+            convert_options=convert,
         )
     except (pa.ArrowException, ValueError) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]

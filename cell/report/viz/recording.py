@@ -32,7 +32,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
 ROWS = 20  # ticks that are sent together
-EVERY = 4  # ticks between two poses of gripper and model
+TICKS_BETWEEN_POSES = 4  # ticks between two poses of gripper and model
 VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
 SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
 MM = 1e3  # per m: lengths are shown in mm
@@ -266,7 +266,7 @@ class Screen:
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._rows.append((moment.t, moment.tick, [x, z]))
         shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
-        if moment.tick % EVERY == 0:
+        if moment.tick % TICKS_BETWEEN_POSES == 0:
             self._track.append(UP * (x, z))
             self._to.log("gripper", rr.Points2D([UP * (x, z)], colors=HAND, radii=6.0))
             self._to.log("strip/twin", _curve(shape, MODEL, 1.2))

@@ -49,7 +49,7 @@ from drivers.files import write_file
 DPI = 160
 
 
-SHOWN = 130.0  # mm of the fold
+FOLD_WIDTH = 130.0  # mm of the fold
 
 
 def folded_figure(results: Results) -> str:
@@ -63,7 +63,7 @@ def folded_figure(results: Results) -> str:
         for fold, shade in zip(laid, shades, strict=True):
             shape = 1e3 * smooth(np.array(fold.shape))
             shape[:, 0] -= shape[:, 0].max()
-            near = shape[:, 0] > -SHOWN
+            near = shape[:, 0] > -FOLD_WIDTH
             left.plot(*shape[near].T, color=shade, lw=1.8)
             right.plot(1e3 * fold.bending_length, shape[:, 1].max(), "o", color=shade, ms=5)
             h = shape[:, 1].max()

@@ -89,7 +89,7 @@ def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
 
 
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
-    shown = np.zeros((len(poses), len(batch.held), of.SHOWN))
+    shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
     pace = Pace(dt, 0.0, 0.0, TOLERANCE)
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))

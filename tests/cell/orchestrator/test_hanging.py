@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.orchestrator.hanging import STILL as AT_REST
+from cell.orchestrator.hanging import RESTING_WAY as AT_REST
 from cell.orchestrator.hanging import hang_still
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Hold, MoveTo, Snapshot

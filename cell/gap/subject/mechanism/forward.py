@@ -16,7 +16,7 @@ from cell.gap.subject.mechanism.variant import Variant
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
-WILD = 1e4  # rad or m that no mechanism reaches
+POSITION_LIMIT = 1e4  # rad or m that no mechanism reaches
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
 
 
@@ -91,7 +91,7 @@ class Forward:
         states = self._run(batch, cases, control, self._torques)
         if any(_varies_by_case(c) for c in cases):
             self._vary(cases, control, states)
-        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < WILD)
+        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < POSITION_LIMIT)
         return [
             None if wild[i] else self._read(case, states[i], control[i], batch, i)
             for i, case in enumerate(cases)

@@ -12,7 +12,7 @@ from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array
 
 SMOOTH = 0.02  # rad/s over which dry friction changes sign
-REACH = 0.004  # s over which the pivot's acceleration is differenced
+PIVOT_SPAN = 0.004  # s over which the pivot's acceleration is differenced
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
 LAWS = (
     "viscous",
@@ -143,13 +143,13 @@ def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[
     _rigid(chain, y, 0.0, rigid)
     here = _pull(moment, y, rigid)
     around = 0.0
-    for h in (REACH, -REACH):
+    for h in (PIVOT_SPAN, -PIVOT_SPAN):
         _advance_state(y, 0.5 * h, rigid, ahead)
         _rigid(chain, ahead, 0.0, rate)
         _advance_state(y, h, rate, ahead)
         _rigid(chain, ahead, 0.0, rate)
         around += _pull(moment, ahead, rate)
-    return -compliance * (around - 2.0 * here) / REACH**2
+    return -compliance * (around - 2.0 * here) / PIVOT_SPAN**2
 
 
 @kernel

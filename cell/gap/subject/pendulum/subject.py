@@ -20,7 +20,7 @@ from drivers.settings import load, read_yaml
 from drivers.types import Array
 
 BATCH = 768  # swings integrated at once: their arrays stay in the cache
-STEP = 0.08  # rad of the fastest small swing in one step
+SWING_STEP = 0.08  # rad of the fastest small swing in one step
 
 
 def patch_file(
@@ -71,7 +71,7 @@ class Pendulum:
         self.file = pendulum
         self._runs = tuple(runs)
         self._scope = scope(pendulum)
-        self._step = STEP / fastest(pendulum)
+        self._step = SWING_STEP / fastest(pendulum)
 
     @property
     def name(self) -> str:

@@ -23,7 +23,7 @@ from cell.studies.benchmark.parts.paper_range import OverRange
 from cell.studies.benchmark.results import ImageFold
 from cell.studies.benchmark.spec import BenchmarkSpec
 
-SLOW = 0.02  # m/s, of the level motion
+LEVEL_SPEED = 0.02  # m/s, of the level motion
 LEARNED = "feedback"  # the policy that the paper's figures of paths are about
 COST = 10.0
 
@@ -85,11 +85,11 @@ def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
         for effect in HIDDEN:
             yield HiddenEffect(policy, effect, extent.hidden, speed, of)
     of = digest(code())
-    for pace in (SLOW, speed):
+    for pace in (LEVEL_SPEED, speed):
         yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):
         yield LaidDown(float(place), of)
-    yield Evolved(LEVEL, SLOW, of)
+    yield Evolved(LEVEL, LEVEL_SPEED, of)
     if LEARNED in spec.policies:
         of = digest(code(), weights_digest(LEARNED))
         yield Evolved(LEARNED, speed, of)
