@@ -61,6 +61,7 @@ class LensFit:
     lens: Lens
     rms: float
     per_view: Array
+    focal_deviation: float
 
 
 def fit_lens(
@@ -76,7 +77,7 @@ def fit_lens(
             f"lens: {len(object_points)} board views, at least {MINIMUM_VIEWS} are needed; add more"
         )
     _check_inside(np.vstack(list(image_points)), size)
-    rms, matrix, distortion, _, _, _, _, per_view = cv2.calibrateCameraExtended(
+    rms, matrix, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
         [np.float32(p).reshape(-1, 1, 3) for p in object_points],
         [np.float32(p).reshape(-1, 1, 2) for p in image_points],
         size,
@@ -85,7 +86,7 @@ def fit_lens(
         flags=cv2.CALIB_FIX_K3,
     )
     lens = Lens(size[0], size[1], frozen(matrix), frozen(np.ravel(distortion)[:5]))
-    return LensFit(lens, float(rms), frozen(np.ravel(per_view)))
+    return LensFit(lens, float(rms), frozen(np.ravel(per_view)), float(np.ravel(deviations)[0]))
 
 
 def _check_inside(points: Array, size: tuple[int, int]) -> None:

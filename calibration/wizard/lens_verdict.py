@@ -96,7 +96,7 @@ def _solution(by: Array, values: Array) -> Array:
     return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
 
 
-BOW_SIGMA = 4.0  # sigma by which a bow must be seen
+SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves must be seen
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
@@ -187,7 +187,7 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
     """A board that is not flat, which makes the focal length wrong by percents and little else."""
     return reasons(
-        (found.height_mm > max(settings.bow_mm, BOW_SIGMA * found.sigma_mm),
+        (found.height_mm > max(settings.bow_mm, SEEN_SIGMA * found.sigma_mm),
          f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
          f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
     )  # fmt: skip
@@ -201,7 +201,7 @@ def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[
     """
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])
-    allowed = max(settings.split, SURE * 2.0 * deviation)
+    allowed = max(settings.split, SEEN_SIGMA * 2.0 * deviation)
     off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
     return reasons(
         (fit.rms > settings.rms,

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
+from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.mechanism.case import BatchFields, Case
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import Torques
@@ -200,17 +201,3 @@ class Forward:
 def _varies_by_case(case: Case) -> bool:
     r = case.readings
     return any(x is not None and bool(np.any(x)) for x in (r.elastic, r.gap))
-
-
-def interpolate(states: Array, t: Array, step: float) -> tuple[Array, Array]:
-    """Positions and rates (joints, k) at times `t` (k,) [s] of states (steps + 1, 2, joints).
-
-    Positions by cubic Hermite interpolation, rates linearly.
-    """
-    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
-    u = (t / step - k)[:, None]
-    a, b = states[k, 0], states[k + 1, 0]
-    va, vb = step * states[k, 1], step * states[k + 1, 1]
-    rise = b - a
-    q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return q.T, ((va + u * (vb - va)) / step).T

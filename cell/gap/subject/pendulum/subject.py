@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
@@ -154,7 +155,7 @@ class Pendulum:
     def _scene(self, request: Request) -> Scene | None:
         states, biases = self._swung([request])
         swing = _content(request.run)
-        angles = _at(states[..., 0], swing.t, self._step) + biases[0][:, None]
+        angles = interpolate(states[..., 0], swing.t, self._step)[0] + biases[0][:, None]
         if not np.isfinite(angles).all():
             return None
         found = []
@@ -197,7 +198,7 @@ def _content(run: Run) -> Swing:
 def _residuals(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
     """Residuals of one run against states (steps + 1, 2, n) on a grid of `step` [s]."""
     wild = np.abs(states).max(initial=0.0) > 1e3 or not np.isfinite(states).all()
-    difference = measured.angles - _at(states, measured.t, step) - bias[:, None]
+    difference = measured.angles - interpolate(states, measured.t, step)[0] - bias[:, None]
     counts = np.diff(measured.edges)
     first = measured.edges[:-1]
     mean = np.add.reduceat(difference, first, axis=1) / counts
@@ -205,17 +206,6 @@ def _residuals(measured: Swing, states: Array, step: float, bias: Array) -> Resi
     if wild:
         mean, square = np.full_like(mean, np.nan), np.full_like(square, np.nan)
     return Residuals(mean.ravel(), square.ravel())
-
-
-def _at(states: Array, t: Array, step: float) -> Array:
-    """Angles (n, m) at times between grid points, by cubic Hermite interpolation."""
-    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
-    u = (t / step - k)[:, None]
-    a, b = states[k, 0], states[k + 1, 0]
-    va, vb = step * states[k, 1], step * states[k + 1, 1]
-    rise = b - a
-    value = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return np.asarray(value.T)
 
 
 SET_UP = 1.0  # minutes to set the pendulum up and let it go
