@@ -157,8 +157,8 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
 
 
 def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """A shift that all errors `off` (n, 2) [mm] share by more than a good map's error, and by more
-    than they differ: that is no loose pointer.
+    """A shift that all errors `off` (n, 2) [mm] share: larger than a good map's error and than
+    their differences, so that it is no loose pointer.
     """
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())

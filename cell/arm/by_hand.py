@@ -31,7 +31,9 @@ def by_hand(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, do one `motion`, and let go; raises CellError for what is wrong before it."""
+    """Open the cell, carry out one `motion`, and close it; raises CellError for what is wrong
+    before the motion.
+    """
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()

@@ -13,7 +13,7 @@ LONGEST = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the arm that is chosen is a robot of flesh and steel: not on this machine."""
+    """Whether the chosen arm is a physical robot, not one emulated on this machine."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
         return False

@@ -77,7 +77,7 @@ def check_current(
 
 
 def _check_plausible(calibration: Calibration) -> None:
-    """Refuse numbers that no wizard gives: whoever wrote them, nothing is to move by them."""
+    """Refuse numbers that no wizard gives, so that nothing moves by them, whoever wrote them."""
     for key, value, (low, high), unit in (
         ("latency", calibration.latency, LATENCY, "s"),
         ("residual_mm", calibration.residual_mm, RESIDUAL, "mm"),

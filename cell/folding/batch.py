@@ -98,7 +98,9 @@ def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """What of the strips and plants lies where an engine is not known to hold, once each."""
+    """Where the strips and plants lie outside the range in which an engine is known to hold, a
+    sentence each.
+    """
     named = find_configs(wanted[0].configs).strip(wanted[0].strip)
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))

@@ -128,7 +128,7 @@ def deaf(scene: Scene) -> None:
 
 
 def beside(state: ArmState) -> ArmState:
-    """An arm outside the workspace, where it also wants to be."""
+    """The arm reports a place outside the workspace, and that it was commanded there."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 

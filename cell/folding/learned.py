@@ -46,7 +46,7 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
 
 
 def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write the strip file with what the run in `folder` notes of `strip`; its path.
+    """Write a strip file with what the run in `folder` notes of `strip`; returns its path.
 
     Raises ConfigurationError where it cannot be written.
     """

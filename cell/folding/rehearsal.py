@@ -109,7 +109,7 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Do the fold of `request` in the air, without a strip and without judging the grasp."""
+    """Carry out the motion of `request` in the air: without a strip, without judging the grasp."""
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
@@ -124,7 +124,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
 
 
 def _ease(time: float, duration: float) -> float:
-    """Time [s] along a way of `duration`, that is taken up and let go of within RAMP."""
+    """Time [s] along a motion of `duration` that speeds up and slows down within RAMP."""
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)
     if time < ramp:

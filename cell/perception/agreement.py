@@ -139,8 +139,9 @@ def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | N
 
 
 def _design(curves: Array, spacing: float) -> Array:
-    """Changes (BINS, POINTS, 2, 7) of a profile by the strip's parameters, by shifts of all points
-    along x and z and of the contact along x, and by a delay.
+    """How a profile (BINS, POINTS, 2) responds to each of seven unknowns, the last axis: the
+    strip's three parameters, shifts of all points along x and z and of the contact along x, and a
+    delay.
     """
     base = curves[0]
     by_strip = [(curve - base) / step for curve, step in zip(curves[1:], STEPS, strict=True)]

@@ -122,7 +122,7 @@ def values_of(row: RunRow) -> tuple[Any, ...]:
 
 
 def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
-    """Names and times of change of the runs under `root`, by as few calls as say it."""
+    """Names and times of change of the runs under `root`, by as few system calls as possible."""
     try:
         with os.scandir(root) as found:
             for entry in found:

@@ -49,7 +49,7 @@ class Meter:
             f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
         )
         self._bar.update(self._task, completed=done, description=text)
-        if self._is_told(done):
+        if self._is_printed(done):
             self._console.print(text, highlight=False, soft_wrap=True)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
@@ -61,7 +61,7 @@ class Meter:
         """Remove the bar."""
         self._bar.stop()
 
-    def _is_told(self, done: int) -> bool:
+    def _is_printed(self, done: int) -> bool:
         if self._console.is_terminal:
             return False
         every = max(1, self._generations // LINES)

@@ -128,8 +128,8 @@ class ByJoints:
         self._robot.write_joints(motion, sent, last=last)
 
     def _come(self, motion: Any) -> bool:
-        """Whether the robot is now where it was to be; where it went further nothing is sent, and
-        the next state shows where.
+        """Whether the robot is where it was sent; where it went further, nothing is sent, and the
+        next state shows where.
         """
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False

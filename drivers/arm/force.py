@@ -50,7 +50,7 @@ class ForceGuard:
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Why a motion must end that feels what `state` says; empty while it may go on."""
+        """Why a motion whose robot is in `state` must end; empty while it may go on."""
         force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"

@@ -50,7 +50,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: Soon) -> str:
-        """Why a motion must not go on that will be so `soon`; empty while it may."""
+        """Why a motion must end that will be so `soon`; empty while it may go on."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)

@@ -98,7 +98,7 @@ class Loop:
         self._publish(state)
 
     def _heard(self, state: Any) -> Any:
-        """The state once the robot follows commands; until then it is to stay where it is."""
+        """Repeat the present pose until the robot follows commands; its state then."""
         for _ in range(FIRST):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
@@ -262,8 +262,8 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Do once, without a robot, what the first ticks do: the first time takes as long as some ticks
-    in which a robot would hear nothing.
+    """Run once, without a robot, what the first ticks do: a first call takes as long as several
+    ticks, in which a robot would get no command.
     """
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace
@@ -279,7 +279,7 @@ def rehearse(installation: Installation) -> None:
 
 
 def at_rest(state: Any) -> bool:
-    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    """Whether the robot's setpoint stands still, up to what one tick can take off smoothly."""
     twist = state.O_dP_EE_c
     return hypot(*twist[:3]) < REST[0] and hypot(*twist[3:]) < REST[1]
 

@@ -24,7 +24,8 @@ DAMPING = 0.02
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
-    """Bring a `robot` at rest out of what presses on its gripper; nothing where nothing does.
+    """Bring a `robot` at rest out of what presses on its gripper; does nothing where nothing
+    presses.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
     Raises Failed where the force rises on the way, or does not leave the arm within AWAY.
@@ -52,7 +53,9 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
 
 
 def _beside(joints: Array, direction: Array) -> Array:
-    """Joints (7,) [rad] that bring the tip AWAY along `direction` (3,), as it is turned."""
+    """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,), with the hand as it is
+    turned.
+    """
     twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
     for _ in range(round(AWAY / PLACE_STEP)):
         joints = joints + damped_inverse(jacobian(joints), DAMPING) @ twist

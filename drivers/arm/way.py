@@ -28,8 +28,8 @@ Numbers = list[float]
 
 
 class Course(NamedTuple):
-    """Joints (7,) [rad], their rates [rad/s] and accelerations [rad/s^2], by differences of ticks:
-    so a robot computes them from setpoints.
+    """Joints (7,) [rad] with rates [rad/s] and accelerations [rad/s^2], which a robot computes as
+    differences of successive setpoints.
     """
 
     place: Numbers
@@ -38,8 +38,8 @@ class Course(NamedTuple):
 
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """Where the robot's setpoint is in `state`, so many `ticks` after it was `before`, if it was
-    `sent` joints (7,) meanwhile: more exactly than the rounded state says.
+    """The robot's setpoint in `state`, `ticks` after it was `before`, if `sent` joints (7,) reached
+    it: finer than the rounded numbers of the state.
     """
     seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
     heard = _apart(seen.change, before.change) > SAME
@@ -132,7 +132,7 @@ def follow_joints(
     enough: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
     """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
-    where it stands then.
+    returns where it stands then.
 
     Raises Failed at what the `guard` objects to.
     """

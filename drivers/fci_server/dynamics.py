@@ -46,7 +46,7 @@ class Dynamics:
         return np.asarray(taken)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """What the sensors of torque read (7,) [N m] at a tick; the same tick reads the same."""
+        """What the torque sensors read (7,) [N m] at a tick; one tick always reads the same."""
         last = self._read
         if last is not None and last[0] is posture and last[1] == tick:
             return last[2]
@@ -63,7 +63,7 @@ class Dynamics:
 
     @property
     def bends(self) -> bool:
-        """Whether links stand elsewhere than their motors."""
+        """Whether links can stand elsewhere than their motors."""
         return any(self._plant.compliance)
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:

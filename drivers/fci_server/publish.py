@@ -47,7 +47,9 @@ OWN = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")  # of the arm itself, no
 
 
 def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
-    """Where in the datagram's numbers the posture's go, and which of them, (n,) each."""
+    """Where each number of the posture goes in the datagram, and which numbers those are, (n,)
+    each.
+    """
     where, source = list[int](), list[int]()
     for name in names:
         parts = STATE_SOURCES[name]

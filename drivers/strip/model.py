@@ -48,7 +48,7 @@ class BendingLaw:
 
     @property
     def friction(self) -> tuple[tuple[float, float], ...]:
-        """Elements of friction, the early one first: shares of stiffness and of friction moment.
+        """The elasto-plastic elements of bending friction, the one that yields first in front.
 
         One, or two that together begin as one does and end as it does: the sum bends over in
         between, the later the more `gradual`.

@@ -14,8 +14,8 @@ from drivers.types import Array
 def shown_places(
     base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
 ) -> list[Bin]:
-    """All bins by how well what the base leaves there goes the way of the model `fitted`, strongest
-    first.
+    """All bins, strongest first, by how well the base's residuals there match what the model
+    `fitted` adds.
 
     Each sample counts by what the model says otherwise than the base (matched filter), against
     `noise` (N, draws), divided by what is `allowed` (N,) beyond it. The model was chosen in sight

@@ -160,7 +160,9 @@ class _Trial:
 
 
 def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
-    """The full step, or where it does not win the best point of a parabola bent by curvature."""
+    """The trial at the full step; where that does not lower the objective, the best along a
+    parabola bent by curvature.
+    """
     full = (yield from _evaluate(search, [z + step]))[0]
     if full.objective < search.now:
         return full

@@ -104,8 +104,8 @@ class _Chosen:
 
 
 def _with_others(found: _Chosen, known: int) -> _Chosen:
-    """`found` with those of all `known` quantities that gain enough, in their order where two gain
-    about as much.
+    """`found` with those other quantities of `known` that gain enough; where two gain about as
+    much, the one that comes first in `known`.
     """
     while len(found.active) < known:
         trials = [

@@ -110,7 +110,9 @@ def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimat
 
 
 def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """The same with the scales that the grain at these values leaves: for the base."""
+    """The fit as by `refit_fine`, with the scales that the grain at its values leaves: for the
+    base.
+    """
     runs = refined(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
@@ -121,7 +123,7 @@ def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Ev
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:
-    """The base of `subject` where its file has it: what else responds is judged from there."""
+    """The base of `subject` at the values of its file, from which other responses are judged."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
     raw, jacobians = run_one(simulate, linearise(model, known, point))

@@ -32,7 +32,7 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def roughly(task: Task[T]) -> Task[T]:
-    """The task with rough simulations, where a few percent of a response do not matter."""
+    """The task with coarse simulations, for where a few percent of a response do not matter."""
     answer: Sequence[Residuals] | None = None
     while True:
         try:

@@ -182,7 +182,7 @@ def _current_hash(path: Path) -> str:
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Folders of the files that are there; what is missing is refused by who reads it."""
+    """Folders of those files that exist; a missing file is refused where it is read."""
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
@@ -229,13 +229,13 @@ def _with_cell(path: Path, patch: Path) -> str:
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
-    """Refuse what is no cell file; what it says of the twin is nobody's business here."""
+    """Refuse what is no cell file; its section `twin` is not checked."""
     known = {key: value for key, value in content.items() if key != "twin"}
     parse(known, CellSettings, str(path))
 
 
 def _check_writable(paths: Sequence[Path]) -> None:
-    """Refuse before the first of them is written, not between two."""
+    """Refuse paths that cannot be written before the first file is changed."""
     for path in paths:
         for place in (path, path.parent):
             if place.exists() and not os.access(place, os.W_OK):

@@ -18,7 +18,7 @@ from drivers.types import Array
 def advice(
     subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
 ) -> Advised:
-    """What would separate the accepted explanation from the one that deserves it most.
+    """What would separate the accepted explanation from the rival that most needs it.
 
     In planned runs those quantities differ that were found to differ in the runs so far.
     """

@@ -72,8 +72,8 @@ def is_proxy(found: Findings) -> bool:
 
 
 def in_doubt(found: Findings) -> bool:
-    """Whether what was named may imitate another cause: several effects, one that leaves more than
-    noise on any runs, or one that a single run shows.
+    """Whether the named effects may imitate another cause: they are several, leave more than noise
+    on any runs, or rest on a single run.
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True

@@ -43,7 +43,7 @@ from cell.studies.benchmark.figures.photograph import photograph
 from cell.studies.benchmark.figures.style import WIDTH, smooth, stiffness_colours
 from cell.studies.benchmark.numbers import newtons, numeral
 from cell.studies.benchmark.results import Laid, Refused, Results
-from cell.studies.benchmark.summary import Row, rows, told_misses
+from cell.studies.benchmark.summary import Row, misses_text, rows
 from drivers.files import write_file
 
 DPI = 160
@@ -218,7 +218,7 @@ def _hidden_effects(results: Results) -> Iterator[str]:
     if not policies:
         return
     found = {
-        (r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden_folds(p)
+        (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
     }
     effects = dict.fromkeys(effect for _, effect in found)
     misses = [

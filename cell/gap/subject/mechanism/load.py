@@ -119,7 +119,7 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
 
 
 def _check_load(recording: Recording, model: Any) -> None:
-    """Refuse a stated load that is none, or on no body."""
+    """Refuse a stated load that is incomplete, or on a body that does not exist."""
     if recording.load is None:
         return
     origin = f"{recording.name}: {HEAD}: load"

@@ -114,7 +114,8 @@ def _check_inside(path: Path, place: str, folder: Path) -> None:
 def compile_model(
     xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None
 ) -> Any:
-    """The MjModel of `xml`, rooms for compiled torques made, contacts off unless pairs ask.
+    """The MjModel of `xml` with room for compiled torques; contacts are off unless pairs ask for
+    them.
 
     Geoms that have a mass keep it; joints have `slots` user numbers. Raises ConfigurationError.
     """

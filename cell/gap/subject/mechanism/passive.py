@@ -71,7 +71,9 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """While it lasts, MuJoCo adds these torques; one at a time, for its hook is global."""
+        """Let MuJoCo add these torques within the block; one block at a time, because its hook is
+        global.
+        """
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name][:2] for name in sorted(names)])

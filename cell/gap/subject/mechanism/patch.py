@@ -53,7 +53,7 @@ def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) 
 
 
 def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -> str:
-    """MJCF of the model with refitted base and those effects that its fields can say."""
+    """MJCF of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
     edited = copy.copy(m.model)
     fields = ModelFields(edited)

@@ -86,7 +86,7 @@ class Pendulum:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Nothing: a swing that stops early is a shorter swing."""
+        """None: a swing that stops early is a shorter swing."""
         return ()
 
     @property
