@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from cell.config.drivers import ARMS
 from cell.record.files import TICK_STREAM
 from cell.record.run import Event, Run
 from cell.report.timing import image_ages
@@ -108,8 +107,7 @@ def advice(run: Run) -> list[str]:
 
 
 def _steps_at_the_arm(run: Run) -> list[str]:
-    arm = None if run.header.drivers is None else ARMS.get(run.header.drivers.arm)
-    if arm is not None and not arm.real:
+    if run.header.drivers is not None and run.header.drivers.arm == "twin":
         return ["Nothing needs to be put right: the twin's arm ended with its process."]
     lifted = run.ticks.t.size > 0 and float(run.ticks.z[-1]) > 0.01
     hand = "Open the fingers with `cell open` and lift the hand with `cell home`."
