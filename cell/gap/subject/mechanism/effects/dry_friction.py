@@ -55,10 +55,6 @@ def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -size * (sign + p[at + 2] * abs(sign))
 
 
-def _native(mechanism: Mechanism) -> bool:
-    return mechanism.native
-
-
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     for joint, torque in zip(mechanism.joints, values, strict=False):  # loads: not in MJCF
         if torque != 0.0:
@@ -75,6 +71,6 @@ EFFECT = Effect(
     keys=5,
     law=law,
     edit=_edit,
-    native=_native,
+    native=lambda m: m.native,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )
