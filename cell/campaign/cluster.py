@@ -105,11 +105,7 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
 
 
 def _shift(
-    client: "Client",
-    parts: list[Part],
-    folder: Path,
-    here: Mapping[str, str],
-    limit: float | None,
+    client: "Client", parts: list[Part], folder: Path, here: Mapping[str, str], limit: float | None
 ) -> Iterator[Record]:
     """Records until all parts have one or the scheduler is gone; one part a thread at a time."""
     from distributed import wait

@@ -53,11 +53,7 @@ class Crew:
         self._busy: list[Task] = []
 
     def records(
-        self,
-        parts: Sequence[Part],
-        folder: Path,
-        versions: Mapping[str, str],
-        limit: float | None,
+        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str], limit: float | None
     ) -> Iterator[Record]:
         """The record of every part, in the order in which they finish.
 

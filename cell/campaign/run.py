@@ -30,12 +30,7 @@ class Watcher(Protocol):
 
 
 def carry_out(
-    parts: Sequence[Part],
-    folder: Path,
-    engine: Engine,
-    watcher: Watcher,
-    *,
-    again: bool = False,
+    parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[Part, Record]]:
     """Every part with its record: the done ones of the journal at `folder`, then the others as
     they finish; `again` measures all of them anew.

@@ -67,14 +67,8 @@ def park(
 
 
 def jog(
-    x: Annotated[
-        float,
-        length_option("--x", "Along the strip, as 20mm [mm].", "mm"),
-    ] = 0.0,
-    z: Annotated[
-        float,
-        length_option("--z", "Up, as 20mm [mm].", "mm"),
-    ] = 0.0,
+    x: Annotated[float, length_option("--x", "Along the strip, as 20mm [mm].", "mm")] = 0.0,
+    z: Annotated[float, length_option("--z", "Up, as 20mm [mm].", "mm")] = 0.0,
     pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
     arm: Arm = None,
     full_speed: Quick = False,

@@ -190,8 +190,7 @@ def calibrate_homography(
 @calibrate.command(name="check")
 def calibrate_check(
     file: Annotated[
-        Path | None,
-        typer.Argument(help="calibration.yaml [default: the one that folds use]."),
+        Path | None, typer.Argument(help="calibration.yaml [default: the one that folds use].")
     ] = None,
     arm: Arm = None,
     camera: Camera = None,

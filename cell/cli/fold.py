@@ -79,8 +79,7 @@ Length = Annotated[
     length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
 ]
 Thickness = Annotated[
-    float | None,
-    length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
+    float | None, length_option("--thickness", "Its thickness, where calipers are at hand [m].")
 ]
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
@@ -91,8 +90,7 @@ Specimen = Annotated[
     str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
 ]
 Learning = Annotated[
-    str | None,
-    typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by."),
+    str | None, typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by.")
 ]
 Until = Annotated[
     str | None,

@@ -25,8 +25,7 @@ MANY = 200  # runs to read, from which on progress is reported
 def runs(
     folder: Runs = Path("runs"),
     where: Annotated[
-        str,
-        typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".'),
+        str, typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".')
     ] = "",
     sort: Annotated[
         str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")

@@ -105,20 +105,15 @@ def measure(
 def new(
     strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")],
     length: Annotated[
-        float,
-        length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m]."),
+        float, length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m].")
     ],
     width: Annotated[float, length_option("--width", "Width [m].")],
     areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None,
     bending_length: Annotated[
-        float | None,
-        length_option("--bending-length", "Bending length [m]."),
+        float | None, length_option("--bending-length", "Bending length [m].")
     ] = None,
     retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None,
-    thickness: Annotated[
-        float | None,
-        length_option("--thickness", "Thickness [m]."),
-    ] = None,
+    thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None,
     colour: Annotated[
         tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
     ] = None,

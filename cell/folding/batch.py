@@ -72,8 +72,7 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
     folds = [(plant, index) for plant in lying for index in range(repeat)]
     return tuple(
         replace(
-            base,
-            choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i),
+            base, choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i)
         )
         for i, (plant, index) in enumerate(folds)
     )

@@ -276,9 +276,7 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> 
     return min(rate, sqrt(2.0 * BRAKING * most * max(HANGING - pitch, 0.0)))
 
 
-def _camera_checks(
-    cell: FoldContext,
-) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Check that the camera has not moved since its calibration, where landmarks are known."""
     calibration, landmarks = cell.calibration, cell.calibration.landmarks
     if landmarks is None:

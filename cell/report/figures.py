@@ -8,18 +8,7 @@ import numpy as np
 
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.run import Run
-from cell.report.drawing import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RULE,
-    as_svg,
-    canvas,
-)
+from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
 from cell.report.overlay import fold_tips
 from cell.report.silhouettes import Silhouette
 from drivers.types import Array

@@ -164,8 +164,6 @@ def _pictures(run: Run, outlines: Sequence[Silhouette]) -> Iterator[str]:
         "measured path, the dotted one the commanded; ticks under the desk mark the contacts.",
     )
     yield section(
-        "Over time",
-        _film(run),
-        drawing(signals_figure(run), "states and signals over time"),
+        "Over time", _film(run), drawing(signals_figure(run), "states and signals over time")
     )
     yield section("Timing", drawing(timing_figure(run), "histograms of the timing"))

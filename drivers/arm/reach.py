@@ -60,10 +60,7 @@ class Reach:
 
 
 def plan_reach(
-    installation: Installation,
-    path: Array,
-    speeds: Array,
-    elbows: tuple[float, ...] = ELBOWS,
+    installation: Installation, path: Array, speeds: Array, elbows: tuple[float, ...] = ELBOWS
 ) -> Reach:
     """The best posture sequence with which the arm follows `path` (n, 3) at `speeds` (n,) [m/s].
 
@@ -91,11 +88,7 @@ def plan_reach(
 
 
 def _ways(
-    installation: Installation,
-    path: Array,
-    speeds: Array,
-    turned: bool,
-    elbows: tuple[float, ...],
+    installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = dense(path, speeds)

@@ -4,14 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.camera.abi import (
-    Control,
-    ControlFlag,
-    ControlQuery,
-    ControlType,
-    MenuQuery,
-    Request,
-)
+from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, MenuQuery, Request
 from drivers.camera.device import Device
 from drivers.camera.errors import CameraRefused
 

@@ -78,13 +78,7 @@ def extrapolate(old: Posture, message_id: int) -> RobotCommand:
     rates = old.joints.velocity + TICK * old.joints.acceleration
     twist = old.tool.velocity + TICK * old.tool.acceleration
     return RobotCommand(
-        message_id,
-        old.q + TICK * rates,
-        rates,
-        _advance_pose(old.pose, twist),
-        twist,
-        None,
-        False,
+        message_id, old.q + TICK * rates, rates, _advance_pose(old.pose, twist), twist, None, False
     )
 
 

@@ -58,6 +58,5 @@ def _match_sums(
 ) -> tuple[Array, Array]:
     """Standardised sums over bins of `r` (N,) and of `noise` (N, draws), both weighted (N,)."""
     return standardise(
-        np.array([r[i] @ weight[i] for i in rows]),
-        np.array([weight[i] @ noise[i] for i in rows]),
+        np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
     )

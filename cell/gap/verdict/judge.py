@@ -47,11 +47,7 @@ def chosen(
 
 
 def judge(
-    subject: Subject,
-    choice: Choice,
-    simulate: Simulate,
-    whole: Evidence,
-    rng: np.random.Generator,
+    subject: Subject, choice: Choice, simulate: Simulate, whole: Evidence, rng: np.random.Generator
 ) -> Judged:
     """Test the accepted model of `choice` for what it leaves, drift and alternatives.
 

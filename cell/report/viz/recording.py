@@ -73,10 +73,7 @@ def viz_from_run(folder: Path) -> Path:
     stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
-        with (
-            replacing(folder / name) as scratch,
-            open_recording(folder, scratch.name) as recording,
-        ):
+        with replacing(folder / name) as scratch, open_recording(folder, scratch.name) as recording:
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)

@@ -122,11 +122,7 @@ class Viz:
         self._news.set()
 
     def _work(
-        self,
-        mode: Mode,
-        folder: Path,
-        strip: StripFile,
-        viewer: Callable[[str], None] | None,
+        self, mode: Mode, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
         """Draw the queue until the run is over. Rerun is imported here, in
         parallel with the run.
