@@ -105,7 +105,7 @@ def _steps(found: Findings) -> str:
     lines = []
     for count, step in enumerate(found.choice.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
-        over = _told(step.before.model.name)
+        over = name_model(step.before.model.name)
         lines.append(
             f"<li>{count} effect{'s' if count > 1 else ''}: {escape(step.model.model.name)} gains "
             f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
@@ -114,7 +114,8 @@ def _steps(found: Findings) -> str:
     return f"<ul class='note'>{''.join(lines)}</ul>" if lines else ""
 
 
-def _told(model: str) -> str:
+def name_model(model: str) -> str:
+    """A model by name; the one without effects in words."""
     return "the refitted base" if model == "base" else model
 
 

@@ -3,7 +3,7 @@
 from html import escape
 from pathlib import Path
 
-from cell.gap.report.evidence import base, candidates, where
+from cell.gap.report.evidence import base, candidates, name_model, where
 from cell.gap.report.held_out import compare_held_out, conditions, remains
 from cell.gap.report.repeats import repeats
 from cell.gap.report.sentence import capital, deviation, headline, sentence
@@ -101,16 +101,11 @@ def _experiments(verdict: Verdict) -> str:
     if not verdict.advice:
         return "<p>No planned experiment would separate more than these runs do.</p>"
     rows = [
-        (a.experiment, f"{called(a.separates[0])} from {called(a.separates[1])}",
+        (a.experiment, f"{name_model(a.separates[0])} from {name_model(a.separates[1])}",
          f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
         for a in verdict.advice[:5]
     ]  # fmt: skip
     return table(("experiment", "separates", "sigma", "minutes"), rows)
-
-
-def called(model: str) -> str:
-    """A model by name; the one without effects in words."""
-    return "the refitted base" if model == "base" else model
 
 
 def _foot(found: Findings, verdict: Verdict) -> str:

@@ -64,7 +64,7 @@ class MechanismSubject:
     """Measured runs of one mechanism, simulated by MuJoCo."""
 
     def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        self.opened = opened
+        self.opened, self.name = opened, opened.file.name
         self._mechanism = m = opened.mechanism
         self._torques = torques()
         self._engine: Prescribed | Forward
@@ -74,19 +74,9 @@ class MechanismSubject:
             settle = opened.file.start.settle or 0.0
             self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
                                    settle, jobs, self._compiled_effects())  # fmt: skip
-        self._scope = self._scope_without(without)
+        self.scope = self._scope_without(without)
         self._by_run = [b for b in opened.base if b.by_run is not None]
-        self._runs = tuple(self._run(r) for r in opened.recordings)
-
-    @property
-    def name(self) -> str:
-        """The mechanism's name."""
-        return self.opened.file.name
-
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured runs."""
-        return self._runs
+        self.runs = tuple(self._run(r) for r in opened.recordings)
 
     @property
     def notes(self) -> Sequence[str]:
@@ -94,11 +84,6 @@ class MechanismSubject:
         if self._mechanism.mode == "forward":
             return ()
         return ("torques of the measured motion are compared; the motion itself is not simulated",)
-
-    @property
-    def scope(self) -> Scope:
-        """What it may lack."""
-        return self._scope
 
     def _compiled_effects(self) -> frozenset[str]:
         """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
@@ -213,7 +198,7 @@ class MechanismSubject:
         """The simulation that a request asks for."""
         o, content = self.opened, _content(request.run)
         joints, count = len(self._mechanism.joints), len(o.base)
-        names = [p.name for p in self._scope.base[count:]]
+        names = [p.name for p in self.scope.base[count:]]
         effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         values = np.array(request.base[:count])
         own = {p.name: float(v) for p, v in zip(request.run.local, request.local, strict=True)}
@@ -300,13 +285,13 @@ class MechanismSubject:
         words = list[str]()
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)
-            shifts = [self._shift(run, name, ordered, base) for run in self._runs]
+            shifts = [self._shift(run, name, ordered, base) for run in self.runs]
             words += sentences(name, np.concatenate(shifts))
         return words
 
     def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
         """Distance (k,) [m] by which an effect alone moves the gripper, along a run."""
-        about = np.array([base.get(p.name, p.start) for p in self._scope.base])
+        about = np.array([base.get(p.name, p.start) for p in self.scope.base])
         own = np.array([p.start for p in run.local])
         cases = [self._case(Request(run, about, e, own)) for e in ({name: values}, {})]
         having, lacking = self._engine.predict(cases)

@@ -16,7 +16,7 @@ from cell.gap.subject.pendulum.runs import Swing, make_run, read_run
 from cell.gap.subject.pendulum.scope import check_effects, scope
 from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
-from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import Experiment, Request, Residuals, Run
 from drivers.settings import load, read_yaml
 from drivers.types import Array
 
@@ -69,30 +69,11 @@ class Pendulum:
 
     def __init__(self, pendulum: PendulumFile, runs: Sequence[Run], jobs: int = 1) -> None:
         self._jobs = jobs
-        self.file = pendulum
-        self._runs = tuple(runs)
-        self._scope = scope(pendulum)
+        self.file, self.name = pendulum, pendulum.name
+        self.runs = tuple(runs)
+        self.scope = scope(pendulum)
+        self.notes: Sequence[str] = ()  # a swing that stops early is a shorter swing
         self._step = SWING_STEP / fastest(pendulum)
-
-    @property
-    def name(self) -> str:
-        """The pendulum's name."""
-        return self.file.name
-
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured swings."""
-        return self._runs
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """None: a swing that stops early is a shorter swing."""
-        return ()
-
-    @property
-    def scope(self) -> Scope:
-        """What it may lack."""
-        return self._scope
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated angles; what starts or ends wild is lost, not an error."""
@@ -113,7 +94,7 @@ class Pendulum:
     def _effects(self, request: Request) -> dict[str, Array]:
         """Effects of a request, those that its file already has among the base included."""
         accepted: dict[str, list[float]] = defaultdict(list)
-        for p, value in zip(self._scope.base, request.base, strict=True):
+        for p, value in zip(self.scope.base, request.base, strict=True):
             if "." in p.name:
                 accepted[p.name.split(".")[0]].append(float(value))
         return {**{k: np.array(v) for k, v in accepted.items()}, **request.effects}
@@ -172,7 +153,7 @@ class Pendulum:
 
     def experiments(self) -> Sequence[Experiment]:
         """Swings worth measuring next."""
-        return experiments(self.file, self._runs)
+        return experiments(self.file, self.runs)
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
