@@ -106,16 +106,13 @@ def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
 
 
 def side_by_side(
-    wanted: Sequence[Request],
-    jobs: int,
-    interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
+    wanted: Sequence[Request], jobs: int, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
     """The results in the order of the requests, `jobs` folds at a time.
 
     Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
     """
-    for result in each_of(wanted, jobs, interrupted, calibration):
+    for result in each_of(wanted, jobs, interrupted, None):
         if isinstance(result, CellError):
             raise result
         yield result
@@ -124,8 +121,8 @@ def side_by_side(
 def each_of(
     wanted: Sequence[Request],
     jobs: int,
-    interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
+    interrupted: Callable[[], bool],
+    calibration: Calibration | None,
 ) -> Iterator[FoldResult | CellError]:
     """Result or error of each request, in their order, `jobs` folds at a time.
 

@@ -109,14 +109,14 @@ def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
     return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
 
 
-def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
-    """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
+def noise_left(about: Projection, rng: np.random.Generator) -> Array:
+    """Residuals (N, DRAWS) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
-    noise = rng.standard_normal((len(about.residual), draws))
+    noise = rng.standard_normal((len(about.residual), DRAWS))
     if about.scatter.shape[1]:
-        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], draws))
+        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], DRAWS))
     return about.left(noise)
 
 

@@ -38,7 +38,7 @@ class Resimulation:
         return self.simulated - self.measured
 
 
-def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
+def resimulate(folder: Path) -> Resimulation:
     """Drive the rod with the run's measured poses; the strip is the one the controller knew.
 
     Raises ConfigurationError for a run without ticks or without its strip.
@@ -48,7 +48,7 @@ def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
     if len(ticks.t) < 2:
         raise ConfigurationError(f"{folder}: ticks.parquet: holds no motion to simulate")
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    motion = simulate(Rod(SEGMENTS), _model(run), ticks.t, poses, dt=STEP, shapes=shapes)
+    motion = simulate(Rod(SEGMENTS), _model(run), ticks.t, poses, dt=STEP, shapes=False)
     measured = None if run.result is None else run.result.displacement
     simulated = None if motion.touch is None else motion.touch.displacement
     return Resimulation(measured, simulated, motion)
