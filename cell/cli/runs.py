@@ -144,12 +144,11 @@ def _print_table(rows: "Sequence[RunRow]") -> None:
 
     tagged = any(row.tags for row in rows)
     columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
-    shown = [(*_words(row), *((row.tags,) if tagged else ()), *_numbers(row)) for row in rows]
+    shown = [
+        (r.name, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
+        for r in rows
+    ]
     print_table((*columns, "d mm", "edge mm", "s", "MB"), shown, text=len(columns))
-
-
-def _words(row: "RunRow") -> tuple[str, ...]:
-    return (row.name, row.strip, row.policy, row.outcome)
 
 
 def _numbers(row: "RunRow") -> tuple[str, ...]:

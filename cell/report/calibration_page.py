@@ -92,6 +92,7 @@ def calibration_report(calibration: Calibration, name: str) -> str:
 
 
 def _sections(calibration: Calibration) -> list[str]:
+    locks = [(name, str(value)) for name, value in calibration.locks.items()]
     return [
         section("In numbers", definitions(_numbers(calibration), "tiles")),
         section(
@@ -100,7 +101,7 @@ def _sections(calibration: Calibration) -> list[str]:
             note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
             "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
         ),
-        section("Locked controls of the camera", definitions(_locks(calibration), "rows")),
+        section("Locked controls of the camera", definitions(locks, "rows")),
     ]
 
 
@@ -119,10 +120,6 @@ def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
         ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
         ("landmarks that reveal a moved camera", str(patches)),
     ]
-
-
-def _locks(calibration: Calibration) -> list[tuple[str, str]]:
-    return [(name, str(value)) for name, value in calibration.locks.items()]
 
 
 def _grid(calibration: Calibration) -> str:

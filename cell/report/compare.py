@@ -85,7 +85,7 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Settings that are not the same in all runs: a row a setting, a column a run."""
-    settings = [dict(facts(run)) | _own_settings(run) for run in runs]
+    settings = [dict(facts(run)) | dict(_flat(run.header.config or {}, "cell")) for run in runs]
     keys = dict.fromkeys(key for each in settings for key in each)
     rows = [
         (key, *values)
@@ -93,10 +93,6 @@ def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, 
         if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1 and key not in OWN
     ]
     return ("setting", *(_short(run) for run in runs)), rows
-
-
-def _own_settings(run: Run) -> dict[str, str]:
-    return dict(_flat(run.header.config or {}, "cell"))
 
 
 def _flat(content: object, prefix: str) -> Iterator[tuple[str, str]]:

@@ -75,7 +75,7 @@ def transfer(
     critic = load_critic(checkpoint)
     folder.mkdir(parents=True, exist_ok=True)
     save_critic(bare, critic, facts)
-    of = digest(code(), _weights(bare))
+    of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [FoldPart(number, seed, bare.resolve(), of) for number in range(count)]
     records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, watch)]
     rows = [record.outcome for record in sorted(records, key=lambda r: r.key) if record.outcome]
@@ -88,7 +88,3 @@ def transfer(
     origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": quality.facts()}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return found, quality
-
-
-def _weights(checkpoint: Path) -> str:
-    return sha256(checkpoint.read_bytes()).hexdigest()[:12]

@@ -4,7 +4,6 @@ It is stepped in control periods of 1 ms. Its caller requests motions and settin
 late replies, those that only the end of a motion gives.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Protocol
@@ -262,8 +261,4 @@ def resting_robot(
 
 def _valid(request: MoveRequest) -> bool:
     known = request.controller in range(3) and request.generator in range(5)
-    return known and _all(request.deviations, lambda part: isfinite(part) and part >= 0)
-
-
-def _all(values: Iterable[float], holds: Callable[[float], bool]) -> bool:
-    return all(holds(value) for value in values)
+    return known and all(isfinite(part) and part >= 0 for part in request.deviations)

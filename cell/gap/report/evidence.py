@@ -129,17 +129,15 @@ def base(found: Findings, verdict: Verdict) -> str:
         for name, value in verdict.base.items()
         for of in [stated[name].unit]
     )
-    weak = found.fitted.weak
-    note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
+    weak = escape("; ".join(u.words for u in found.fitted.weak))
+    note = "The runs determine all of it."
+    if weak:
+        note = f"The runs say less than was known before of: {weak}."
     return (
         "<div class='wide'><table><tr><th>parameter<th class='n'>stated<th class='n'>refitted"
         "<th class='n'>95 %"
         f"<th>unit</tr>{rows}</table></div><p class='note'>{note}</p>"
     )
-
-
-def _weak(words: Sequence[str]) -> str:
-    return "The runs say less than was known before of: " + escape("; ".join(words)) + "."
 
 
 def _ends(low: float | None, high: float | None, of: str) -> str:
