@@ -176,7 +176,7 @@ STUDY = Study(
 class Here:
     """An engine that measures in this process, which alone knows the study."""
 
-    def measured(self, parts, folder, versions):
+    def measure(self, parts, folder, versions):
         return (measure(part, folder, versions) for part in parts)
 
 
