@@ -132,9 +132,7 @@ def camera_shift(
 
 
 def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Patches on the strongest horizontal edge behind the strip's place; none
-    where it is too weak.
-    """
+    """Patches on the strongest horizontal edge behind the strip; none where it is too weak."""
     marks = []
     for x in np.linspace(0.05, 0.55, 7):
         ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))

@@ -54,9 +54,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """A lens and its fit quality: rms [px], rms per view (n,), focal length's
-    standard deviation [px].
-    """
+    """A lens and its fit: rms [px], rms per view (n,), one sigma of the focal length [px]."""
 
     lens: Lens
     rms: float

@@ -13,9 +13,7 @@ ROUND = 0.75  # share of its circumscribed circle that the disc fills
 
 
 def find_pointer(image: Image) -> Array | None:
-    """Centre (2,) u, v [px] of the bright disc in an image (h, w, 3), or None unless exactly one is
-    seen.
-    """
+    """Centre (2,) u, v [px] of the one bright disc in an image (h, w, 3), or None."""
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     for level in BRIGHT:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)

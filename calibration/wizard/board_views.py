@@ -54,9 +54,7 @@ class BoardViews:
         return self._wanted[0] if self._wanted else None
 
     def tell(self, frame: Frame) -> ViewResult:
-        """Process an image of the board; a view is accepted once two in a row show it at the same
-        place.
-        """
+        """Process an image of the board; two in a row must show it at the same place."""
         number, self._count = self._count, self._count + 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)

@@ -72,9 +72,7 @@ class LatencyVerdict(Verdict):
 
 
 class LatencySteps:
-    """Ask and tell: the caller moves the pointer to `ask()` and passes every arm state and image on
-    the way.
-    """
+    """Ask and tell: move the pointer to `ask()`, pass on every arm state and image on the way."""
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings

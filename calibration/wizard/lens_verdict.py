@@ -236,9 +236,7 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
 
 
 def _bend(one: Lens, other: Lens) -> float:
-    """Largest difference [px] between two lenses over the image, after the best
-    plane homography.
-    """
+    """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
     here, there = one.undistort(pixels), other.undistort(pixels)

@@ -31,9 +31,7 @@ def by_hand(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, carry out one `motion`, and close it; raises CellError for what is wrong
-    before the motion.
-    """
+    """Open the cell, carry out one `motion`, and close it; CellError for what is wrong before."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()

@@ -17,9 +17,7 @@ ENTER = "\n"
 
 
 class Keys:
-    """Keys typed at `stream`: single ones at a terminal within `single_keys`, otherwise the text of
-    each line.
-    """
+    """Keys typed at `stream`: single ones within `single_keys` at a terminal, else whole lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream

@@ -132,9 +132,7 @@ def sketch_text(sketch: Sketch) -> Text:
 
 
 def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
-    """Braille characters (rows, columns) of the closed line through `corners` (4, 2) [px], times
-    `scale`.
-    """
+    """Braille characters (rows, columns) of the line through `scale` times `corners` (4, 2)."""
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
     if corners is not None:

@@ -239,9 +239,7 @@ def _ruler(text: str) -> float:
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
-    """The folder given by --resume or --out, or a new one named by time; an existing --out is
-    refused.
-    """
+    """The folder of --resume or --out, or a new one named by time; refuses an existing --out."""
     from datetime import UTC, datetime
 
     from drivers.errors import ConfigurationError

@@ -45,9 +45,7 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Suitable settings for `camera`, with its controls locked at their present values; None
-    without a mode.
-    """
+    """Settings for `camera`, its controls locked at their present values; None without a mode."""
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None

@@ -37,9 +37,7 @@ class Link:
 
 
 def measured_link(address: str, seconds: float) -> Link:
-    """The link to the robot at `address`, measured over `seconds`; CellError where it cannot be
-    reached.
-    """
+    """The link to the robot at `address`, over `seconds`; CellError where it cannot be reached."""
     command = [sys.executable, "-m", "cell.doctor.link", address, f"{seconds:g}"]
     try:
         done = subprocess.run(  # noqa: S603  this interpreter, a module of ours

@@ -97,9 +97,7 @@ def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """Where the strips and plants lie outside the range in which an engine is known to hold, a
-    sentence each.
-    """
+    """Where strips and plants lie outside what an engine is known to hold for, a sentence each."""
     named = find_configs(wanted[0].configs).strip(wanted[0].strip)
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))

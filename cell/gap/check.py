@@ -75,9 +75,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """What is wrong with the recordings as such; those that cannot be read are left to who reads
-    them.
-    """
+    """What is wrong with the recordings as such; unreadable ones are refused by their reader."""
     found = []
     for run in runs:
         tables = {}

@@ -83,9 +83,7 @@ def _inspect(
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Approach from beyond the free edge and close the fingers on it; a Fault
-    where they miss it.
-    """
+    """Approach from beyond the free edge and close the fingers on it; Fault where they miss it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -156,9 +154,7 @@ def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> No
 
 
 def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Continue to the lay without a stop: at a gripper at rest the hanging strip would shift the
-    loop by 5 mm.
-    """
+    """Go on to the lay without a stop: at rest the hanging strip would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED

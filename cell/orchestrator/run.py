@@ -140,9 +140,7 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One cycle of braking, a whole one also where the loop is late; recorded and shown as far
-        as possible.
-        """
+        """One whole cycle of braking, even when late; recorded and shown as far as possible."""
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate

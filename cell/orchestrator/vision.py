@@ -146,9 +146,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest frame on each tick and measures the strip in it where
-    the state requires it.
-    """
+    """Takes the newest frame on each tick and measures the strip in it where the state needs it."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` say what is in doubt and what has moved."""

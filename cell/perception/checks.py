@@ -60,9 +60,7 @@ def thin_enough(strip: StripFile) -> PreflightCheck:
 
 
 def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
-    """Whether each of the strip's colours is distinguishable from the desk
-    (3,), lit or in shadow.
-    """
+    """Whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
     shade = np.array([DESK_SHADE], dtype=np.float32)
     away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
@@ -94,9 +92,7 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
 def background_contrast(
     scene: Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
-    """Whether the background along the strip's motion is distinguishable from
-    each of its colours.
-    """
+    """Whether the background along the strip's motion differs from each of its colours."""
     way = way_of(calibration, strip.length)
     alike = (scene.separation(way) < APART).mean(axis=0)
     share = float(alike.mean())

@@ -74,9 +74,7 @@ class Catalogue:
         return tuple(self._row(values) for values in found)
 
     def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for anything
-        else.
-        """
+        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for others."""
         found = self._execute(sql, "--sql")
         return tuple(column[0] for column in found.description or ()), found.fetchall()
 

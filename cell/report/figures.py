@@ -39,9 +39,7 @@ LANES = {
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """The measured strip, coloured by time, its `outlines` after the touch, and the path of the
-    gripper; SVG.
-    """
+    """The measured strip over time, its `outlines` after the touch, and the gripper's path; SVG."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 

@@ -45,9 +45,7 @@ class Verdict:
 
 
 def accuracy_of(run: Run, *, laid: bool = False) -> Accuracy:
-    """The errors stated by the run itself, of the displacement, or of the `laid` edges where it
-    states that.
-    """
+    """The errors that the run states: of the displacement, or of the `laid` edges if it does."""
     sigma, of = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, of = run.header.sigma.edge_offset, "camera"

@@ -22,9 +22,7 @@ SUBSTEPS = 4  # between decisions: 4.2 ms, which the chain takes in one part
 
 
 class Engine(StrEnum):
-    """Engine of the evaluation: the rod of the training, or the chain, whose physics is written
-    separately.
-    """
+    """Engine of the evaluation: the rod of the training, or the chain with physics of its own."""
 
     ROD = "rod"
     CHAIN = "chain"

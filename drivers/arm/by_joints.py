@@ -43,9 +43,7 @@ class Moment(NamedTuple):
 
 
 class PosedState:
-    """A state whose commanded pose, twist and change are those of the commanded joints, at `time`
-    [s].
-    """
+    """A state at `time` [s] with commanded pose, twist and change as the commanded joints give."""
 
     def __init__(
         self, state: Any, time: float, pose: Numbers, twist: Numbers, change: Numbers

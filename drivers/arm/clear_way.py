@@ -39,9 +39,7 @@ def solids_of(installation: Installation) -> Solids:
 
 
 def floor_of(installation: Installation) -> Solids:
-    """The solids that no part of the arm may enter, not even the wrist of a hand that lies on the
-    desk.
-    """
+    """The solids that no part of the arm may enter, not even the wrist of a low hand."""
     floor = Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 

@@ -58,9 +58,7 @@ REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A `cause`, the robot's own `errors` by the names of its flags, and a text
-    for the operator.
-    """
+    """A `cause`, the robot's own `errors` by the names of their flags, and an operator's text."""
 
     cause: Cause
     words: str

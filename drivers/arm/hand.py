@@ -98,9 +98,7 @@ class FciHand:
 
     @property
     def _moving(self) -> bool:
-        """Whether a motion is under way, until a state shows its result: replies come before
-        states.
-        """
+        """Whether a motion is under way; only a state ends it, for replies come before states."""
         return self._motion is not None or self._fingers.number == self._ended
 
     @property

@@ -285,9 +285,7 @@ def at_rest(state: Any) -> bool:
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane for the hand's orientation at `pose`; raises Failed when the hand is not in
-    it.
-    """
+    """The strip's plane for the hand at `pose`; raises Failed when the hand is not in it."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda plane: plane.aside(pose)[1])

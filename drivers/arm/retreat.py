@@ -53,9 +53,7 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
 
 
 def _beside(joints: Array, direction: Array) -> Array:
-    """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,), with the hand as it is
-    turned.
-    """
+    """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
     twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
     for _ in range(round(AWAY / PLACE_STEP)):
         joints = joints + damped_inverse(jacobian(joints), DAMPING) @ twist

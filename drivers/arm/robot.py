@@ -99,9 +99,7 @@ class Robot:
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def guard(self) -> ForceGuard:
-        """The guards of a motion from here, beyond what the robot at rest feels; Failed where that
-        is too much.
-        """
+        """The guards of a motion from here; Failed where the robot feels too much at rest."""
         states = [self.state() for _ in range(TARED)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)

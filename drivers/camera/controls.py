@@ -35,9 +35,7 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """One control; `entries` are the values of a menu by number. `value` is
-    None if not readable.
-    """
+    """One control; `entries` are a menu's values by number. `value` is None if not readable."""
 
     number: int
     name: str

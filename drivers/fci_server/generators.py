@@ -58,9 +58,7 @@ def follow(
 
 
 def warm(old: Posture, tool: Array) -> None:
-    """Compile what a motion from a posture with its tool (4, 4) needs, so that no client waits for
-    it.
-    """
+    """Compile what a motion from a posture with its tool (4, 4) needs: no client waits for it."""
     follow(Generator.CARTESIAN_VELOCITY, old, extrapolate(old, 0), tool, first=True)
 
 

@@ -47,9 +47,7 @@ OWN = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")  # of the arm itself, no
 
 
 def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
-    """Where each number of the posture goes in the datagram, and which numbers those are, (n,)
-    each.
-    """
+    """Places in the datagram for numbers of the posture, and which numbers they are, (n,) each."""
     where, source = list[int](), list[int]()
     for name in names:
         parts = STATE_SOURCES[name]

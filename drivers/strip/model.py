@@ -120,9 +120,7 @@ class Mechanics:
         return max(self.thickness, 0.001)
 
     def total(self, values: Array, edges: Array) -> Array:
-        """Integral (n,) of a per-cell field (CELLS,) over the spans between
-        `edges` (n + 1,) [m].
-        """
+        """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,) [m]."""
         cells = np.linspace(0.0, self.length, len(values) + 1)
         integral = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
         return np.diff(np.interp(edges, cells, integral))

@@ -30,9 +30,7 @@ def seen_points(model: StripModel, points: Array) -> Array:
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """True points (..., 2) [m] of a midline measured at `points` (..., 2); inverse of
-    `seen_points`.
-    """
+    """True points (..., 2) [m] of a midline measured at `points` (..., 2); undoes `seen_points`."""
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 

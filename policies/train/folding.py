@@ -19,9 +19,7 @@ VALIDATION = 8  # strips a side of the grid that picks among generations
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates` (p, WEIGHTS) in `generation`: a pure function,
-    callable on any machine.
-    """
+    """Scores of `candidates` (p, WEIGHTS) in `generation`: pure, callable on any machine."""
     torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])

@@ -56,9 +56,7 @@ class Journal:
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
-        """Refuse other settings, except for the number of generations, if it is
-        not below those done.
-        """
+        """Refuse other settings, but for a number of generations not below those done."""
         begun = self._lines[0].get("settings")
         if not isinstance(begun, dict):
             raise self._strange()

@@ -136,9 +136,7 @@ def slack(
 
 
 def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
-    """The run that departs most from the model, where OTHERS can bear that out, and which samples
-    (N,) are its.
-    """
+    """The run that departs most from the model, if OTHERS bear that out, and its samples (N,)."""
     squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
     owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
     if len(squares) <= OTHERS:

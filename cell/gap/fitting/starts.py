@@ -110,9 +110,7 @@ def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimat
 
 
 def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """The fit as by `refit_fine`, with the scales that the grain at its values leaves: for the
-    base.
-    """
+    """The fit of the base as by `refit_fine`, with the scales that the grain there leaves."""
     runs = refined(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 

@@ -137,9 +137,7 @@ class Screen:
         calibration: Calibration | None,
         strip: StripFile | None,
     ) -> None:
-        """Without `calibration` nothing is drawn into images, without `strip`
-        no model is simulated.
-        """
+        """Draws into no images without `calibration`, and simulates no model without `strip`."""
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)

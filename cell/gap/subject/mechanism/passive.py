@@ -71,9 +71,7 @@ class Torques:
 
     @contextmanager
     def install(self, names: frozenset[str]) -> Iterator[None]:
-        """Let MuJoCo add these torques within the block; one block at a time, because its hook is
-        global.
-        """
+        """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
         with _LOCK:
             if names not in self._callbacks:
                 law = chain_laws([self._laws[name][:2] for name in sorted(names)])
