@@ -180,9 +180,7 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """The lens; matrices of a wrong shape, or numbers of no lens, are a ConfigurationError that
-        names `origin`.
-        """
+        """The lens; ConfigurationError, with `origin`, for wrong shapes or impossible numbers."""
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"

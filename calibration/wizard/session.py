@@ -171,9 +171,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def session_to_resume(folder: Path, now: Session) -> Session:
-    """The session in `folder`, to go on with; a ConfigurationError where it was made otherwise than
-    the one of `now`.
-    """
+    """The session in `folder`; ConfigurationError if it was made otherwise than that of `now`."""
     begun = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         then, today = getattr(begun, key), getattr(now, key)

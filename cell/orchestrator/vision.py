@@ -41,9 +41,7 @@ class Reader(Protocol):
         """Why no image is read any more; empty while they are."""
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Begin to read `frame`, taken when the gripper was at `gripper`; with `touches` the
-        layers are watched, too.
-        """
+        """Begin to read `frame`, taken at `gripper`; with `touches` the layers are watched too."""
 
     def take(self) -> Seen | None:
         """What the image under way showed, once; None until that is known."""

@@ -16,9 +16,7 @@ GOOD = 0.020  # m, within this the paper calls a strip folded
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """One-sigma errors of the lengths [m]: of repeats or of the camera, and of the calibration
-    (None where unknown).
-    """
+    """One sigma of lengths [m]: of repeats or camera, and of the calibration (None if unknown)."""
 
     repeatability: float
     calibration: float | None

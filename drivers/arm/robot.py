@@ -162,9 +162,7 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 @contextmanager
 def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
-    """Raise library errors as Failed, classified by their class, or by the robot's state if that is
-    more specific.
-    """
+    """Raise library errors as Failed, by their class or by the robot's state if more specific."""
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:

@@ -75,9 +75,7 @@ def clock(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
 
 
 def images(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
-    """Complaint about images that are missing among the stamps (n,) [s], which hold one for each
-    point of an image.
-    """
+    """Complaint about images missing among the stamps (n,) [s], one a point of an image."""
     stamps = np.unique(t)
     if len(stamps) < 3:
         return

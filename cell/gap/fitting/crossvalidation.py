@@ -130,9 +130,7 @@ def _pack(estimate: Estimate, keep: Sequence[int]) -> Array:
 
 
 def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask) -> Point:
-    """One bounded Newton step from the whole fit to the fit of the runs `keep`; shared unknowns
-    that are `held` (P,) stay.
-    """
+    """One bounded Newton step from the whole fit to that of the runs `keep`; `held` (P,) stay."""
     kept = _some(estimate.evidence, keep)
     limits, z = normal_equations.bounds(estimate.model, kept), _pack(estimate, keep)
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])

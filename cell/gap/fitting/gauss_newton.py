@@ -160,9 +160,7 @@ class _Trial:
 
 
 def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
-    """The trial at the full step; where that does not lower the objective, the best along a
-    parabola bent by curvature.
-    """
+    """The trial at the full step, or the best along a bent parabola where that does not win."""
     full = (yield from _evaluate(search, [z + step]))[0]
     if full.objective < search.now:
         return full

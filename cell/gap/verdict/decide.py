@@ -151,9 +151,7 @@ def lone_run(found: Findings) -> Run | None:
 
 
 def has_unexplained_part(found: Findings, which: Kind) -> bool:
-    """Whether what remains is described: always for `unexplained`, and where a cause was
-    found and more than noise is left.
-    """
+    """Whether what remains is described: if `unexplained`, or if a cause leaves more than noise."""
     return which == "unexplained" or (which != "no_gap" and found.judged.remains)
 
 

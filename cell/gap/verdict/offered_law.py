@@ -135,9 +135,7 @@ def _laws_by_size(fits: Fits) -> Iterator[Validated]:
 
 
 def _stable(estimate: Estimate) -> bool:
-    """Whether each term keeps its sign on most halves of the runs (stability selection:
-    Meinshausen and Buehlmann 2010).
-    """
+    """Whether each term keeps its sign on most halves of the runs (Meinshausen, Buehlmann 2010)."""
     first, runs = len(estimate.model.base), len(estimate.residuals)
     signs = np.sign(estimate.shared[first:])
     halves = list(combinations(range(runs), max(1, runs // 2)))

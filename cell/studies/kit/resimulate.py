@@ -22,9 +22,7 @@ SEGMENTS = 100
 
 @dataclass(frozen=True, slots=True)
 class Resimulation:
-    """Displacement [m] as the camera saw it and as the rod gives it for the same gripper path;
-    None where there was no touch.
-    """
+    """Displacement [m] as the camera saw it and as the rod gives it; None without a touch."""
 
     measured: float | None
     simulated: float | None
