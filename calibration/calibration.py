@@ -14,7 +14,7 @@ from calibration.homography import Homography, Viewpoint, viewpoint
 from calibration.landmarks import Landmarks
 from calibration.lens import CameraFile, Lens, MatrixFile
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.settings import Settings, load
 from drivers.types import Array
 
@@ -151,9 +151,7 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     The old file, if any, stays until the new one is complete.
     """
     content = yaml.safe_dump(_file(calibration).content(), sort_keys=False)
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, content.encode())
+    write_file(path, content)
 
 
 def load_calibration(path: Path) -> Calibration:

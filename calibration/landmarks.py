@@ -17,7 +17,7 @@ from drivers.settings import Settings
 from drivers.types import Array, Frame, Image, Pose
 
 TIP_SIDE, DESK_SIDE = 96, 28  # px, of the remembered squares
-REACH = 40  # px by which a landmark is looked for around its place
+SEARCH_RADIUS = 40  # px by which a landmark is looked for around its place
 DESK_HEIGHTS = (0.010, 0.060)  # m over which the desk's line is looked for, above a lying strip
 CONTRAST = 6.0  # grey levels that a line must show
 ALIKE = 0.6  # correlation from which a landmark counts as found
@@ -132,9 +132,7 @@ def camera_shift(
 
 
 def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark]:
-    """Patches on the strongest horizontal edge behind the strip's place; none
-    where it is too weak.
-    """
+    """Patches on the strongest horizontal edge behind the strip; none where it is too weak."""
     marks = []
     for x in np.linspace(0.05, 0.55, 7):
         ends = lens.distort(homography.to_image(np.array([(x, z) for z in DESK_HEIGHTS])))
@@ -143,8 +141,8 @@ def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark
         if (
             left < 0
             or left + DESK_SIDE > grey.shape[1]
-            or first < REACH
-            or last > len(grey) - REACH
+            or first < SEARCH_RADIUS
+            or last > len(grey) - SEARCH_RADIUS
         ):
             continue
         rows = grey[first:last, left : left + DESK_SIDE].astype(np.float64).mean(axis=1)
@@ -159,10 +157,10 @@ def _desk_line(grey: Image, lens: Lens, homography: Homography) -> list[Landmark
 def _find(grey: Image, mark: Landmark) -> tuple[float, float] | None:
     """Shift (u, v) [px] at which the landmark is found again, or None."""
     patch = mark.patch()
-    reach_u = REACH if mark.kind == "tip" else 0  # a level line says nothing of sideways motion
-    left, top = max(mark.left - reach_u, 0), max(mark.top - REACH, 0)
+    reach_u = SEARCH_RADIUS if mark.kind == "tip" else 0  # a level line hides sideways motion
+    left, top = max(mark.left - reach_u, 0), max(mark.top - SEARCH_RADIUS, 0)
     side = len(patch)
-    window = grey[top : mark.top + side + REACH, left : mark.left + side + reach_u]
+    window = grey[top : mark.top + side + SEARCH_RADIUS, left : mark.left + side + reach_u]
     if window.shape[0] < side or window.shape[1] < side:
         return None
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)

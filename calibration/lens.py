@@ -12,7 +12,7 @@ import yaml
 from pydantic import Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import read_text, replace_file, writing
+from drivers.files import read_text, write_file
 from drivers.settings import Settings, load
 from drivers.types import Array, frozen
 
@@ -20,7 +20,7 @@ CRITERIA = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 MINIMUM_VIEWS = 3
 FOCAL = 0.1, 100.0  # of the image's longer side: from a fisheye to a telescope
 DISTORTION = 100.0
-LARGEST = 20_000  # px of a side
+LARGEST_SIDE = 20_000  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class LensFit:
-    """A lens and its fit quality: rms [px], rms per view (n,), focal length's
-    standard deviation [px].
-    """
+    """A lens and its fit: rms [px], rms per view (n,), one sigma of the focal length [px]."""
 
     lens: Lens
     rms: float
@@ -109,10 +107,9 @@ def checked_lens(lens: Lens, origin: str) -> Lens:
     sides = np.array([lens.width, lens.height], dtype=np.float64)
     focal, centre = np.diag(lens.matrix)[:2], lens.matrix[:2, 2]
     low, high = FOCAL[0] * sides.max(), FOCAL[1] * sides.max()
-    if sides.max() > LARGEST:
-        reason = (
-            f"image_width, image_height: are {lens.width} x {lens.height} px, at most {LARGEST}"
-        )
+    if sides.max() > LARGEST_SIDE:
+        size = f"{lens.width} x {lens.height} px"
+        reason = f"image_width, image_height: are {size}, at most {LARGEST_SIDE}"
     elif not ((focal >= low) & (focal <= high)).all():
         reason = (
             f"camera_matrix: focal lengths are {focal[0]:g} and {focal[1]:g} px, allowed "
@@ -183,9 +180,7 @@ class CameraFile(Settings):
         )
 
     def lens(self, origin: str) -> Lens:
-        """The lens; matrices of a wrong shape, or numbers of no lens, are a ConfigurationError that
-        names `origin`.
-        """
+        """The lens; ConfigurationError, with `origin`, for wrong shapes or impossible numbers."""
         matrix = self.camera_matrix.array((3, 3), f"{origin}: camera_matrix")
         distortion = self.distortion_coefficients.array(
             (1, 5), f"{origin}: distortion_coefficients"
@@ -206,8 +201,7 @@ COEFFICIENTS = (4, 5)  # plumb bob, without and with k3
 def write_camera_info(lens: Lens, name: str, path: Path) -> None:
     """Write `lens` of the camera `name` as ROS camera_info; ConfigurationError where it cannot."""
     content = yaml.safe_dump(CameraFile.of(lens, name).content(), sort_keys=False)
-    with writing(path):
-        replace_file(path, content.encode())
+    write_file(path, content)
 
 
 def write_opencv(lens: Lens, path: Path) -> None:
@@ -218,8 +212,7 @@ def write_opencv(lens: Lens, path: Path) -> None:
     store.write("image_height", lens.height)
     store.write("camera_matrix", np.array(lens.matrix))
     store.write("distortion_coefficients", np.array(lens.distortion)[None])
-    with writing(path):
-        replace_file(path, store.releaseAndGetString().encode())
+    write_file(path, store.releaseAndGetString())
 
 
 def read_lens(path: Path) -> Lens:

@@ -11,13 +11,9 @@ CONTRAST = 90.0  # grey levels between disc and plate
 RADII = (3.0, 30.0)  # px, sizes that are looked for
 ROUND = 0.75  # share of its circumscribed circle that the disc fills
 
-Levels = NDArray[np.float32]
-
 
 def find_pointer(image: Image) -> Array | None:
-    """Centre (2,) u, v [px] of the bright disc in an image (h, w, 3), or None unless exactly one is
-    seen.
-    """
+    """Centre (2,) u, v [px] of the one bright disc in an image (h, w, 3), or None."""
     darkest = cv2.min(cv2.min(image[..., 0], image[..., 1]), image[..., 2])
     for level in BRIGHT:
         _, bright = cv2.threshold(darkest, level, 255, cv2.THRESH_BINARY)

@@ -7,13 +7,13 @@ from drivers.errors import CellError
 
 def main() -> None:
     """Run the command line; an error is one line and its exit code, never a traceback."""
-    from cell.cli.streams import guard_streams, lost
+    from cell.cli.streams import guard_streams, why_lost
 
     out = guard_streams()
     code = _run()
     sys.stdout.flush()
-    if lost(out):
-        sys.stderr.write(f"cell: what was printed was lost: {lost(out)}\n")
+    if why_lost(out):
+        sys.stderr.write(f"cell: what was printed was lost: {why_lost(out)}\n")
     sys.stderr.flush()
     sys.exit(code)
 

@@ -12,18 +12,14 @@ LOCK_CURRENT, LOCK_ON_FAULT = 1, 4  # of mlockall(2)
 
 
 class WallClock:
-    """Monotonic seconds since construction, or since the `origin` of another
-    one on this machine.
-    """
+    """Monotonic seconds since construction, or since the `origin` of another such clock here."""
 
     def __init__(self, origin: float | None = None) -> None:
         self._start = time.monotonic() if origin is None else origin
 
     @property
     def origin(self) -> float:
-        """Zero of this clock in the system's monotonic time [s], to start an equal clock in another
-        process.
-        """
+        """Zero of this clock in the system's monotonic time [s], to start another equal to it."""
         return self._start
 
     def now(self) -> float:

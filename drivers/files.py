@@ -94,6 +94,17 @@ def replace_file(path: Path, content: bytes) -> None:
         file.write(content)
 
 
+def write_file(path: Path, content: str | bytes, remedy: str = "") -> None:
+    """Replace the file at `path` by `content`, text as UTF-8, in a folder made where missing.
+
+    Raises ConfigurationError, in one line with a `remedy`, where it cannot be written.
+    """
+    whole = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+    with writing(path, remedy):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, whole)
+
+
 @contextmanager
 def writing(place: Path | str, remedy: str = "") -> Iterator[None]:
     """Refuse, in one line with a `remedy`, a `place` at which the block cannot write.

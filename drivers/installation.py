@@ -27,9 +27,7 @@ class Mounting(Settings):
 
 
 class Installation(Settings):
-    """Mounting, limits and workspace of any arm of this cell, simulated or real, from the cell
-    file.
-    """
+    """Mounting, limits and workspace of any arm of this cell, real or not, from the cell file."""
 
     limits: MotionLimits = MotionLimits()
     workspace: Workspace = Workspace()

@@ -165,9 +165,7 @@ class MotionProfile:
     def _follow(
         self, wish: Numbers, blocked: frozenset[int] = frozenset(), *, gently: bool = False
     ) -> None:
-        """Plan towards a velocity, or `gently` if near it; the `blocked` axes brake, each as fast
-        as it can.
-        """
+        """Plan towards a velocity, or `gently` if near it; the `blocked` axes brake hard."""
         order, synchronization = self._order, ruckig.Synchronization
         order.control_interface = ruckig.ControlInterface.Velocity
         order.target_velocity = [0.0 if i in blocked else rate for i, rate in enumerate(wish)]
@@ -187,9 +185,7 @@ class MotionProfile:
         self._elapsed = 0
 
     def _move(self, goal: Numbers, *, gently: bool = False) -> bool:
-        """Plan a move to rest at `goal`, or `gently` if near it; False when it would overshoot the
-        workspace.
-        """
+        """Plan a move to rest at `goal`, or `gently` if near; False if it left the workspace."""
         order = self._order
         order.control_interface = ruckig.ControlInterface.Position
         order.per_dof_synchronization = None
@@ -212,9 +208,7 @@ class MotionProfile:
         return not self._leaving(self._plan)
 
     def _kept_inside(self, state: State) -> State:
-        """`state`, or one in which the axes brake that could not stop inside the workspace after
-        it.
-        """
+        """`state`, or one in which axes brake that could not stop inside the workspace after it."""
         for _ in range(3):
             self._calculate(self._brake, self._stopping, state)
             leaving = self._leaving(self._stopping) - self._blocked

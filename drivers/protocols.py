@@ -10,11 +10,9 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Seconds since the run began."""
-        ...
 
     def wait_until(self, time: float) -> None:
         """Return when `time` has come; on the twin this, and only this, advances the world."""
-        ...
 
 
 class Arm(Protocol):
@@ -26,27 +24,21 @@ class Arm(Protocol):
 
     def connect(self) -> None:
         """Connect and hold the arm at rest."""
-        ...
 
     def state(self) -> ArmState:
         """The newest measured state."""
-        ...
 
     def move_to(self, pose: Pose) -> None:
         """Start a motion to rest at `pose` within the limits; a new command replaces it."""
-        ...
 
     def set_velocity(self, velocity: Velocity) -> None:
         """Follow `velocity` from now on; without a new command the arm brakes after a timeout."""
-        ...
 
     def stop(self) -> None:
         """Brake within the limits; allowed at any time, from any state."""
-        ...
 
     def close(self) -> None:
         """Brake and disconnect; calling it twice is allowed."""
-        ...
 
 
 class Hand(Protocol):
@@ -54,19 +46,15 @@ class Hand(Protocol):
 
     def open(self) -> None:
         """Start to open."""
-        ...
 
     def grasp(self) -> None:
         """Start to close on the strip's edge."""
-        ...
 
     def state(self) -> HandState:
         """The newest measured state."""
-        ...
 
     def stop(self) -> None:
         """Hold the fingers where they are."""
-        ...
 
 
 class Camera(Protocol):
@@ -75,11 +63,9 @@ class Camera(Protocol):
     @property
     def rate(self) -> float:
         """Frames per second [Hz]: measured after `connect`, requested before it."""
-        ...
 
     def connect(self) -> None:
         """Start delivering frames."""
-        ...
 
     def read(self, after: float, timeout: float) -> Frame | None:
         """The newest frame that has arrived with a stamp later than `after`, or None.
@@ -87,8 +73,6 @@ class Camera(Protocol):
         Waits at most `timeout` [s]; 0 only looks. On the twin it never steps the world, so any
         timeout there is 0: the caller waits on the clock.
         """
-        ...
 
     def close(self) -> None:
         """Stop and release the device; calling it twice is allowed."""
-        ...

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, read_bytes, replace_file, writing
+from drivers.files import MEGABYTE, read_bytes, write_file
 from drivers.settings import Settings, parse
 
 WEIGHTS = 101  # of the paper's network: (3 + 1) 20 + 20 + 1
@@ -54,5 +54,4 @@ def load_checkpoint(path: FilePath) -> Checkpoint:
 def save_checkpoint(path: FilePath, checkpoint: Checkpoint) -> None:
     """Write `checkpoint` to `path` atomically; ConfigurationError where that fails."""
     content = checkpoint.model_dump(by_alias=True)
-    with writing(path, "make room or name another folder"):
-        replace_file(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_file(path, (json.dumps(content, indent=1) + "\n"), "make room or name another folder")

@@ -22,9 +22,9 @@ from policies.sensing import EXACT
 
 SEGMENTS = 100
 BENT = 0.18  # of the length, height up to which all paths climb as the triangle does
-COARSE = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
-FINE = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
-STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share paths
+FIRST_RISES = np.linspace(-0.06, 0.22, 8)  # rises tried first, over the length
+FINE_STEPS = np.arange(-3.0, 5.0)  # steps around the zero between those, tried then
+RISE_STEP = 1 / 600  # of the length; rises tried are multiples, so that strips share paths
 
 
 def raise_path(length: float, rise: float) -> Path:
@@ -115,16 +115,16 @@ def plan(strips: Sequence[StripFile], speed: float, aim: float = 0.0) -> Array:
     """
     motions = Motions(strips[0], speed)
     length = strips[0].length
-    tried = np.round(COARSE / STEP).astype(int)
+    tried = np.round(FIRST_RISES / RISE_STEP).astype(int)
     coarse = np.tile(tried, (len(strips), 1))
     d = _displacements(strips, motions, coarse) - aim
     for strip, row in zip(strips, d, strict=True):
         _check(strip, row)
     rough = _zeros(coarse, d)
-    fine = (np.round(rough)[:, None] + FINE).astype(int)
+    fine = (np.round(rough)[:, None] + FINE_STEPS).astype(int)
     close = _displacements(strips, motions, fine) - aim
     found = np.where(_bracket(close), _zeros(fine, close), rough)
-    return found * STEP * length
+    return found * RISE_STEP * length
 
 
 class Motions:
@@ -149,7 +149,7 @@ class Motions:
         length = self._strip.length
         recorder = _PoseRecorder()
         roll_out(
-            Paths([raise_path(length, step * STEP * length) for step in steps]),
+            Paths([raise_path(length, step * RISE_STEP * length) for step in steps]),
             recorder,
             self._strip,
             [describe(self._strip)] * len(steps),

@@ -51,15 +51,10 @@ class Policy(Protocol):
     name: str
 
     def reset(self, strip: StripFile, speed: float, count: int) -> None:
-        """Clear the memory; prepare to fold `count` strips of the length of
-        `strip` at `speed` [m/s].
-        """
-        ...
+        """Clear the memory; prepare for `count` strips as long as `strip`, at `speed` [m/s]."""
 
     def lift(self) -> Path:
         """The path whose first section lifts the edge from (L, 0) to the take-over height."""
-        ...
 
     def decide(self, observation: Observation) -> Decision:
         """Direction and speed for each strip."""
-        ...

@@ -49,4 +49,3 @@ class Predicting(Protocol):
 
     def prediction(self) -> FoldPrediction | None:
         """Prediction for the first fold of the batch; None before the first decision."""
-        ...

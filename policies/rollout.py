@@ -25,7 +25,6 @@ class Marching(Protocol):
 
     def advance(self, poses: Array, dt: float) -> Observables:
         """Advance by a step of `dt` [s] to each of `poses` (k, n, 3) in turn."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

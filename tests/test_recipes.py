@@ -98,7 +98,6 @@ EFFECT = Effect(
     name="magnet",
     sentence="a magnet holds a joint",
     of="model",
-    expressed="force",
     source="a dipole in a field",
     parameters=_parameters,
     keys=1,
@@ -177,7 +176,7 @@ STUDY = Study(
 class Here:
     """An engine that measures in this process, which alone knows the study."""
 
-    def measured(self, parts, folder, versions):
+    def measure(self, parts, folder, versions):
         return (measure(part, folder, versions) for part in parts)
 
 
@@ -369,5 +368,5 @@ def test_study_is_one_file(installed: Path, monkeypatch: pytest.MonkeyPatch) -> 
     only(installed, monkeypatch, catalogue, "coins", STUDY)
     asked = campaign.Asked(catalogue.study_of("coins"), 0, 40, installed / "out")
     campaign.measure(asked, Here(), Quiet(), (1, 1), again=False)
-    assert "| all | 40 |" in markdown(campaign.kept(asked))
+    assert "| all | 40 |" in markdown(campaign.kept_outcomes(asked))
     sys.modules.pop(f"{catalogue.__name__}.coins")

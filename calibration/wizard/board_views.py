@@ -23,7 +23,7 @@ from calibration.wizard.news import Result, ViewResult
 from drivers.types import Frame, Image
 
 ENOUGH = 4  # views from which a lens is fitted, to compute how the board leans
-NEAR = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad by which a view may miss the wanted
+VIEW_TOLERANCE = (0.12, 0.12, 0.25, 0.25)  # x, y, relative size and rad, from the wanted view
 
 
 class BoardViews:
@@ -54,9 +54,7 @@ class BoardViews:
         return self._wanted[0] if self._wanted else None
 
     def tell(self, frame: Frame) -> ViewResult:
-        """Process an image of the board; a view is accepted once two in a row show it at the same
-        place.
-        """
+        """Process an image of the board; two in a row must show it at the same place."""
         number, self._count = self._count, self._count + 1
         look = find_board(frame.image, self._detector, self._board)
         refused = self._refuse(frame, look)
@@ -187,4 +185,4 @@ def _meets(wanted: WantedView, shown: Placement, width: float) -> bool:
         abs(width / wanted.size - 1.0),
         max(abs(shown.tilt - wanted.tilt), abs(shown.turn - wanted.turn)),
     )
-    return all(miss <= allowed for miss, allowed in zip(misses, NEAR, strict=True))
+    return all(miss <= allowed for miss, allowed in zip(misses, VIEW_TOLERANCE, strict=True))

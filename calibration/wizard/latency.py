@@ -15,10 +15,10 @@ from calibration.wizard.verdict import Line, Verdict, grade_line, reasons
 from drivers.settings import Settings
 from drivers.types import ArmState, Array, Frame, Pose
 
-SURE = 6.0  # sigma by which a drift must be seen
+DRIFT_SIGMA = 6.0  # sigma by which a drift must be seen
 NAN = float("nan")
 MOVING = 0.02  # m/s from which a moment says something about time
-COARSE = 0.005  # s between the latencies that are tried first
+FIRST_STEP = 0.005  # s between the latencies that are tried first
 
 
 class LatencySettings(Settings):
@@ -72,9 +72,7 @@ class LatencyVerdict(Verdict):
 
 
 class LatencySteps:
-    """Ask and tell: the caller moves the pointer to `ask()` and passes every arm state and image on
-    the way.
-    """
+    """Ask and tell: move the pointer to `ask()`, pass on every arm state and image on the way."""
 
     def __init__(self, settings: LatencySettings) -> None:
         self._settings = settings
@@ -167,7 +165,7 @@ def _drift(
     sigma = float(np.sqrt(np.mean(left**2) * np.linalg.pinv(found.jac.T @ found.jac)[1, 1]))
     lasted = float(np.ptp(stamps))
     drift = float(found.x[1]) * lasted
-    if abs(drift) <= settings.uncertainty or abs(found.x[1]) < SURE * sigma:
+    if abs(drift) <= settings.uncertainty or abs(found.x[1]) < DRIFT_SIGMA * sigma:
         return ()
     return (
         f"the camera's stamps drift against the arm's, by {1e3 * drift:+.0f} ms over {lasted:.0f} "
@@ -186,9 +184,9 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
         off = along - np.interp(stamps - latency, arm[:, 0], arm[:, 1])
         return float(np.std(off))
 
-    tried = np.arange(-most, most + COARSE / 2, COARSE)
+    tried = np.arange(-most, most + FIRST_STEP / 2, FIRST_STEP)
     start = float(tried[np.argmin([misfit(latency) for latency in tried])])
-    bounds = (start - COARSE, start + COARSE)
+    bounds = (start - FIRST_STEP, start + FIRST_STEP)
     found = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
     return float(found.x), float(found.fun)
 

@@ -14,7 +14,7 @@ from calibration.wizard.verdict import Level, Line, Verdict, grade_line, reasons
 from drivers.errors import ConfigurationError
 from drivers.types import Array
 
-STEP = 1e-4  # m, difference for the derivative along the board's normal
+NORMAL_STEP = 1e-4  # m, difference for the derivative along the board's normal
 CAMERA = slice(6, 14)  # of cv2.projectPoints' Jacobian: focal lengths, centre, k1 k2 p1 p2
 
 
@@ -85,10 +85,10 @@ def _linearise(view: BoardView, lens: Lens) -> tuple[Array, Array, Array, Array]
     board = np.asarray(view.board, dtype=np.float64)
     _, turn, shift = cv2.solvePnP(board, view.image, lens.matrix, lens.distortion)
     seen, slopes = cv2.projectPoints(board, turn, shift, lens.matrix, lens.distortion)
-    raised = board + np.array([0.0, 0.0, STEP])
+    raised = board + np.array([0.0, 0.0, NORMAL_STEP])
     lifted, _ = cv2.projectPoints(raised, turn, shift, lens.matrix, lens.distortion)
     error = (np.asarray(view.image) - seen.reshape(-1, 2)).ravel()
-    height = (lifted - seen).reshape(-1, 1) / STEP
+    height = (lifted - seen).reshape(-1, 1) / NORMAL_STEP
     return error, slopes[:, CAMERA], slopes[:, :6], height
 
 
@@ -96,7 +96,7 @@ def _solution(by: Array, values: Array) -> Array:
     return np.asarray(np.linalg.lstsq(by, values, rcond=None)[0])
 
 
-SURE = 4.0  # sigma by which a bow must be seen
+SEEN_SIGMA = 4.0  # sigma by which a bow or a difference of the halves must be seen
 OFF_CENTRE = 0.15  # share of the image by which a principal point may lie off its centre
 NAN = float("nan")
 
@@ -187,7 +187,7 @@ def fit_views(views: Sequence[BoardView], size: tuple[int, int]) -> LensFit:
 def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
     """A board that is not flat, which makes the focal length wrong by percents and little else."""
     return reasons(
-        (found.height_mm > max(settings.bow_mm, SURE * found.sigma_mm),
+        (found.height_mm > max(settings.bow_mm, SEEN_SIGMA * found.sigma_mm),
          f"the board is bent by {found.height_mm:.1f} mm (+- {found.sigma_mm:.1f}), allowed "
          f"{settings.bow_mm:.1f} mm; glue it on glass or another flat and stiff plate")
     )  # fmt: skip
@@ -201,7 +201,7 @@ def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[
     """
     lens = fit.lens
     deviation = fit.focal_deviation / float(lens.matrix[0, 0])
-    allowed = max(settings.split, SURE * 2.0 * deviation)
+    allowed = max(settings.split, SEEN_SIGMA * 2.0 * deviation)
     off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
     return reasons(
         (fit.rms > settings.rms,
@@ -236,9 +236,7 @@ def _length_reasons(length: float | None, settings: BoardSettings) -> tuple[str,
 
 
 def _bend(one: Lens, other: Lens) -> float:
-    """Largest difference [px] between two lenses over the image, after the best
-    plane homography.
-    """
+    """Largest difference [px] of two lenses over the image, after the best plane homography."""
     u, v = np.meshgrid(np.linspace(0.02, 0.98, 12), np.linspace(0.02, 0.98, 8))
     pixels = np.column_stack([u.ravel(), v.ravel()]) * (one.width, one.height)
     here, there = one.undistort(pixels), other.undistort(pixels)

@@ -38,9 +38,7 @@ def views_picture(image: Image, views: Iterable[BoardView], per_view: Mapping[in
 def touches_picture(
     image: Image, touches: Sequence[Touched], lens: Lens, verdict: TouchVerdict
 ) -> Image:
-    """`image` (h, w, 3) with every touched point and its error, `ENLARGED` times; outliers are
-    crossed.
-    """
+    """`image` (h, w, 3) with each touched point, its error `ENLARGED` times, outliers crossed."""
     drawn = _dim(image)
     off = {point.number for point in verdict.rejected}
     replaced = {point.number for point in verdict.wild}

@@ -16,15 +16,16 @@ from calibration.wizard.latency import LatencySettings
 from calibration.wizard.news import News, TouchNews, ViewNews, Watcher, nobody
 from calibration.wizard.touches import TouchSettings
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
+from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
 from drivers.pictures import read_picture
 from drivers.settings import Settings, load, parse, read_json
 from drivers.types import Image
 
-MEASURED = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
+LARGEST_LOG = 32 * MEGABYTE  # of told.jsonl and latency.json; a session writes less than one
 SIDE = 16_384  # px
 SESSION, ROWS, VERDICT, IMAGES = "session.yaml", "told.jsonl", "verdict.yaml", "images"
 LATENCY, PICTURE = "latency.json", "picture.png"
+MAKE_ROOM = "make room"  # what an operator does whose disk is full
 FAST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 Kind = Literal["camera", "homography"]
 Side = Annotated[int, Field(gt=0, le=SIDE)]
@@ -112,7 +113,7 @@ class SessionFolder:
         if isinstance(news, TouchNews) and news.steps is not None:
             seen = [(step.stamp, *step.pixel.tolist()) for step in news.steps.seen]
             content = {"arm": news.steps.arm.tolist(), "seen": seen}
-            _write(self.folder / LATENCY, (json.dumps(content) + "\n").encode())
+            write_file(self.folder / LATENCY, json.dumps(content) + "\n", MAKE_ROOM)
         elif isinstance(news, TouchNews) and news.dropped is not None:
             self.add(Row(number=news.dropped.number, again=news.dropped.again, dropped=True))
         elif news.frame is not None and (row := _row(news)) is not None:
@@ -131,7 +132,7 @@ class SessionFolder:
             write_image(self.folder / name, image)
             row = row.model_copy(update={"image": name})
         line = row.model_dump_json(exclude_defaults=True) + "\n"
-        with writing(self.folder / ROWS, "make room"):
+        with writing(self.folder / ROWS, MAKE_ROOM):
             append_line(self.folder / ROWS, line.encode())
 
 
@@ -170,9 +171,7 @@ def read_session(folder: Path, kind: Kind) -> Session:
 
 
 def session_to_resume(folder: Path, now: Session) -> Session:
-    """The session in `folder`, to go on with; a ConfigurationError where it was made otherwise than
-    the one of `now`.
-    """
+    """The session in `folder`; ConfigurationError if it was made otherwise than that of `now`."""
     begun = read_session(folder, now.kind)
     for key in ("camera", "image", "locks", "boards", "touches", "latency", "lens"):
         then, today = getattr(begun, key), getattr(now, key)
@@ -188,9 +187,9 @@ def _mend_rows(path: Path) -> None:
     """Remove a last line that is not whole, so that more can follow."""
     if not path.exists():
         return
-    text = read_text(path, MEASURED)
+    text = read_text(path, LARGEST_LOG)
     if not text.endswith("\n"):
-        _write(path, text[: text.rfind("\n") + 1].encode())
+        write_file(path, text[: text.rfind("\n") + 1], MAKE_ROOM)
 
 
 def read_rows(folder: Path) -> Iterator[Row]:
@@ -199,7 +198,7 @@ def read_rows(folder: Path) -> Iterator[Row]:
     Raises ConfigurationError for a file that cannot be read or a line that is not JSON.
     """
     path = folder / ROWS
-    lines = read_text(path, MEASURED).splitlines()
+    lines = read_text(path, LARGEST_LOG).splitlines()
     for number, line in enumerate(lines, start=1):
         try:
             content = json.loads(line)
@@ -260,7 +259,7 @@ def read_latency(folder: Path) -> Steps:
     path = folder / LATENCY
     if not path.exists():
         return Steps()
-    return parse(read_json(path, MEASURED), Steps, str(path))
+    return parse(read_json(path, LARGEST_LOG), Steps, str(path))
 
 
 def make_folder(folder: Path) -> None:
@@ -276,14 +275,9 @@ def write_image(path: Path, image: Image) -> None:
     made, content = cv2.imencode(".png", image, FAST)
     if not made:
         raise ConfigurationError(f"{path}: the picture cannot be written as PNG")
-    _write(path, content.tobytes())
+    write_file(path, content.tobytes(), MAKE_ROOM)
 
 
 def write_yaml(path: Path, content: Mapping[str, Any]) -> None:
     """Write `content`; a place that cannot be written is a ConfigurationError."""
-    _write(path, yaml.safe_dump(dict(content), sort_keys=False).encode())
-
-
-def _write(path: Path, content: bytes) -> None:
-    with writing(path, "make room"):
-        replace_file(path, content)
+    write_file(path, yaml.safe_dump(dict(content), sort_keys=False), MAKE_ROOM)

@@ -18,9 +18,9 @@ from drivers.types import Array
 
 NAN = float("nan")
 HALF = 6  # points from which half a map is still worth comparing
-STEP = 0.01  # m, over which the map's orientation is looked at
+ORIENTATION_STEP = 0.01  # m, over which the map's orientation is looked at
 SHIFT = 2.0  # an error e of x lengthens one layer and shortens the other: d is off by 2 e
-LEAST = 3  # points that decide
+FEWEST_POINTS = 3  # points that decide
 ANEW = "run `cell calibrate homography` again"
 
 
@@ -110,8 +110,8 @@ def check_verdict(
     errors = {touched.number: float(each) for touched, each in zip(touches, values, strict=True)}
     median = float(np.median(values)) if len(values) else NAN
     worst = float(values.max()) if len(values) else NAN
-    if len(values) < LEAST:
-        few = f"{len(values)} points were touched, at least {LEAST} must decide; touch more"
+    if len(values) < FEWEST_POINTS:
+        few = f"{len(values)} points were touched, at least {FEWEST_POINTS} must decide; touch more"
         return CheckVerdict(errors, median, worst, reasons=(few,))
     causes = tuple(_shift(off, settings)) or reasons(
         (worst > settings.worst_mm,
@@ -157,8 +157,8 @@ def check_lines(verdict: CheckVerdict) -> tuple[Line, ...]:
 
 
 def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
-    """A shift that all errors `off` (n, 2) [mm] share by more than a good map's error, and by more
-    than they differ: that is no loose pointer.
+    """A shift that all errors `off` (n, 2) [mm] share: larger than a good map's error and than
+    their differences, so that it is no loose pointer.
     """
     shared = np.median(off, axis=0)
     apart = float(np.hypot(*(off - shared).T).max())
@@ -173,7 +173,9 @@ def _shift(off: Array, settings: TouchSettings) -> Iterator[str]:
 def _causes(touches: Sequence[Touched], solved: Solved, settings: TouchSettings) -> tuple[str, ...]:
     """What explains bad touches as a whole: a mirrored plane, or a camera that moved among them."""
     middle = np.mean([touched.place for touched in touches], axis=0)
-    around = solved.homography.to_image(middle + STEP * np.array([(0, 0), (1, 0), (0, 1)]))
+    around = solved.homography.to_image(
+        middle + ORIENTATION_STEP * np.array([(0, 0), (1, 0), (0, 1)])
+    )
     if np.linalg.det(around[1:] - around[0]) >= 0:
         return (
             "the touches are mirrored: x, z of the arm run in the image as seen from behind the "
@@ -237,8 +239,8 @@ def _map_reasons(verdict: TouchVerdict, settings: TouchSettings) -> tuple[str, .
     """Defects of the map's numbers."""
     rejected = "; ".join(str(point) for point in verdict.rejected)
     return reasons(
-        (verdict.held_out < LEAST,
-         f"{verdict.held_out} held-out points, at least {LEAST} must decide; touch more"),
+        (verdict.held_out < FEWEST_POINTS,
+         f"{verdict.held_out} held-out points, at least {FEWEST_POINTS} must decide; touch more"),
         (verdict.worst_mm > settings.worst_mm,
          f"a held-out point is {verdict.worst_mm:.2f} mm off, allowed {settings.worst_mm:.2f}; "
          "check that the pointer is tight and the camera has not moved"),

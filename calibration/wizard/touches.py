@@ -177,10 +177,10 @@ def suspects(touches: Sequence[Touched], lens: Lens, settings: TouchSettings) ->
     return tuple(sorted(p.number for p in solved.off))
 
 
-FEWEST = 3  # touches on either side of a move
+FEWEST_TOUCHES = 3  # touches on either side of a move
 SCALE = 0.3  # px, from where a touch counts less: it may be wild
 MAD = 1.4826  # sigma over the median of deviations
-SURE = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
+MOVE_SIGMA = 3.8  # sigma by which a move must be seen: the slow tests of `test_causes.py`
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ def camera_move(
     ordered = sorted(touches, key=lambda touched: (touched.again, touched.number))
     places = np.array([touched.place for touched in ordered])
     pixels = lens.undistort(np.array([touched.pixel for touched in ordered]))
-    moments = range(FEWEST, len(ordered) - FEWEST + 1)
+    moments = range(FEWEST_TOUCHES, len(ordered) - FEWEST_TOUCHES + 1)
     if not moments:
         return None
     start = _start(homography, places)
@@ -215,7 +215,7 @@ def camera_move(
     across = homography.to_plane(np.array([middle, middle + shift]))
     shift_mm = 1e3 * float(np.hypot(*(across[1] - across[0])))
     size = float(np.hypot(*shift))
-    if shift_mm < least_mm or size < SURE * sigma or not np.isfinite(fit):
+    if shift_mm < least_mm or size < MOVE_SIGMA * sigma or not np.isfinite(fit):
         return None
     return Move(ordered[moment - 1].number, shift_mm, 1e3 * size / float(lens.matrix[0, 0]))
 

@@ -61,7 +61,7 @@ def predict_arm(
     settings: CellFile, strip: StripFile, trace: Array, end: float | None
 ) -> ArmPrediction:
     """For a strip carried along `trace` (k, 2) [m] from take-over to touch, laid at `end` [m]."""
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     path, speeds = fold_poses(settings, strip, trace, end)
     clearance = float(desk_clearance(dense(path, speeds)[0], strip.length).min())
     return ArmPrediction(plan_reach(installation, path, speeds), clearance)
@@ -75,7 +75,7 @@ def fold_poses(
     The strip is carried along `trace` (k, 2) [m] from take-over to touch, and laid at `end` [m].
     """
     carry = _sparse(np.concatenate([[(strip.length, 0.0)], trace]))
-    limits = settings.fci.installed(settings.installation).limits
+    limits = settings.fci.limit(settings.installation).limits
     home = settings.twin.arm.home_height
     return whole_path(strip.length, home, settings.fold, limits, carry, end)
 

@@ -14,7 +14,7 @@ def at_speed(settings: CellFile, speed: float | None) -> CellFile:
     return settings.model_copy(update={"fold": parse(content, FoldSettings, "fold")})
 
 
-def suited(settings: CellFile, choice: DeviceSelection) -> CellFile:
+def suit_to_arm(settings: CellFile, choice: DeviceSelection) -> CellFile:
     """The cell's settings with the limits of its arm, and the start of measured time that suits it.
 
     Unless `fold.start` states it: the in-process arm follows the lift as planned, so that a model
@@ -24,7 +24,7 @@ def suited(settings: CellFile, choice: DeviceSelection) -> CellFile:
     is_robot = choice.arm_driver(settings).real
     changes: dict[str, object] = {}
     if is_robot:
-        changes["installation"] = settings.fci.installed(settings.installation)
+        changes["installation"] = settings.fci.limit(settings.installation)
     if settings.fold.start is None:
         start = "hanging" if is_robot else "flat"
         changes["fold"] = settings.fold.model_copy(update={"start": start})

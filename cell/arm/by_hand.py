@@ -9,7 +9,7 @@ from cell.devices.devices import DeviceSelection
 from cell.devices.open import check_drivers, open_cell
 from cell.orchestrator.context import ManualContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.steps import Motion, move, open_hand
@@ -31,13 +31,13 @@ def by_hand(
     interrupted: Asked = lambda: False,
     strip: StripFile = NO_STRIP,
 ) -> Outcome:
-    """Open the cell, do one `motion`, and let go; raises CellError for what is wrong before it."""
+    """Open the cell, carry out one `motion`, and close it; CellError for what is wrong before."""
     devices = open_cell(settings, strip, choice, calibrating=False)
     try:
         devices.arm.connect()
         devices.camera.connect()
         context = ManualContext(settings.controller, motion)
-        return Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+        return Run(devices, context, Record(), interrupted=interrupted).execute()
     finally:
         devices.close()
 
@@ -57,7 +57,7 @@ def to(pose: Pose) -> Callable[[Snapshot], Motion]:
     return lambda _: move(pose)
 
 
-def opened(_: Snapshot) -> Motion:
+def open_fingers(_: Snapshot) -> Motion:
     """Open the fingers."""
     return open_hand()
 
@@ -86,7 +86,7 @@ def home_joints(settings: CellFile, strip: StripFile) -> tuple[float, ...]:
     check_drivers(settings, DeviceSelection(arm="fci"))
     from cell.devices.fci import start_joints
 
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     return start_joints(installation, settings.fold, strip.length, home)
 

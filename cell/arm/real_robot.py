@@ -8,12 +8,12 @@ from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
 from drivers.limits import MotionLimits
 
-SLOW = 0.1  # share of the speed of first runs
+FIRST_RUN_SPEED = 0.1  # share of the speed of first runs
 LONGEST = {"duration": 900.0, "state_duration": 300.0}  # s, that a slow run may be given
 
 
 def is_real(settings: CellFile, choice: DeviceSelection) -> bool:
-    """Whether the arm that is chosen is a robot of flesh and steel: not on this machine."""
+    """Whether the chosen arm is a physical robot, not one emulated on this machine."""
     address = settings.fci.address
     if not choice.arm_driver(settings).real or address is None:
         return False
@@ -39,21 +39,21 @@ def confirm(settings: CellFile, ask: Callable[[str], str]) -> None:
         )
 
 
-def slowed(settings: CellFile, share: float = SLOW) -> CellFile:
-    """The cell with all speeds at a `share`, and the time that a run then needs."""
+def slow_down(settings: CellFile) -> CellFile:
+    """The cell with all speeds at FIRST_RUN_SPEED, and the time that a run then needs."""
     fold = settings.fold.model_copy(
         update={
-            "speed": max(share * settings.fold.speed, 0.005),
-            "lay_speed": max(share * settings.fold.lay_speed, 0.005),
+            "speed": max(FIRST_RUN_SPEED * settings.fold.speed, 0.005),
+            "lay_speed": max(FIRST_RUN_SPEED * settings.fold.lay_speed, 0.005),
         }
     )
     axes = {
-        name: axis.model_copy(update={"velocity": share * axis.velocity})
+        name: axis.model_copy(update={"velocity": FIRST_RUN_SPEED * axis.velocity})
         for name, axis in zip(("x", "z", "pitch"), settings.installation.limits.axes, strict=True)
     }
     installation = settings.installation.model_copy(update={"limits": MotionLimits(**axes)})
     times = {
-        name: min(getattr(settings.monitors, name) / share, longest)
+        name: min(getattr(settings.monitors, name) / FIRST_RUN_SPEED, longest)
         for name, longest in LONGEST.items()
     }
     monitors = settings.monitors.model_copy(update=times)

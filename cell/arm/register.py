@@ -17,9 +17,9 @@ POINTS = (
     "the middle of the strip's other edge, on the desk",
     "a point of the desk beside the strip, at least 0.1 m from it",
 )
-LEVEL = np.radians(0.5)  # rad that the desk may be tilted
+MOST_TILT = np.radians(0.5)  # rad that the desk may be tilted
 STRETCH = 0.005  # m between the length touched and the strip's own
-BESIDE = 0.1  # m, at least, of the third point from the line of the first two
+OFF_LINE = 0.1  # m, at least, of the third point from the line of the first two
 LINE = re.compile(r"^(?P<indent>\s*)mounting:[ \t]*\{[^}]*\}[^\n]*$", re.MULTILINE)
 
 
@@ -37,16 +37,16 @@ def mounting_from(points: Array, length: float) -> Mounting:
             f"{1e3 * length:.1f} mm long; allowed: {1e3 * STRETCH:.0f} mm; touch both edges again"
         )
     normal = np.cross(along, beside - fixed)
-    if float(np.linalg.norm(normal)) < BESIDE * distance:
+    if float(np.linalg.norm(normal)) < OFF_LINE * distance:
         raise CellError(
-            f"register: the third point is too near the strip; allowed: at least {BESIDE:.1f} m "
+            f"register: the third point is too near the strip; allowed: at least {OFF_LINE:.1f} m "
             "beside it; touch it again"
         )
     tilt = float(np.arccos(np.clip(abs(normal[2]) / np.linalg.norm(normal), 0.0, 1.0)))
-    if tilt > LEVEL:
+    if tilt > MOST_TILT:
         raise CellError(
             f"register: the desk is tilted by {np.degrees(tilt):.2f} deg to the robot's base, "
-            f"allowed {np.degrees(LEVEL):.1f} deg; level the desk or the robot"
+            f"allowed {np.degrees(MOST_TILT):.1f} deg; level the desk or the robot"
         )
     x, y, z = fixed.tolist()
     yaw = float(np.arctan2(along[1], along[0]))

@@ -78,9 +78,7 @@ def calibrate_now(settings: CellFile, interrupted: Callable[[], bool]) -> Calibr
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """Hold a lock while the file at `path` is made, so that other processes wait for it, where
-    locks exist.
-    """
+    """Hold a lock while the file at `path` is made, where locks exist; other processes wait."""
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)

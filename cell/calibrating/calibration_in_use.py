@@ -7,7 +7,7 @@ from typing import Any
 from calibration.calibration import Calibration
 from cell.devices.devices import Devices
 from drivers.errors import ConfigurationError, PreflightRefused
-from drivers.files import read_text, replace_file, writing
+from drivers.files import read_text, write_file
 from drivers.settings import read_yaml
 from drivers.yaml_edit import edit_text
 
@@ -52,8 +52,7 @@ def use_calibration(cell_file: Path, calibration: Path) -> None:
     """
     content = {**read_yaml(cell_file), "calibration": str(calibration.resolve())}
     text = edit_text(read_text(cell_file), content)
-    with writing(cell_file, f"write `calibration: {calibration.resolve()}` into it by hand"):
-        replace_file(cell_file, text.encode())
+    write_file(cell_file, text, f"write `calibration: {calibration.resolve()}` into it by hand")
 
 
 def check_current(
@@ -78,7 +77,7 @@ def check_current(
 
 
 def _check_plausible(calibration: Calibration) -> None:
-    """Refuse numbers that no wizard gives: whoever wrote them, nothing is to move by them."""
+    """Refuse numbers that no wizard gives, so that nothing moves by them, whoever wrote them."""
     for key, value, (low, high), unit in (
         ("latency", calibration.latency, LATENCY, "s"),
         ("residual_mm", calibration.residual_mm, RESIDUAL, "mm"),

@@ -45,7 +45,7 @@ from cell.devices.devices import Devices
 from cell.orchestrator.context import CalibrationContext
 from cell.orchestrator.interrupt import Interrupted
 from cell.orchestrator.operator import Operator
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from drivers.errors import CellError, ConfigurationError, Fault
 from drivers.settings import Settings, load
@@ -182,7 +182,7 @@ def touch(devices: Devices, context: CalibrationContext, interrupted: Callable[[
     """Run the calibration of `context`; raises Interrupted and Fault where it was stopped."""
     try:
         devices.connect()
-        outcome = Run(devices, context, NullRecorder(), interrupted=interrupted).execute()
+        outcome = Run(devices, context, Record(), interrupted=interrupted).execute()
     finally:
         devices.close()
     if outcome.exit_code == Interrupted.exit_code:

@@ -12,14 +12,12 @@ from typing import TextIO
 from cell.devices.devices import CalibrationAids, Devices
 from cell.orchestrator.operator import Answer, Ask, Operator, Question, Unattended
 
-END = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
+CTRL_D = "\x04"  # Ctrl-D, which a terminal that sends single keys passes on as a character
 ENTER = "\n"
 
 
 class Keys:
-    """Keys typed at `stream`: single ones at a terminal within `single_keys`, otherwise the text of
-    each line.
-    """
+    """Keys typed at `stream`: single ones within `single_keys` at a terminal, else whole lines."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -76,8 +74,8 @@ def _is_single(number: int) -> bool:
 
 
 def _key(text: str) -> str:
-    if text in {"", END}:
-        return END
+    if text in {"", CTRL_D}:
+        return CTRL_D
     return text.strip().lower() or ENTER
 
 
@@ -135,7 +133,7 @@ class Keyboard:
             key = self._keys.read(GLANCE if self._waits else 0.0)
             if key is None and not self._waits:
                 return None
-            if key in {END, "a"}:
+            if key in {CTRL_D, "a"}:
                 self._alone = True
                 self._prompt("")
                 return Answer.GO

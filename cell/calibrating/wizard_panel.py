@@ -1,7 +1,6 @@
 """Terminal view of a calibration: what to do next, why, and the coverage."""
 
 from collections.abc import Iterable, Sequence
-from types import TracebackType
 from typing import Self
 
 import cv2
@@ -45,12 +44,7 @@ class WizardPanel:
             self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Stop, leaving the last view visible, without a question."""
         if self._live is not None:
             self.ask("")
@@ -138,9 +132,7 @@ def sketch_text(sketch: Sketch) -> Text:
 
 
 def _dots(corners: Array | None, scale: Array) -> NDArray[np.intp]:
-    """Braille characters (rows, columns) of the closed line through `corners` (4, 2) [px], times
-    `scale`.
-    """
+    """Braille characters (rows, columns) of the line through `scale` times `corners` (4, 2)."""
     columns, rows = SKETCH
     picture = np.zeros((4 * rows, 2 * columns), np.uint8)
     if corners is not None:

@@ -44,7 +44,7 @@ class Cluster:
     address: str
     limit: float | None = None
 
-    def measured(
+    def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """The records of `parts` as they finish, through deaths of workers and scheduler.
@@ -105,11 +105,7 @@ def connect(address: str, patience: float) -> Iterator["Client"]:
 
 
 def _shift(
-    client: "Client",
-    parts: list[Part],
-    folder: Path,
-    here: Mapping[str, str],
-    limit: float | None,
+    client: "Client", parts: list[Part], folder: Path, here: Mapping[str, str], limit: float | None
 ) -> Iterator[Record]:
     """Records until all parts have one or the scheduler is gone; one part a thread at a time."""
     from distributed import wait

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from drivers.errors import ConfigurationError
 from drivers.files import MEGABYTE, read_bytes, replace_file, writing
 
-LARGEST = 16 * MEGABYTE  # of one record
+LARGEST_RECORD = 16 * MEGABYTE  # of one record
 State = Literal["measured", "failed", "set_aside"]
 
 
@@ -90,7 +90,7 @@ class Journal:
 
 def _read(path: Path) -> Record | None:
     try:
-        return Record.model_validate_json(read_bytes(path, LARGEST))
+        return Record.model_validate_json(read_bytes(path, LARGEST_RECORD))
     except (OSError, ValidationError, ConfigurationError):
         return None
 

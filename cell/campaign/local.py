@@ -24,7 +24,7 @@ class Local:
     jobs: int = 1
     limit: float | None = None
 
-    def measured(
+    def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """The records of `parts` as they finish. Raises CellError where none can be stored."""
@@ -53,11 +53,7 @@ class Crew:
         self._busy: list[Task] = []
 
     def records(
-        self,
-        parts: Sequence[Part],
-        folder: Path,
-        versions: Mapping[str, str],
-        limit: float | None,
+        self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str], limit: float | None
     ) -> Iterator[Record]:
         """The record of every part, in the order in which they finish.
 

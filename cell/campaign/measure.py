@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 from pydantic_core import to_json
 
 from cell.campaign.journal import Cost, Journal, Record
@@ -53,7 +54,7 @@ def measure(
     return record
 
 
-def plain(outcome: Mapping[str, Any]) -> dict[str, Any]:
+def plain(outcome: Mapping[str, Any] | BaseModel) -> dict[str, Any]:
     """`outcome` as JSON holds it; a number that is not finite becomes None."""
     content = to_json(dict(outcome), inf_nan_mode="null", fallback=lambda value: value.tolist())
     found: dict[str, Any] = json.loads(content)

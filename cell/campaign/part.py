@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from pydantic import BaseModel
+
 
 class Part(Protocol):
     """One measurement; the same part gives the same outcome. It can be pickled."""
@@ -10,18 +12,14 @@ class Part(Protocol):
     @property
     def key(self) -> str:
         """Unique name among the parts."""
-        ...
 
     @property
     def of(self) -> str:
         """Digest of the code and files that the outcome depends on."""
-        ...
 
     @property
     def cost(self) -> float:
         """Estimated time on one core [s]."""
-        ...
 
-    def measure(self) -> Mapping[str, Any]:
-        """Its outcome, plain JSON; raises CellError where there is none."""
-        ...
+    def measure(self) -> Mapping[str, Any] | BaseModel:
+        """Its outcome, which JSON can hold; raises CellError where there is none."""

@@ -27,7 +27,7 @@ class Quiet:
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Nothing."""
 
-    def finished(self, part: Part, record: Record) -> None:
+    def finish(self, part: Part, record: Record) -> None:
         """Nothing."""
 
 
@@ -61,7 +61,7 @@ class Meter:
             self._bar.update(self._task, completed=self._known)
             self._bar.start()
 
-    def finished(self, part: Part, record: Record) -> None:
+    def finish(self, part: Part, record: Record) -> None:
         """Advance."""
         self._done += 1
         self._failed += record.state != "measured"

@@ -13,11 +13,10 @@ from drivers.files import writing
 class Engine(Protocol):
     """Measures parts somewhere."""
 
-    def measured(
+    def measure(
         self, parts: Sequence[Part], folder: Path, versions: Mapping[str, str]
     ) -> Iterator[Record]:
         """The records of `parts` as they finish, each stored in the journal at `folder`."""
-        ...
 
 
 class Watcher(Protocol):
@@ -25,20 +24,13 @@ class Watcher(Protocol):
 
     def begin(self, parts: Sequence[Part], known: Sequence[Part]) -> None:
         """Called first: `parts` are wanted, of which `known` are done."""
-        ...
 
-    def finished(self, part: Part, record: Record) -> None:
+    def finish(self, part: Part, record: Record) -> None:
         """Called after each part."""
-        ...
 
 
 def carry_out(
-    parts: Sequence[Part],
-    folder: Path,
-    engine: Engine,
-    watcher: Watcher,
-    *,
-    again: bool = False,
+    parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[Part, Record]]:
     """Every part with its record: the done ones of the journal at `folder`, then the others as
     they finish; `again` measures all of them anew.
@@ -58,9 +50,9 @@ def carry_out(
     if not left:
         return
     make_folder(folder)
-    for record in engine.measured(left, folder, versions()):
+    for record in engine.measure(left, folder, versions()):
         part = wanted[record.key, record.of]
-        watcher.finished(part, record)
+        watcher.finish(part, record)
         yield part, record
 
 

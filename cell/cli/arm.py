@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Arm, Configs, check_names, length_option
+from cell.cli.options import Arm, Configs, ask, check_names, length_option
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -38,7 +38,7 @@ def home(
     from cell.config.places import find_configs
 
     found = find_configs(configs)
-    settings, choice = _allowed(found.cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(found.cell(), arm, full_speed)
     lying = found.strip(strip)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
@@ -57,7 +57,7 @@ def park(
     from cell.calibrating.calibrate import NO_STRIP
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
     if _at_address(settings, choice):
         share = 1.0 if full_speed else 0.1
         by_hand.go_joints(settings, by_hand.PARKED, share, recover=recover)
@@ -67,14 +67,8 @@ def park(
 
 
 def jog(
-    x: Annotated[
-        float,
-        length_option("--x", "Along the strip, as 20mm [mm].", "mm"),
-    ] = 0.0,
-    z: Annotated[
-        float,
-        length_option("--z", "Up, as 20mm [mm].", "mm"),
-    ] = 0.0,
+    x: Annotated[float, length_option("--x", "Along the strip, as 20mm [mm].", "mm")] = 0.0,
+    z: Annotated[float, length_option("--z", "Up, as 20mm [mm].", "mm")] = 0.0,
     pitch: Annotated[float, typer.Option(help="Turn [deg].")] = 0.0,
     arm: Arm = None,
     full_speed: Quick = False,
@@ -84,7 +78,7 @@ def jog(
     from cell.arm import by_hand
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed)
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed)
     motion = by_hand.jog(x, z, radians(pitch))
     _end(by_hand.by_hand(settings, choice, motion))
 
@@ -94,8 +88,8 @@ def open_hand(arm: Arm = None, configs: Configs = None) -> None:
     from cell.arm import by_hand
     from cell.config.places import find_configs
 
-    settings, choice = _allowed(find_configs(configs).cell(), arm, full_speed=False)
-    _end(by_hand.by_hand(settings, choice, by_hand.opened))
+    settings, choice = _agree_to_motion(find_configs(configs).cell(), arm, full_speed=False)
+    _end(by_hand.by_hand(settings, choice, by_hand.open_fingers))
 
 
 def register(strip: Strip = "denim", configs: Configs = None) -> None:
@@ -113,35 +107,29 @@ def register(strip: Strip = "denim", configs: Configs = None) -> None:
 
     touched = []
     for number, point in enumerate(POINTS, start=1):
-        _ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
+        ask(f"{number} of 3: guide the finger tips to {point}, then press Enter: ")
         touched.append(hand_pose(task)[12:15])
     mounting = mounting_from(np.array(touched), lying.length)
     path = write_mounting(found, mounting)
     sys.stdout.write(f"registered: {mounting}\n  {path}; the old mounting stands beside it\n")
 
 
-def _allowed(
+def _agree_to_motion(
     settings: "CellFile", arm: str | None, full_speed: bool
 ) -> "tuple[CellFile, DeviceSelection]":
     """Settings and selection, once the operator has agreed to the motion of a real robot."""
-    from cell.arm.real_robot import confirm, is_real, slowed
+    from cell.arm.real_robot import confirm, is_real, slow_down
     from cell.devices.devices import DeviceSelection
 
     choice = DeviceSelection(arm=arm)
     if not is_real(settings, choice):
         return settings, choice
-    confirm(settings, _ask)
-    return (settings if full_speed else slowed(settings)), choice
+    confirm(settings, ask)
+    return (settings if full_speed else slow_down(settings)), choice
 
 
 def _at_address(settings: "CellFile", choice: "DeviceSelection") -> bool:
     return choice.arm_driver(settings).real and settings.fci.address is not None
-
-
-def _ask(question: str) -> str:
-    sys.stderr.write(question)
-    sys.stderr.flush()
-    return sys.stdin.readline()
 
 
 def _end(outcome: "Outcome") -> None:

@@ -1,16 +1,14 @@
 """`cell benchmark`."""
 
-import json
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Configs, Json, engine
+from cell.cli.options import Cluster, Configs, Json, engine, print_json, resumable
 from cell.cli.table import wide_console
 
-INTERRUPTED = 130  # exit code
 LIMIT = 7200.0  # s of a part
 
 
@@ -59,21 +57,14 @@ def benchmark(
     spec = BenchmarkSpec.of(found, split(policies), split(strips), repeat, seed, quick=quick)
     by = engine(jobs, cluster, LIMIT)
     place = runs or out / "runs"
-    try:
-        with Meter(Console(stderr=True), summarise) as meter:
-            results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
-    except KeyboardInterrupt:
-        _end_interrupted(out)
+    with resumable(out), Meter(Console(stderr=True), summarise) as meter:
+        results = measure(spec, found, out, place, engine=by, again=again, watcher=meter)
     page = write_results(results, out)
     if picture is not None:
         write_main_picture(results, picture)
     if as_json:
-        sys.stdout.write("".join(json.dumps(line) + "\n" for line in lines(results)))
+        for line in lines(results):
+            print_json(line)
         return
     show(results, wide_console())
     sys.stdout.write(f"  {page}\n")
-
-
-def _end_interrupted(out: Path) -> NoReturn:
-    sys.stderr.write(f"interrupted; what is finished is kept in {out}: the same command goes on\n")
-    sys.exit(INTERRUPTED)

@@ -1,14 +1,12 @@
 """`cell calibrate`: the twin's own calibration, and the wizards `camera`, `homography`, `check`."""
 
-import json
-import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Arm, Camera, Configs, Json, length_parser
+from cell.cli.options import Arm, Camera, Configs, Json, length_parser, print_json
 from cell.cli.wizard_sitting import WizardViz, sitting, terminal
 
 if TYPE_CHECKING:
@@ -121,7 +119,7 @@ def calibrate_camera(
             at.say(lens_lines(verdict))
     page = None if again and out is None else _page(folder)
     if as_json:
-        _print_json(_lens_facts(verdict) | {"folder": str(folder)})
+        print_json(_lens_facts(verdict) | {"folder": str(folder)})
     else:
         _print_lines(lens_lines(verdict))
         sys.stdout.write(f"  {page or folder}\n")
@@ -183,7 +181,7 @@ def calibrate_homography(
     page = None if found.folder is None else _page(found.folder)
     in_use = _use(configs, found, again) if use else None
     if as_json:
-        _print_json(_touch_facts(found))
+        print_json(_touch_facts(found))
     else:
         _print_touches(found, settings.fold.speed, in_use, page)
     sys.exit(0 if found.calibration is not None else 1)
@@ -192,8 +190,7 @@ def calibrate_homography(
 @calibrate.command(name="check")
 def calibrate_check(
     file: Annotated[
-        Path | None,
-        typer.Argument(help="calibration.yaml [default: the one that folds use]."),
+        Path | None, typer.Argument(help="calibration.yaml [default: the one that folds use].")
     ] = None,
     arm: Arm = None,
     camera: Camera = None,
@@ -219,7 +216,7 @@ def calibrate_check(
         errors = {str(number): error for number, error in verdict.errors_mm.items()}
         facts = {"calibration": calibration.id, "passed": verdict.passed, "errors_mm": errors}
         worst = {"median_mm": verdict.median_mm, "worst_mm": verdict.worst_mm}
-        _print_json(facts | worst | {"reasons": list(verdict.reasons)})
+        print_json(facts | worst | {"reasons": list(verdict.reasons)})
     else:
         _print_lines(check_lines(verdict))
     sys.exit(0 if verdict.passed else 1)
@@ -242,9 +239,7 @@ def _ruler(text: str) -> float:
 
 
 def _session_folder(out: Path | None, resume: Path | None, cell: str, kind: str) -> Path:
-    """The folder given by --resume or --out, or a new one named by time; an existing --out is
-    refused.
-    """
+    """The folder of --resume or --out, or a new one named by time; refuses an existing --out."""
     from datetime import UTC, datetime
 
     from drivers.errors import ConfigurationError
@@ -361,15 +356,6 @@ def _touch_facts(found: "TouchSession") -> dict[str, Any]:
         "reasons": list(refusals(found.touches, found.latency)),
         "folder": None if found.folder is None else str(found.folder),
     }
-
-
-def _print_json(facts: dict[str, Any]) -> None:
-    """One line of JSON, in which a number that is not finite is null."""
-    finite = {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in facts.items()
-    }
-    sys.stdout.write(json.dumps(finite) + "\n")
 
 
 def _print_lines(lines: "Iterable[Line]") -> None:

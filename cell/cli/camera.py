@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, print_json
 
 if TYPE_CHECKING:
     from cell.devices.camera_check import Grab
@@ -63,7 +63,7 @@ def _grab(settings: "V4l2Settings", path: Path, *, as_json: bool) -> None:
     taken = grab(settings)
     save(taken.frame, path)
     if as_json:
-        sys.stdout.write(json.dumps({"file": str(path), **_grab_line(taken)}) + "\n")
+        print_json({"file": path, **_grab_line(taken)})
         return
     counts, picture = taken.counts, taken.setup.picture
     locks = ", ".join(f"{name} {value}" for name, value in taken.setup.locks.items()) or "nothing"
@@ -98,7 +98,7 @@ def _tell_all(found: "Iterator[CameraReport | UnusableDevice]", *, as_json: bool
     for entry in found:
         count += 1
         if as_json:
-            sys.stdout.write(json.dumps(_line(entry)) + "\n")
+            print_json(_line(entry))
         elif isinstance(entry, UnusableDevice):
             sys.stdout.write(f"{entry.problem}\n")
         else:

@@ -14,10 +14,12 @@ from cell.cli.options import (
     Configs,
     Json,
     Runs,
+    ask,
     busy,
     check_names,
     length_option,
     policy_names,
+    print_json,
     strip_names,
 )
 from drivers.errors import CellError
@@ -77,8 +79,7 @@ Length = Annotated[
     length_option("--length", "Length of a strip that has no file, as 600mm or 0.6 [m]."),
 ]
 Thickness = Annotated[
-    float | None,
-    length_option("--thickness", "Its thickness, where calipers are at hand [m]."),
+    float | None, length_option("--thickness", "Its thickness, where calipers are at hand [m].")
 ]
 Plants = Annotated[
     list[Path] | None, typer.Option(help="Strip file that lies on the twin's desk; repeatable.")
@@ -89,8 +90,7 @@ Specimen = Annotated[
     str | None, typer.Option(help="Name of this piece of fabric, for what the cell learns.")
 ]
 Learning = Annotated[
-    str | None,
-    typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by."),
+    str | None, typer.Option(help="Learn from the fold: on, off, auto, or a length to correct by.")
 ]
 Until = Annotated[
     str | None,
@@ -139,13 +139,13 @@ def fold(
     """Fold a strip in half and say how well it went."""
     check_names(configs, strip, policy)
     from cell.devices.devices import DeviceSelection
-    from cell.folding.batch import checked, doubts_about, requests
+    from cell.folding.batch import check_requests, doubts_about, requests
     from cell.folding.correct import with_correction
     from cell.folding.fold import Request
 
     choice = DeviceSelection(arm, camera, None, seed)
     base = Request(
-        strip=_named(strip, length, thickness),
+        strip=_name_strip(strip, length, thickness),
         policy=policy,
         checkpoint=checkpoint,
         choice=choice,
@@ -159,7 +159,7 @@ def fold(
         specimen=specimen,
     )
     base = with_correction(base, "on" if until is not None and learning is None else learning)
-    wanted = checked(requests(base, plant or [], repeat))
+    wanted = check_requests(requests(base, plant or [], repeat))
     for doubt in doubts_about(wanted):
         _remark(doubt)
     if dry_run:
@@ -169,7 +169,7 @@ def fold(
         sys.exit(_folded_until(wanted, until, as_json=as_json))
     if rehearse:
         sys.exit(_rehearse(base, as_json=as_json))
-    sys.exit(_folded(base, wanted, jobs, as_json=as_json))
+    sys.exit(_fold_each(base, wanted, jobs, as_json=as_json))
 
 
 def encoder_of(configs: Path | None, film: Film | None) -> "Encoder | None":
@@ -204,7 +204,9 @@ def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> 
     code = 1
     for request in wanted:
         made: list[FoldResult] = []
-        code = _folded(request, [with_correction(request, "on")], 1, made.append, as_json=as_json)
+        code = _fold_each(
+            request, [with_correction(request, "on")], 1, made.append, as_json=as_json
+        )
         if code > 1 or (code == 0 and _offset(made) <= close):
             return code
         following = with_correction(request, "on").correction.total
@@ -218,7 +220,7 @@ def _offset(made: "list[FoldResult]") -> float:
     return next((abs(value) for value in seen if value is not None), float("inf"))
 
 
-def _folded(
+def _fold_each(
     base: "Request",
     wanted: "Sequence[Request]",
     jobs: int,
@@ -240,7 +242,7 @@ def _folded(
     return code
 
 
-def _named(strip: str, length: float | None, thickness: float | None) -> str:
+def _name_strip(strip: str, length: float | None, thickness: float | None) -> str:
     """The strip as requests name it: one without a file by its length, and thickness if known."""
     from cell.config.unknown import NAME, name_of
     from drivers.errors import ConfigurationError
@@ -270,14 +272,8 @@ def _real(base: "Request") -> bool:
         refuse_red([*checks(configs, base.choice, base.runs, BRIEF)])
     if not real:
         return False
-    confirm(settings, _ask)
+    confirm(settings, ask)
     return True
-
-
-def _ask(question: str) -> str:
-    sys.stderr.write(question)
-    sys.stderr.flush()
-    return sys.stdin.readline()
 
 
 def _results(
@@ -301,7 +297,7 @@ def _results(
         return
     for number, request in enumerate(wanted):
         if real and number > 0:
-            _ask("Lay the strip again, flat and straight, then press Enter: ")
+            ask("Lay the strip again, flat and straight, then press Enter: ")
         with Interrupt() as interrupted, progress(quiet=quiet) as shown:
             calibration = calibration_of(settings, _remark, interrupted)
             try:
@@ -328,7 +324,7 @@ def _as_result(request: "Request", made: "FoldResult | CellError") -> "FoldResul
 
 def _tell(result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
+        print_json(result.line())
         if result.exit_code != 0:
             _remark(": ".join(filter(None, (result.run, result.outcome, result.reason))))
     elif result.run:

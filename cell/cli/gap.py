@@ -13,7 +13,7 @@ import typer
 from cell.cli.gap_exam import exam
 from cell.cli.gap_plan import near, plan
 from cell.cli.gap_rehearse import rehearse
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, print_json
 
 if TYPE_CHECKING:
     from cell.gap.verdict.schema import Verdict
@@ -64,7 +64,7 @@ def fit(
     configs: Configs = None,
     as_json: Json = False,
 ) -> None:
-    """Refit, localise, name, and judge on held-out runs; says so when it cannot tell."""
+    """Refit, localise, name, and judge on held-out runs; says so when it cannot decide."""
     file = _one_of(strip, model, configs, subject)
     from cell.gap.fit import fit as judge
     from cell.gap.report.overlay import write_overlay
@@ -105,16 +105,13 @@ def check(
     """
     from cell.gap.check import check as look
     from cell.gap.report.check_page import check_page
-    from cell.gap.verdict.schema import write_text
     from drivers.errors import ConfigurationError
-    from drivers.files import writing
+    from drivers.files import write_file
 
     file, cores = _one_of(strip, model, configs, subject), os.cpu_count() or 1
     found = look(runs, file, min(jobs or cores, cores))
-    with writing(f"--out {out}"):
-        out.mkdir(parents=True, exist_ok=True)
-    write_text(out / "check.json", found.to_json())
-    write_text(out / "check.html", check_page(found, file.stem))
+    write_file(out / "check.json", found.to_json())
+    write_file(out / "check.html", check_page(found, file.stem))
     if as_json:
         sys.stdout.write(found.to_json())
     else:
@@ -171,7 +168,7 @@ def undo(
 
 @gap.command()
 def advise(fitted: Fitted, as_json: Json = False) -> None:
-    """Say which experiment would tell most next."""
+    """Say which experiment would separate the explanations best."""
     from cell.gap.verdict.schema import read_verdict
 
     verdict = read_verdict(fitted / "verdict.json")
@@ -192,8 +189,8 @@ def advise(fitted: Fitted, as_json: Json = False) -> None:
 
 
 def _repeatability(fitted: Path, planned: float) -> Iterator[str]:
-    """By how much the runs differ for no reason, and whether less of it would tell more than the
-    best motion, which tells `planned` sigma.
+    """By how much the runs differ for no reason, and whether less of it would separate more than
+    the best motion, which separates by `planned` sigma.
     """
     from cell.gap.report.repeats import remedies
     from cell.gap.verdict.accept import RECORD
@@ -218,11 +215,11 @@ def _summary(verdict: "Verdict") -> Iterator[str]:
         )
         yield f"  {effect.name}: {values}; confidence {effect.confidence:.2f}"
     for names in verdict.ambiguous:
-        yield f"  cannot tell apart: {', '.join(names)}"
+        yield f"  alike in these runs: {', '.join(names)}"
     if verdict.unexplained is not None:
         yield f"  unexplained: {verdict.unexplained.description}"
     if verdict.effects and verdict.gap.before["excess"]:
-        beside = ", with one of each that cannot be told apart" if verdict.ambiguous else ""
+        beside = ", with one of each that are alike" if verdict.ambiguous else ""
         yield f"  the gap on held-out runs shrinks by {100 * verdict.gap.shrink:.0f} %{beside}"
     elif verdict.effects:
         yield "  the held-out runs showed no gap: it sits in the runs that were fitted"
@@ -282,8 +279,7 @@ def _cell_file(configs: Path | None) -> Path:
 
 def _tell(what: str, effects: tuple[str, ...], files: tuple[Path, ...], *, as_json: bool) -> None:
     if as_json:
-        facts = {what: list(effects), "files": [str(path) for path in files]}
-        sys.stdout.write(json.dumps(facts) + "\n")
+        print_json({what: effects, "files": files})
         return
     sys.stdout.write(f"{what}: {', '.join(effects)}\n")
     sys.stdout.writelines(f"  {path}\n" for path in files)

@@ -1,22 +1,18 @@
 """`cell gap exam`."""
 
-import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine
+from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
     from cell.exam.run_case import Steps
     from cell.exam.scoring.results import Entry
 
-INTERRUPTED = 130  # exit code
 LIMIT = 7200.0  # s of a case, runs through images included
 OUT_HELP = "Folder of keys, runs, verdicts, ledger [default: runs/exam-TIER-SEED]."
 
@@ -90,7 +86,7 @@ def exam(
     steps, console = _steps(make=only_make, judge=only_judge), Console(stderr=True)
     out, wide = out or Path("runs") / f"exam-{tier}-{seed}", min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
-    with _going_on(out), Meter(console, summarise, quiet=as_json) as meter:
+    with resumable(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
         wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
         entries = run_exam(
@@ -142,7 +138,7 @@ def _kept(place: Path) -> "tuple[Entry, ...]":
 def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     if as_json:
         for entry in entries:
-            sys.stdout.write(json.dumps(entry.model_dump(mode="json"), allow_nan=False) + "\n")
+            print_json(entry.model_dump(mode="json"))
         return
     from cell.exam.report.page import GOOD
 
@@ -150,18 +146,6 @@ def _tell(entries: "tuple[Entry, ...]", page: Path, *, as_json: bool) -> None:
     failed = sum(e.state == "failed" for e in entries)
     words = f"{good} of {len(entries)} right" + (f", {failed} without a verdict" if failed else "")
     sys.stdout.write(f"{words}: {page}\n")
-
-
-@contextmanager
-def _going_on(out: Path) -> Iterator[None]:
-    """Says where an exam that is interrupted goes on, and exits."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {out}: the same command goes on\n"
-        )
-        sys.exit(INTERRUPTED)
 
 
 def _line(done: int, total: int, said: str) -> None:

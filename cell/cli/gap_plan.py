@@ -1,13 +1,12 @@
 """`cell gap plan`."""
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names
+from cell.cli.options import Configs, Json, Strip, check_names, print_json
 
 if TYPE_CHECKING:
     from cell.folding.fold import Request
@@ -96,7 +95,7 @@ def _gave(result: "FoldResult") -> str:
 
 def _tell(i: int, of: int, request: "Request", result: "FoldResult", *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps(result.line(), allow_nan=False) + "\n")
+        print_json(result.line())
     else:
         from policies.experiments.standard import STANDARD
         from policies.registry import MOTION

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Configs, Json, engine
+from cell.cli.options import Cluster, Configs, Json, engine, resumable
 
-INTERRUPTED = 130  # exit code
 LIMIT = 3600.0  # s of a copy
 
 
@@ -45,12 +44,8 @@ def rehearse(
     wide = min(jobs, os.cpu_count() or 1)
     chosen = engine(wide, cluster, LIMIT)
     made = plan(runs, file, out, excess, empty, wide)
-    try:
-        with Meter(Console(stderr=True), line, quiet=as_json) as meter:
-            records = carry_out(made, out, chosen, meter)
-    except KeyboardInterrupt:
-        sys.stderr.write(f"interrupted; what is finished is kept in {out}\n")
-        sys.exit(INTERRUPTED)
+    with resumable(out), Meter(Console(stderr=True), line, quiet=as_json) as meter:
+        records = carry_out(made, out, chosen, meter)
     page = write_page(made, records, out)
     if as_json:
         sys.stdout.write((out / "rehearsal.json").read_text(encoding="utf-8") + "\n")

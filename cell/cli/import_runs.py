@@ -1,6 +1,5 @@
 """`cell import` and `cell export`: runs in the formats of other programs."""
 
-import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, print_json
 
 if TYPE_CHECKING:
     from cell.record.run import Run
@@ -43,7 +42,7 @@ def import_runs(
 
     made = convert(places, mapping, out)
     for folder in made if as_json else ():
-        sys.stdout.write(json.dumps({"run": str(folder)}) + "\n")
+        print_json({"run": folder})
     if not as_json:
         runs = [read_run(folder) for folder in made]
         strip = runs[0].header.strip if runs else "STRIP"
@@ -82,6 +81,6 @@ def export_runs(
 
     made = convert(runs, kind.value, out)
     for path in made if as_json else ():
-        sys.stdout.write(json.dumps({"file": str(path)}) + "\n")
+        print_json({"file": path})
     if not as_json:
         sys.stdout.writelines(f"{path}\n" for path in made)

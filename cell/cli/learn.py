@@ -1,13 +1,12 @@
 """`cell learn`."""
 
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json
+from cell.cli.options import Configs, Json, print_json
 
 if TYPE_CHECKING:
     from cell.config.cell import CellFile
@@ -37,7 +36,7 @@ def learn(
                 f"cell learn: {what!r} is neither show, forget, off nor on; a run goes with "
                 "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
             )
-        _measured(memory, Path(what), edges)
+        _learn_from_ruler(memory, Path(what), edges)
         return
     if edges is not None:
         raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
@@ -51,9 +50,9 @@ def learn(
         sys.stdout.write(f"{settings.name}: learning is {what}\n")
 
 
-def _measured(memory: "Memory", folder: Path, edges: str) -> None:
+def _learn_from_ruler(memory: "Memory", folder: Path, edges: str) -> None:
     from cell.config.length import metres
-    from cell.learning.ruler import ruler_experience
+    from cell.learning.experience import ruler_experience
 
     experience = ruler_experience(folder, metres("--edges", edges, 0.1), memory)
     memory.add(experience)
@@ -68,7 +67,7 @@ def _show(memory: "Memory", settings: "CellFile", *, as_json: bool) -> None:
     rows = summaries(memory.experiences(), settings.learning)
     if as_json:
         for row in rows:
-            sys.stdout.write(json.dumps(row, allow_nan=False) + "\n")
+            print_json(row)
         return
     state = "off" if memory.is_off else settings.learning.use
     sys.stdout.write(f"{settings.name}: learning is {state}\n")

@@ -1,6 +1,5 @@
 """`cell observe`: a film of a fold as a run."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names
+from cell.cli.options import Configs, Json, Strip, check_names, print_json
 
 
 def observe(
@@ -39,7 +38,7 @@ def observe(
         line = {"run": str(folder), "images": found.images, "read": found.read}
         touch = found.touch
         line |= {"displacement": None if touch is None else round(touch.displacement, 6)}
-        sys.stdout.write(json.dumps(line) + "\n")
+        print_json(line)
         return
     said = "no touch of the layers was seen"
     if found.touch is not None:

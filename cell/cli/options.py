@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+import json
 import sys
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -13,9 +14,11 @@ from cell.config.drivers import arm_names, camera_names
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from cell.campaign.run import Engine
+
+INTERRUPTED = 130  # exit code
 
 
 def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callable[[str], float]":
@@ -83,15 +86,15 @@ def check_names(configs: Path | None, strip: str, policy: str | None = None) -> 
         )
 
 
-def _named(kind: str, names: tuple[str, ...]) -> Any:
+def _choice_of(kind: str, names: tuple[str, ...]) -> Any:
     """An option whose value is one of `names`."""
 
-    def known(value: str) -> str:
+    def check(value: str) -> str:
         if value not in names:
             raise typer.BadParameter(f"{value!r} is not one of {', '.join(map(repr, names))}.")
         return value
 
-    return typer.Option(help=f"{kind} driver.", parser=known, metavar=f"<{'|'.join(names)}>")
+    return typer.Option(help=f"{kind} driver.", parser=check, metavar=f"<{'|'.join(names)}>")
 
 
 Strip = Annotated[
@@ -100,8 +103,8 @@ Strip = Annotated[
         "--strip", help="Strip by name, or a path to its .yaml file.", autocompletion=strip_names
     ),
 ]
-Arm = Annotated[str | None, _named("Arm", arm_names())]
-Camera = Annotated[str | None, _named("Camera", camera_names())]
+Arm = Annotated[str | None, _choice_of("Arm", arm_names())]
+Camera = Annotated[str | None, _choice_of("Camera", camera_names())]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder in which runs are recorded.")]
 Configs = Annotated[
     Path | None,
@@ -112,6 +115,32 @@ Cluster = Annotated[
     str | None,
     typer.Option("--cluster", help="Measure on the Dask cluster at this address instead."),
 ]
+
+
+def ask(question: str) -> str:
+    """The line that the operator types in answer to `question`."""
+    sys.stderr.write(question)
+    sys.stderr.flush()
+    return sys.stdin.readline()
+
+
+def print_json(facts: "Mapping[str, Any]") -> None:
+    """Print one line of JSON, in which a number that is not finite is null."""
+    from cell.record.documents import plain
+
+    sys.stdout.write(json.dumps(plain(facts)) + "\n")
+
+
+@contextmanager
+def resumable(folder: Path) -> "Iterator[None]":
+    """On Ctrl-C, say what the command leaves in `folder`, and exit with code 130."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        sys.stderr.write(
+            f"interrupted; what is finished is kept in {folder}: the same command goes on\n"
+        )
+        sys.exit(INTERRUPTED)
 
 
 @contextmanager

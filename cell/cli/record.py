@@ -1,6 +1,5 @@
 """`cell report`, `cell note` and `cell viz`: pages on runs, tags, and a run in Rerun."""
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, busy
+from cell.cli.options import Json, busy, print_json
 from drivers.errors import ConfigurationError
 
 Run = Annotated[Path, typer.Argument(help="A run folder.")]
@@ -49,7 +48,7 @@ def report(
         sys.stderr.write(f"cell: {problem}\n")
     sentence = verdict(found)
     if as_json:
-        sys.stdout.write(json.dumps({"run": str(run), "report": str(page)}) + "\n")
+        print_json({"run": run, "report": page})
         return
     sys.stdout.write(f"{sentence}\n  {page}\n")
 
@@ -58,8 +57,10 @@ def _calibration(path: Path, *, as_json: bool) -> None:
     from cell.report.calibration_page import write_calibration_report
 
     page = write_calibration_report(path)
-    line = {"calibration": str(path), "report": str(page)}
-    sys.stdout.write(f"{json.dumps(line) if as_json else page}\n")
+    if as_json:
+        print_json({"calibration": path, "report": page})
+        return
+    sys.stdout.write(f"{page}\n")
 
 
 def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
@@ -68,8 +69,7 @@ def _compare(runs: list[Path], out: Path, *, as_json: bool) -> None:
     with busy("comparing the runs"):
         page = write_comparison(runs, out)
     if as_json:
-        line = {"runs": [str(run) for run in runs], "report": str(page)}
-        sys.stdout.write(json.dumps(line) + "\n")
+        print_json({"runs": runs, "report": page})
         return
     sys.stdout.write(f"{len(runs)} runs compared\n  {page}\n")
 

@@ -1,13 +1,12 @@
 """`cell replay`."""
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, print_json
 
 
 def replay(
@@ -18,8 +17,8 @@ def replay(
 
     result = decide_again(run)
     if as_json:
-        facts = {"run": str(run), "images": result.images, "decisions": result.decisions}
-        sys.stdout.write(json.dumps({**facts, "differences": result.differences}) + "\n")
+        facts = {"run": run, "images": result.images, "decisions": result.decisions}
+        print_json({**facts, "differences": result.differences})
     else:
         said = "the same" if result.same else f"{len(result.differences)} differences"
         sys.stdout.write(f"{result.images} images, {result.decisions} decisions: {said}\n")

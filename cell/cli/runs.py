@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, Runs
+from cell.cli.options import Json, Runs, print_json
 
 if TYPE_CHECKING:
     from cell.record.catalogue import Catalogue
@@ -25,8 +25,7 @@ MANY = 200  # runs to read, from which on progress is reported
 def runs(
     folder: Runs = Path("runs"),
     where: Annotated[
-        str,
-        typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".'),
+        str, typer.Option(help='Only runs for which this SQL holds, as "abs(displacement) > 0.01".')
     ] = "",
     sort: Annotated[
         str, typer.Option(help="Column to sort by, as edge_offset; -COLUMN downwards.")
@@ -103,9 +102,9 @@ def _days(stated: float) -> float:
 
 def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
     if as_csv:
-        from cell.record.catalogue import SHOWN, values_of
+        from cell.record.catalogue import RUN_COLUMNS, values_of
 
-        _write_csv(SHOWN, [values_of(row) for row in rows])
+        _write_csv(RUN_COLUMNS, [values_of(row) for row in rows])
     elif as_json:
         for row in rows:
             facts: dict[str, Any] = {"run": str(row.folder), "strip": row.strip}
@@ -115,7 +114,7 @@ def _show(rows: "Sequence[RunRow]", *, as_csv: bool, as_json: bool) -> None:
             facts |= {**numbers, "duration": row.duration, "size": row.size}
             if row.tags or row.note:
                 facts |= {"tags": row.tags.split(), "note": row.note}
-            sys.stdout.write(json.dumps(facts) + "\n")
+            print_json(facts)
     else:
         _print_table(rows)
 
@@ -145,12 +144,11 @@ def _print_table(rows: "Sequence[RunRow]") -> None:
 
     tagged = any(row.tags for row in rows)
     columns = ("run", "strip", "policy", "outcome", *(("tags",) if tagged else ()))
-    shown = [(*_words(row), *((row.tags,) if tagged else ()), *_numbers(row)) for row in rows]
+    shown = [
+        (r.name, r.strip, r.policy, r.outcome, *((r.tags,) if tagged else ()), *_numbers(r))
+        for r in rows
+    ]
     print_table((*columns, "d mm", "edge mm", "s", "MB"), shown, text=len(columns))
-
-
-def _words(row: "RunRow") -> tuple[str, ...]:
-    return (row.name, row.strip, row.policy, row.outcome)
 
 
 def _numbers(row: "RunRow") -> tuple[str, ...]:

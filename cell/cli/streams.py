@@ -63,7 +63,7 @@ def _text(outlet: Outlet, before: TextIO | None) -> io.TextIOWrapper:
     )
 
 
-def lost(outlet: Outlet | None) -> str:
+def why_lost(outlet: Outlet | None) -> str:
     """Why the printed text did not arrive; empty where it did or nobody was reading."""
     if outlet is None or outlet.failure is None or outlet.failure.errno in GONE:
         return ""

@@ -1,6 +1,5 @@
 """`cell strips`: list, measure and make strips."""
 
-import json
 import re
 import sys
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, length_option, strip_names
+from cell.cli.options import Configs, Json, length_option, print_json, strip_names
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +25,7 @@ strips = typer.Typer(
 
 
 @strips.callback()
-def known(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
+def list_strips(context: typer.Context, configs: Configs = None, as_json: Json = False) -> None:
     """List the strips that this cell knows; measure one, make a new one."""
     if context.invoked_subcommand is not None:
         return
@@ -36,7 +35,7 @@ def known(context: typer.Context, configs: Configs = None, as_json: Json = False
     all_strips = [found.strip(name) for name in found.strip_names()]
     if as_json:
         for strip in all_strips:
-            sys.stdout.write(json.dumps(strip.model_dump(mode="json", by_alias=True)) + "\n")
+            print_json(strip.model_dump(mode="json", by_alias=True))
         return
     _print_table(f"Strips in {found.folder / 'strips'}", all_strips)
 
@@ -96,8 +95,7 @@ def measure(
         put_into(path, measurement, datetime.now(UTC).date())
     written = None if path is None else str(path)
     if as_json:
-        line = {**measurement.line(), "out": str(folder), "written": written}
-        sys.stdout.write(json.dumps(line) + "\n")
+        print_json({**measurement.line(), "out": folder, "written": written})
         return
     kept = f"written to {written}" if written else "add --write to put it into the strip's file"
     sys.stdout.write(f"{measurement.text()}\n  pictures: {folder}\n  {kept}\n")
@@ -107,20 +105,15 @@ def measure(
 def new(
     strip: Annotated[str, typer.Argument(metavar="NAME", help="What to call the strip.")],
     length: Annotated[
-        float,
-        length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m]."),
+        float, length_option("--length", "Fixed edge to grasped edge, as 600mm or 0.6 [m].")
     ],
     width: Annotated[float, length_option("--width", "Width [m].")],
     areal_density: Annotated[float | None, typer.Option(help="Mass per area [kg/m^2].")] = None,
     bending_length: Annotated[
-        float | None,
-        length_option("--bending-length", "Bending length [m]."),
+        float | None, length_option("--bending-length", "Bending length [m].")
     ] = None,
     retardation_time: Annotated[float | None, typer.Option(help="Retardation time [s].")] = None,
-    thickness: Annotated[
-        float | None,
-        length_option("--thickness", "Thickness [m]."),
-    ] = None,
+    thickness: Annotated[float | None, length_option("--thickness", "Thickness [m].")] = None,
     colour: Annotated[
         tuple[int, int, int] | None, typer.Option(help="Red, green, blue, 0 to 255.")
     ] = None,

@@ -1,6 +1,5 @@
 """`cell study`."""
 
-import json
 import re
 import sys
 from dataclasses import asdict
@@ -9,13 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Cluster, Json, engine
+from cell.cli.options import Cluster, Json, engine, print_json, resumable
 
 if TYPE_CHECKING:
     from cell.campaign.run import Engine
     from cell.studies.campaign import Asked
-
-INTERRUPTED = 130  # exit code
 
 
 def study(
@@ -77,7 +74,7 @@ def _list(*, as_json: bool) -> None:
     if as_json:
         for each in studies().values():
             facts = {"study": each.name, "question": each.question, "count": each.usual}
-            sys.stdout.write(json.dumps(facts | {"seconds": each.seconds}) + "\n")
+            print_json(facts | {"seconds": each.seconds})
         return
     for each in studies().values():
         cost = f"{each.usual} cases of {each.seconds:g} s"
@@ -102,31 +99,24 @@ def _measure(
     from cell.campaign.progress import Meter
     from cell.studies.campaign import measure
 
-    try:
-        with Meter(Console(stderr=True), quiet=quiet) as meter:
-            measure(asked, by, meter, shard, again=again)
-    except KeyboardInterrupt:
-        sys.stderr.write(
-            f"interrupted; what is finished is kept in {asked.folder}: the same command goes on\n"
-        )
-        sys.exit(INTERRUPTED)
+    with resumable(asked.folder), Meter(Console(stderr=True), quiet=quiet) as meter:
+        measure(asked, by, meter, shard, again=again)
 
 
 def _show(asked: "Asked", *, as_json: bool) -> tuple[bool, bool]:
     """Print table or JSON, write the page; whether the bars are kept, and whether cases failed."""
-    from cell.record.documents import plain
-    from cell.studies.campaign import kept
+    from cell.studies.campaign import kept_outcomes
     from cell.studies.page import write_page
     from cell.studies.table import keeps_bars, markdown, rows
 
-    found = kept(asked)
+    found = kept_outcomes(asked)
     table = rows(found)
     page = write_page(found)
     if as_json:
         for row in table:
-            figures = {f.quantity.title: plain(_numbers(asdict(f))) for f in row.figures}
+            figures = {f.quantity.title: _numbers(asdict(f)) for f in row.figures}
             line = {"study": asked.study.name, "group": row.group, "count": row.count}
-            sys.stdout.write(json.dumps(line | {"figures": figures}) + "\n")
+            print_json(line | {"figures": figures})
     else:
         sys.stdout.write(f"{asked.study.question}\n\n{markdown(found)}  {page}\n")
     return keeps_bars(table), bool(found.lost)

@@ -1,6 +1,5 @@
 """`cell train`."""
 
-import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -8,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cell.cli.options import Json, engine
+from cell.cli.options import Json, engine, print_json
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
     from contextlib import AbstractContextManager
 
-    from cell.train.critic import TrainedCritic
     from cell.train.run import Trained
 
 
@@ -69,12 +67,12 @@ def train(
         _print_transfer(_transfer(checkpoint, folder, seed, folds, jobs, cluster), as_json=as_json)
         return
     size = {"generations": generations, "population": population, "strips": strips}
-    trained = _trained(policy, folder, seed, size, _workers(jobs, cluster), grid)
+    trained = _train(policy, folder, seed, size, _workers(jobs, cluster), grid)
     corrected: dict[str, Any] = {}
     if policy is Learned.ADAPTIVE:
         corrected = _transfer(trained.checkpoint, folder, seed, folds, jobs, cluster)
     if as_json:
-        sys.stdout.write(json.dumps(trained.line() | corrected) + "\n")
+        print_json(trained.line() | corrected)
         return
     show(trained.evaluations, wide_console())
     if corrected:
@@ -85,14 +83,14 @@ def train(
     )
 
 
-def _trained(
+def _train(
     policy: Learned,
     folder: Path,
     seed: int,
     size: dict[str, int],
     workers: "AbstractContextManager[Executor]",
     grid: int,
-) -> "Trained | TrainedCritic":
+) -> "Trained":
     """The policy trained in the rod and judged on a `grid`; `size` is that of `feedback`."""
     from rich.console import Console
 
@@ -123,10 +121,10 @@ def _transfer(
 
     from cell.campaign.progress import Meter
     from cell.parallel import cores
-    from cell.train.transfer import LIMIT, transfer
+    from cell.train.transfer import TIME_LIMIT, transfer
     from policies.adaptive.train.training import CHECKPOINT
 
-    by = engine(jobs or (1 if cluster else cores()), cluster, LIMIT)
+    by = engine(jobs or (1 if cluster else cores()), cluster, TIME_LIMIT)
     out = folder / CHECKPOINT
     with Meter(Console(stderr=True)) as meter:
         found, quality = transfer(checkpoint, folder, out, seed, folds, by, meter)
@@ -135,7 +133,7 @@ def _transfer(
 
 def _print_transfer(facts: dict[str, Any], *, as_json: bool) -> None:
     if as_json:
-        sys.stdout.write(json.dumps({"schema": 1, **facts}) + "\n")
+        print_json({"schema": 1, **facts})
         return
     left = facts["left_out"]
     sys.stdout.write(

@@ -1,6 +1,5 @@
 """`cell twin serve`: the twin of the arm behind the robot's own network protocol."""
 
-import json
 import sys
 from ipaddress import ip_address
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json
+from cell.cli.options import Json, print_json
 
 twin = typer.Typer(
     help="The digital twin of the arm, for unmodified clients of the real one.",
@@ -60,8 +59,7 @@ def serve(
 def _announce(address: str, lock_step: bool, as_json: bool) -> None:
     clock = "lock-step" if lock_step else "wall clock"
     if as_json:
-        line = {"address": address, "arm": 1337, "hand": 1338, "clock": clock}
-        sys.stdout.write(json.dumps(line) + "\n")
+        print_json({"address": address, "arm": 1337, "hand": 1338, "clock": clock})
     else:
         sys.stdout.write(f"arm at {address}:1337, hand at {address}:1338, {clock}\n")
     if not ip_address(address).is_loopback:

@@ -70,10 +70,10 @@ def sitting(folder: Path, kind: str, viz: WizardViz) -> Iterator[Sitting]:
             if viz is WizardViz.OFF:
                 yield at
                 return
-            from cell.report.viz.wizard import watched
+            from cell.report.viz.wizard import wizard_screen
 
             folder.mkdir(parents=True, exist_ok=True)
-            with watched(folder, live=viz is WizardViz.LIVE) as screen:
+            with wizard_screen(folder, live=viz is WizardViz.LIVE) as screen:
 
                 def both(news: "News") -> None:
                     at.panel(news)

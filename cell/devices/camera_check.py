@@ -15,7 +15,7 @@ from drivers.camera.session import Setup
 from drivers.camera.settings import V4l2Settings
 from drivers.clock import WallClock
 from drivers.errors import CellError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 WANTED = 1280, 720, 30.0  # more pixels or frames than these are not looked for
 PREFERRED = ("YUYV", "GREY", "RGGB", "GRBG", "BA81", "GBRG", "MJPG")  # the less work the better
@@ -45,9 +45,7 @@ class Grab:
 
 
 def suggest_settings(camera: CameraReport) -> V4l2Settings | None:
-    """Suitable settings for `camera`, with its controls locked at their present values; None
-    without a mode.
-    """
+    """Settings for `camera`, its controls locked at their present values; None without a mode."""
     modes = [mode for mode in camera.modes if mode.format in PREFERRED and not mode.steps]
     if not modes:
         return None
@@ -87,8 +85,7 @@ def save(image: CameraFrame, path: Path) -> None:
     made, content = cv2.imencode(".png", image.image)
     if not made:
         raise CellError(f"{path}: the picture cannot be written as PNG")
-    with writing(path):
-        replace_file(path, content.tobytes())
+    write_file(path, content.tobytes())
 
 
 def _next(camera: V4l2Camera, after: float) -> CameraFrame:

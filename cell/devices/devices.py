@@ -18,7 +18,6 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Release it; calling it twice is allowed."""
-        ...
 
 
 class CalibrationAids(Protocol):
@@ -26,23 +25,20 @@ class CalibrationAids(Protocol):
 
     def show_board(self, wanted: WantedView) -> Frame:
         """An image of the calibration board held as `wanted`."""
-        ...
 
     def measure_board(self) -> float:
         """Length [m] of the printed squares across all columns, by a ruler."""
-        ...
 
     def hold_pointer(self, held: bool) -> None:
         """Put the pointer between the fingers, or remove it."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
 class Devices:
     """The devices that the orchestrator drives. A calibration must match `camera_identity`.
 
-    `camera_locks` tells the values to which the camera controls are locked, `others` are what else
-    must be closed at the end. Once closed, `arm_timing` tells how evenly the states of a
+    `camera_locks` states the values to which the camera controls are locked, `others` are what else
+    must be closed at the end. Once closed, `arm_timing` says how evenly the states of a
     free-running arm came, and `arm_joints` what a robot said of its joints at every tick, rows
     (n, 29) as `drivers.arm.joint_log` keeps them on the clock's time. In `real_time` the clock is
     the wall's, and waits for nobody.
@@ -78,7 +74,6 @@ class Plant(Protocol):
 
     def truth(self, origin: float) -> Mapping[str, Any]:
         """Plain facts about what really happened, times since `origin` [s]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ def fci_arm(
     settings: CellFile, clock: TwinClock | RealTimeClock | WallClock, address: str
 ) -> tuple[FciArm, FciHand]:
     """Arm and hand at `address`, on their own time unless `clock` is the twin's."""
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     own_time = not isinstance(clock, TwinClock)
     realtime = settings.fci.realtime if own_time else "ignore"
     fci = settings.fci.model_copy(update={"realtime": realtime})
@@ -169,7 +169,7 @@ def start_joints(
 
 def _serve(settings: CellFile, strip: StripFile, surroundings: Surroundings) -> RobotServer:
     """An emulated robot in its own thread: in lock-step the cell waits while it computes."""
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     home = settings.twin.arm.home_height
     start = start_joints(installation, settings.fold, strip.length, home)
     twin = settings.twin.arm

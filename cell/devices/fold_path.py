@@ -9,8 +9,6 @@ from drivers.limits import MotionLimits
 from drivers.types import Array
 from policies.path import lift_pitch
 
-HANGING = np.pi / 2
-
 
 def whole_path(
     length: float,

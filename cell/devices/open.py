@@ -20,7 +20,6 @@ class DeviceFactory(Protocol):
         self, settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
         """Devices as configured and selected."""
-        ...
 
 
 def check_drivers(settings: CellFile, choice: DeviceSelection) -> None:

@@ -32,7 +32,7 @@ class Worker(process.Worker):
     def begin_fold(self, number: int, request: Request, calibration: Calibration | None) -> None:
         """Start to fold `request`, as task `number`."""
         self.task = number
-        self.begin(_folded, request, calibration)
+        self.begin(_fold_one, request, calibration)
 
     def fold_result(self) -> FoldResult | CellError:
         """Wait for and return the result of its task; a process that died is a Fault."""
@@ -50,7 +50,7 @@ class Worker(process.Worker):
             super().stop()
 
 
-def _folded(
+def _fold_one(
     request: Request, calibration: Calibration | None, stop: process.StopSignal
 ) -> FoldResult | CellError:
     try:
@@ -59,7 +59,7 @@ def _folded(
         return error
     except KeyboardInterrupt:
         return Interrupted("stopped at once from the keyboard")
-    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one is told
+    except Exception as error:  # noqa: BLE001  an edge: the other folds go on, this one fails
         return Unexpected(error)
 
 
@@ -72,14 +72,13 @@ def requests(base: Request, plants: Sequence[Path], repeat: int) -> tuple[Reques
     folds = [(plant, index) for plant in lying for index in range(repeat)]
     return tuple(
         replace(
-            base,
-            choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i),
+            base, choice=replace(base.choice, plant=plant, index=index, seed=base.choice.seed + i)
         )
         for i, (plant, index) in enumerate(folds)
     )
 
 
-def checked(wanted: Sequence[Request]) -> Sequence[Request]:
+def check_requests(wanted: Sequence[Request]) -> Sequence[Request]:
     """`wanted`, which differ in plant and seed, after reading every file that they name.
 
     Raises ConfigurationError before anything has moved, not in the middle of the folds.
@@ -98,23 +97,20 @@ def checked(wanted: Sequence[Request]) -> Sequence[Request]:
 
 
 def doubts_about(wanted: Sequence[Request]) -> tuple[str, ...]:
-    """What of the strips and plants lies where an engine is not known to hold, once each."""
+    """Where strips and plants lie outside what an engine is known to hold for, a sentence each."""
     named = find_configs(wanted[0].configs).strip(wanted[0].strip)
     plants = [load_plant(r.choice.plant) for r in wanted if r.choice.plant is not None]
     return tuple(dict.fromkeys(doubt for strip in (named, *plants) for doubt in doubts(strip)))
 
 
 def side_by_side(
-    wanted: Sequence[Request],
-    jobs: int,
-    interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
+    wanted: Sequence[Request], jobs: int, interrupted: Callable[[], bool] = lambda: False
 ) -> Iterator[FoldResult]:
     """The results in the order of the requests, `jobs` folds at a time.
 
     Like `each_of`, but raises the CellError of the first fold that failed, and ends the others.
     """
-    for result in each_of(wanted, jobs, interrupted, calibration):
+    for result in each_of(wanted, jobs, interrupted, None):
         if isinstance(result, CellError):
             raise result
         yield result
@@ -123,8 +119,8 @@ def side_by_side(
 def each_of(
     wanted: Sequence[Request],
     jobs: int,
-    interrupted: Callable[[], bool] = lambda: False,
-    calibration: Calibration | None = None,
+    interrupted: Callable[[], bool],
+    calibration: Calibration | None,
 ) -> Iterator[FoldResult | CellError]:
     """Result or error of each request, in their order, `jobs` folds at a time.
 

@@ -202,9 +202,7 @@ def _request(blow: Blow, folder: Path) -> Request:
 
 
 def _configure(folder: Path) -> Path:
-    """A folder with the cell of this campaign: fewer images, and a policy that may hang for less
-    long.
-    """
+    """A folder with this campaign's cell: fewer images, and a policy that may hang less long."""
     from cell.record.documents import write_document
 
     made = folder / "configs"

@@ -19,7 +19,7 @@ from policies.path import Path
 from policies.policy import Decision, Observation, Policy
 
 HOLLOW = 60.0  # N of a false reading
-ROOM = 4096  # bytes that a full disk still takes in a file
+DISK_ROOM = 4096  # bytes that a full disk still takes in a file
 
 
 class FailingPolicy:
@@ -128,7 +128,7 @@ def deaf(scene: Scene) -> None:
 
 
 def beside(state: ArmState) -> ArmState:
-    """An arm outside the workspace, where it also wants to be."""
+    """The arm reports a place outside the workspace, and that it was commanded there."""
     place = Pose(state.pose.x, -0.05, state.pose.pitch)
     return replace(state, pose=place, commanded=place)
 
@@ -171,7 +171,7 @@ def hanging(_: Decision) -> Decision:
 def full_disk(_: Scene) -> None:
     """Files take no more bytes, as on a full disk; the campaign lifts it afterwards."""
     hard = resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    resource.setrlimit(resource.RLIMIT_FSIZE, (ROOM, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (DISK_ROOM, hard))
 
 
 def slow(scene: Scene) -> None:

@@ -17,7 +17,7 @@ from policies.rollout import Rollout, roll_out
 from policies.sensing import Sensing
 
 SEGMENTS = 60  # of the model that draws the path; millimetres do not matter here
-REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
+ARM_REACH = 0.78  # m from its base that a Panda's hand reaches over a desk, pointing down
 BORDER = 0.005  # m that the path may be drawn wrong by
 
 
@@ -103,10 +103,10 @@ def _out_of_reach(path: Array, installation: Installation) -> Iterator[str]:
         mounting.x + path[:, 0] * np.cos(mounting.yaw),
         mounting.y + path[:, 0] * np.sin(mounting.yaw),
     )
-    if float(away.max()) > REACH + BORDER:
+    if float(away.max()) > ARM_REACH + BORDER:
         yield (
             f"reach: the gripper would be {away.max():.2f} m from the robot's base, its hand "
-            f"reaches {REACH:.2f} m; fold a shorter strip, or mount the robot nearer "
+            f"reaches {ARM_REACH:.2f} m; fold a shorter strip, or mount the robot nearer "
             "(installation.mounting in cell.yaml)"
         )
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from calibration.calibration import Calibration, save_calibration
-from cell.arm.arm_settings import at_speed, suited
-from cell.arm.real_robot import is_real, slowed
+from cell.arm.arm_settings import at_speed, suit_to_arm
+from cell.arm.real_robot import is_real, slow_down
 from cell.calibrating.calibrate import calibration_of
 from cell.calibrating.calibration_in_use import check_usable, record_entry
 from cell.config.cell import CellFile
@@ -94,8 +94,8 @@ def fold(
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
-        settings = slowed(settings)
-    settings = suited(settings, request.choice)
+        settings = slow_down(settings)
+    settings = suit_to_arm(settings, request.choice)
     policy = leads(make_policy(request.policy, request.checkpoint))
     correction = request.correction.apply(policy)
     policy.reset(strip, settings.fold.speed, 1)
@@ -113,7 +113,7 @@ def fold(
     )
     context = FoldContext(settings.controller, strip, policy, calibration)
     with writer.under_way(), _measuring(context, devices, sight):
-        outcome, truth = _recorded(
+        outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page
         )
     if correction is not None:
@@ -135,7 +135,7 @@ def _measuring(context: FoldContext, devices: Devices, sight: Maker) -> Iterator
         context.beside.close()
 
 
-def _recorded(
+def _record_fold(
     request: Request,
     context: FoldContext,
     devices: Devices,
@@ -157,9 +157,9 @@ def _recorded(
         watchers = (trace, *observers(folder, strip), *watch(folder, strip))
         blind = replace(devices, plant=None, aids=None)  # what controls has no way to the truth
         run = Run(blind, context, recorder, watchers, interrupted)
-        outcome = conduct(run, devices, recorder, trace.reviewed)
+        outcome = conduct(run, devices, recorder, trace.review)
     truth = {} if devices.plant is None else devices.plant.truth(recorder.origin)
-    outcome = _completed(outcome, folder, truth if request.truth else {}, page=page)
+    outcome = _complete_folder(outcome, folder, truth if request.truth else {}, page=page)
     if strip.name == UNKNOWN and outcome.touch is not None and outcome.predicted is not None:
         offer(folder, strip, outcome.predicted)
     return outcome, truth
@@ -179,11 +179,11 @@ def conduct(
     run: Run,
     devices: Devices,
     recorder: Recorder,
-    reviewed: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
+    review: Callable[[Outcome, Record], Outcome] = lambda outcome, _: outcome,
 ) -> Outcome:
     """Execute `run`; in every case the devices are closed and the record states the outcome.
 
-    `reviewed` adds to the outcome what is found out only afterwards.
+    `review` adds to the outcome what is found out only afterwards.
     """
     try:
         devices.connect()
@@ -201,7 +201,7 @@ def conduct(
     run_suppressed(lambda: recorder.joints(devices.arm_joints()))
     content = result_content(outcome)
     try:
-        outcome = reviewed(outcome, recorder)
+        outcome = review(outcome, recorder)
         content = result_content(outcome)
         recorder.finish(content)
     except KeyboardInterrupt:
@@ -270,7 +270,9 @@ def run_header(
     }
 
 
-def _completed(outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool) -> Outcome:
+def _complete_folder(
+    outcome: Outcome, folder: Path, truth: Mapping[str, Any], *, page: bool
+) -> Outcome:
     """The outcome after writing truth (on the twin) and page; their failures are added to it."""
     try:
         if truth:

@@ -41,7 +41,7 @@ class FoldTrace:
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Events are not kept."""
 
-    def reviewed(self, outcome: Outcome, record: Record) -> Outcome:
+    def review(self, outcome: Outcome, record: Record) -> Outcome:
         """`outcome` with the agreement of strip and model; where they do not agree, an event, and
         an outcome that says so instead of `layer_touch`.
         """

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import yaml
 
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.strip.file import Provenance, StripFile
 from policies.prediction import FoldPrediction
 
@@ -46,13 +46,12 @@ def learned_strip(strip: StripFile, predicted: FoldPrediction, run: str) -> Stri
 
 
 def offer(folder: Path, strip: StripFile, predicted: FoldPrediction) -> Path:
-    """Write the strip file with what the run in `folder` notes of `strip`; its path.
+    """Write a strip file with what the run in `folder` notes of `strip`; returns its path.
 
     Raises ConfigurationError where it cannot be written.
     """
     learned = learned_strip(strip, predicted, folder.name)
     content = learned.model_dump(mode="json", by_alias=True)
     path = folder / LEARNED
-    with writing(path):
-        replace_file(path, yaml.safe_dump(content, sort_keys=False, width=100).encode())
+    write_file(path, yaml.safe_dump(content, sort_keys=False, width=100))
     return path

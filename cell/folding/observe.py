@@ -14,7 +14,7 @@ from calibration.calibration import Calibration, load_calibration, save_calibrat
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.perception.appearance import Appearance
-from cell.perception.held_end import SURE, Held, HeldEnd
+from cell.perception.held_end import PROFILE_CONFIDENCE, Held, HeldEnd
 from cell.perception.layer_touch import LayerTouch
 from cell.perception.measurement import SeenTouch
 from cell.perception.preflight import inspect
@@ -31,7 +31,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Image
 
 STEP = 0.01  # s between rows of ticks, as the contract of a run asks for
-LEAST = 10  # images in which the held end must be found
+FEWEST_IMAGES = 10  # images in which the held end must be found
 ERRORS = {"gripper": 0.002, "contact_x": 0.001, "displacement": 0.004}
 """One sigma [m] at least of what a film without an arm shows: compression smooths the edges, and
 the held end is where the strip's length ends (tests/end_to_end/test_observe.py).
@@ -164,15 +164,16 @@ def _draw(image: Image, held: Held, calibration: Calibration) -> Image:
 
 
 def _sure(held: Held) -> bool:
-    return held.end is not None and held.measurement.confidence >= SURE
+    return held.end is not None and held.measurement.confidence >= PROFILE_CONFIDENCE
 
 
 def _check_enough(read: Sequence[Held], film: Path) -> None:
     found = sum(map(_sure, read))
-    if found < LEAST:
+    if found < FEWEST_IMAGES:
         raise ConfigurationError(
             f"{film}: the lifted strip was found in {found} of {len(read)} images, at least "
-            f"{LEAST} are needed; light it evenly, hold the camera still, or calibrate it again"
+            f"{FEWEST_IMAGES} are needed; light it evenly, hold the camera still, or calibrate it "
+            "again"
         )
 
 

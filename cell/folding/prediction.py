@@ -33,9 +33,7 @@ UNKNOWN = {"bending_length": 0.1, "retardation_time": 0.5}  # relative, where no
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """Expected result. Lengths [m]; `low` and `high` over the strip's uncertainty, None where no
-    layers touch.
-    """
+    """Expected result [m]; `low` and `high` over what is not known of the strip, None: no touch."""
 
     strip: str
     policy: str
@@ -72,9 +70,7 @@ class Prediction:
 
 
 def predict(request: Request) -> Prediction:
-    """Simulate the fold of `request` in the rod; ConfigurationError when the
-    path leaves the limits.
-    """
+    """Simulate the fold of `request` in the rod; ConfigurationError for a path beyond limits."""
     configs = find_configs(request.configs)
     settings, strip = configs.cell(), configs.strip(request.strip)
     _check_calibration(settings, request)

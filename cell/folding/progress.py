@@ -13,7 +13,7 @@ from cell.orchestrator.run import Observer
 from cell.orchestrator.snapshot import Snapshot
 from drivers.strip.file import StripFile
 
-EVERY = 10  # ticks between two looks
+TICKS_BETWEEN_LOOKS = 10  # ticks between two looks
 
 
 class ProgressLine:
@@ -27,7 +27,7 @@ class ProgressLine:
     def see(self, snapshot: Snapshot) -> None:
         """Process one tick; most are not shown."""
         self._count += 1
-        if self._count % EVERY:
+        if self._count % TICKS_BETWEEN_LOOKS:
             return
         pose = snapshot.arm.pose
         text = f"{self._strip.name}  {snapshot.state:<9} {snapshot.time:5.1f} s"

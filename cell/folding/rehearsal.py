@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from cell.arm.arm_prediction import fold_poses
-from cell.arm.arm_settings import at_speed, suited
+from cell.arm.arm_settings import at_speed, suit_to_arm
 from cell.arm.by_hand import by_hand, home_joints
-from cell.arm.real_robot import is_real, slowed
+from cell.arm.real_robot import is_real, slow_down
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
 from cell.folding.fold import Request
@@ -109,12 +109,12 @@ def rehearsal(
 
 
 def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) -> Outcome:
-    """Do the fold of `request` in the air, without a strip and without judging the grasp."""
+    """Carry out the motion of `request` in the air: without a strip, without judging the grasp."""
     configs = find_configs(request.configs)
     settings, strip = at_speed(configs.cell(), request.speed), configs.strip(request.strip)
     if is_real(settings, request.choice) and not request.full_speed:
-        settings = slowed(settings)
-    settings = suited(settings, request.choice)
+        settings = slow_down(settings)
+    settings = suit_to_arm(settings, request.choice)
     folds = simulate_policy(request, settings, strip, [strip])
     path, speeds = fold_poses(settings, strip, folds.trace[:, 0], laid_at(folds))
     is_robot = request.choice.arm_driver(settings).real
@@ -124,7 +124,7 @@ def rehearse(request: Request, interrupted: Callable[[], bool] = lambda: False) 
 
 
 def _ease(time: float, duration: float) -> float:
-    """Time [s] along a way of `duration`, that is taken up and let go of within RAMP."""
+    """Time [s] along a motion of `duration` that speeds up and slows down within RAMP."""
     ramp = min(RAMP, duration)
     left = max(duration + ramp - time, 0.0)
     if time < ramp:

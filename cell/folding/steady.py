@@ -15,7 +15,7 @@ TURNS = 0.0005  # s after which a thread that computes hands the interpreter on
 
 @contextmanager
 def without_long_collections() -> Iterator[None]:
-    """Within it the collector of garbage looks at no object from before.
+    """Keep the garbage collector within the block from looking at any object made before it.
 
     A whole collection looks at some half a million objects of the libraries and takes longer than
     an arm follows a velocity target; what a run itself leaves is looked at in under a millisecond.
@@ -30,9 +30,9 @@ def without_long_collections() -> Iterator[None]:
 
 @contextmanager
 def punctual(real_time: bool) -> Iterator[None]:
-    """On the wall clock, the thread of the control loop goes before those that only record or show:
-    with real-time priority where this user may have it, else in short slices of processor time. Its
-    memory stays where it is.
+    """Give the thread of the control loop precedence over those that only record or show, within
+    the block; `real_time` is false where no wall clock matters. Threads get real-time priority
+    where this user may have it, else short slices of processor time; memory is locked.
     """
     if not real_time:
         yield

@@ -25,7 +25,7 @@ from drivers.settings import read_yaml
 from drivers.types import Array
 
 READ = ("run.yaml", "result.yaml", *TABLES)
-SHOWN = 3.0  # sigma by which the largest probe of an effect must show, once the base has moved
+PROBE_SIGMA = 3.0  # by which the largest probe of an effect must show, once the base has moved
 WEAK = 0.5  # of what was known of a quantity before: runs that leave more say little of it
 ALIKE = 0.995  # correlation of responses, from which on runs cannot separate two effects
 Level = Literal["bad", "fair", "good"]
@@ -75,9 +75,7 @@ def inputs_digest(file: Path, runs: Sequence[RunFolder]) -> str:
 
 
 def recordings(runs: Sequence[RunFolder]) -> list[Finding]:
-    """What is wrong with the recordings as such; those that cannot be read are left to who reads
-    them.
-    """
+    """What is wrong with the recordings as such; unreadable ones are refused by their reader."""
     found = []
     for run in runs:
         tables = {}
@@ -143,7 +141,7 @@ def identifiable(subject: Subject) -> Iterator[Finding]:
     shown: dict[str, Array] = {}
     for probed in run_all(subject.simulate, library):
         left, name = _largest(about, probed), probed.candidate.name
-        if np.linalg.norm(left) >= SHOWN:
+        if np.linalg.norm(left) >= PROBE_SIGMA:
             shown[name] = left / np.linalg.norm(left)
             continue
         yield Finding(

@@ -29,11 +29,12 @@ from cell.gap.verdict.accept import (
     RECORD,
     sha256,
 )
+from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Verdict, write_text
-from cell.gap.verdict.stated import deviations
+from cell.gap.verdict.schema import Verdict
 from drivers.errors import ConfigurationError
+from drivers.files import write_file, writing
 from drivers.yaml_edit import dump_text
 
 Overlay = Callable[[Findings, Verdict, Path], None]
@@ -73,7 +74,8 @@ def fit(
         refuse(found_runs)
     subject = open_subject(file, found_runs, jobs, without)
     key = _key(file, found_runs, [*hold_out, *without])
-    _make(out)
+    with writing(f"--out {out}", "give a folder that can be written"):
+        out.mkdir(parents=True, exist_ok=True)
     tape = SimulationCache(subject.simulate, out / ".rounds" / key)
     with threadpool_limits(1, "blas"):  # matrices are small: threads only wait for each other
         held = hold.held_out(subject, tape, hold_out)
@@ -88,7 +90,7 @@ def fit(
     _write(found, verdict, file, out)
     if overlay is not None:
         overlay(found, verdict, out / "overlay.rrd")
-    write_text(out / "verdict.json", verdict.to_json())
+    write_file(out / "verdict.json", verdict.to_json())
     tape.erase()
     progress("done", 1.0)
     return verdict
@@ -102,26 +104,26 @@ def _write(found: Findings, verdict: Verdict, file: Path, out: Path) -> None:
               "scatter": [asdict(s) for s in found.judged.scatter],
               "steadier": {s.name: s.sigma for s in found.advised.steadier},
               "law": found.offered and asdict(found.offered)}  # fmt: skip
-    write_text(out / RECORD, json.dumps(record, indent=1))
+    write_file(out / RECORD, json.dumps(record, indent=1))
     write_report(found, verdict, out / "report.html")
     source = f"cell gap fit, {out.name}"
     if found.offered is not None:
         terms = {name: {"amount": value} for name, value in found.offered.terms.items()}
         law_patch, _ = found.subject.patch(found.offered.base, terms, source)
-        write_text(out / LAW_PATCH, dump_text(law_patch))
+        write_file(out / LAW_PATCH, dump_text(law_patch))
         if isinstance(found.subject, EditsModel):
             text = found.subject.model_text(found.offered.base, terms)
-            write_text(out / LAW_MODEL_PATCH, text)
+            write_file(out / LAW_MODEL_PATCH, text)
     offers_values = bool(verdict.deviates) and not found.accepted.model.effects
     if verdict.verdict != "named" and not offers_values:
         return
     base, effects = _values(verdict)
     patch, cell_patch = found.subject.patch(base, effects, source)
-    write_text(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
+    write_file(out / (BASE_PATCH if offers_values else PATCH), dump_text(patch))
     if isinstance(found.subject, EditsModel):
-        write_text(out / MODEL_PATCH, found.subject.model_text(base, effects))
+        write_file(out / MODEL_PATCH, found.subject.model_text(base, effects))
     if cell_patch is not None:
-        write_text(out / CELL_PATCH, dump_text(cell_patch))
+        write_file(out / CELL_PATCH, dump_text(cell_patch))
 
 
 def _values(verdict: Verdict) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
@@ -145,12 +147,3 @@ def _clear(out: Path) -> None:
     patches = (PATCH, BASE_PATCH, CELL_PATCH, LAW_PATCH, MODEL_PATCH, LAW_MODEL_PATCH)
     for name in ("verdict.json", *patches, "accepted.json"):
         (out / name).unlink(missing_ok=True)
-
-
-def _make(out: Path) -> None:
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigurationError(
-            f"--out {out}: cannot be made: {error.strerror}; give a folder that can be written"
-        ) from None

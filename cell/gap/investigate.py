@@ -15,9 +15,9 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import clearly_differ, estimated, scattered, with_scatter
+from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, scattered, with_scatter
 from cell.gap.fitting.spreads import Spread, spreads
-from cell.gap.fitting.starts import refit_base, refit_base_fine, undetermined
+from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
 from cell.gap.selection.choice import choose, exhausted
@@ -36,7 +36,7 @@ from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import has_unexplained_part, in_doubt, kind
 from cell.gap.verdict.findings import Advised, Findings, Fitted, Screened
-from cell.gap.verdict.judge import chosen, described, judge, show
+from cell.gap.verdict.judge import chosen, fit_rest_law, judge, show
 from cell.gap.verdict.offered_law import Names, offered_law
 
 Progress = Callable[[str, float], None]
@@ -62,7 +62,7 @@ def investigate(
         progress("begin anew with what differs from run to run", 0.35)
         again = with_scatter(fitted.base.estimate, beside, whole)
         fitted = _judged_base(subject, again, beside, simulate, rng)
-        screened = _screened(subject, fitted, screened.probed)
+        screened = _score_candidates(subject, fitted, screened.probed)
         begun = search.singles_with_scatter(fits, subject.scope.candidates, beside, whole)
         fits = _refit_singles(subject, fitted, screened, simulate, begun)
     fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
@@ -89,7 +89,7 @@ def investigate(
     )
     which = kind(found)
     if has_unexplained_part(found, which):
-        law = described(subject, choice, simulate, rng)
+        law = fit_rest_law(subject, choice, simulate, rng)
         found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
@@ -127,7 +127,7 @@ def _judged_base(
         change,
         lack_of_fit.lack_of_fit(base, noise, allowed),
         tuple(localise(base, noise, allowed)),
-        tuple(undetermined(base)),
+        tuple(weak_directions(base)),
         tuple(scatter),
     )
 
@@ -135,10 +135,10 @@ def _judged_base(
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
     base = fitted.base.estimate
     probed = run_all(simulate, [probe(base, c) for c in subject.scope.candidates])
-    return _screened(subject, fitted, probed)
+    return _score_candidates(subject, fitted, probed)
 
 
-def _screened(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
+def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]) -> Screened:
     """Scores of the candidates by their responses, beside the base as it was refitted."""
     about = projection(fitted.base.estimate)
     by = likelihood_scale([fitted.base])
@@ -176,7 +176,7 @@ def _scatter_beside(
     if not singles or margin(singles[0], fits.base, by).gain < by.least:
         return None
     best = singles[0]
-    found = estimated(simulate, best.estimate, whole)
+    found = estimate_spreads(simulate, best.estimate, whole)
     before, now = ({s.name: s.value for s in some} for some in (fitted.scatter, found))
     return found if clearly_differ(before, now) else None
 

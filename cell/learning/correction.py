@@ -26,7 +26,6 @@ class Correctable(Protocol):
         """Expect displacements `seen` [m] above the model's in images, and `unseen` [m] above those
         in truth, from the next `reset` on.
         """
-        ...
 
 
 def corrected(policy: Policy, seen: float, unseen: float) -> bool:

@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from cell.record.json_lines import json_line, read_json_lines
+from cell.record.run import read_run
+from drivers.errors import ConfigurationError
 from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
 
 NEWEST = 200  # experiences that are kept in use
@@ -110,3 +112,31 @@ class Memory:
 def data_folder() -> Path:
     """Folder for what cannot be computed again."""
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "folding-cell"
+
+
+def ruler_experience(folder: Path, edges: float, memory: Memory) -> Experience:
+    """The experience of the run in `folder`, whose laid edges lie `edges` [m] apart by a ruler.
+
+    `memory` knows to which policy, fabric and specimen the run belongs. Raises ConfigurationError
+    for a run that cannot be read, whose edges no camera saw, or that the cell did not learn from.
+    """
+    run = read_run(folder)
+    seen = None if run.result is None else run.result.edge_offset
+    if seen is None:
+        raise ConfigurationError(
+            f"{folder}: result.yaml: edge_offset: is missing, the camera saw no laid edges; "
+            "measure a fold that was laid down"
+        )
+    for known in reversed(memory.experiences()):
+        if known.run == folder.resolve().name and known.kind == "camera":
+            return Experience(
+                run=known.run,
+                policy=known.policy,
+                strip=known.strip,
+                specimen=known.specimen,
+                kind="ruler",
+                rig=edges - seen,
+            )
+    raise ConfigurationError(
+        f"{folder}: this cell did not learn from the run; fold with `--learning on` first"
+    )

@@ -7,14 +7,14 @@ import numpy as np
 
 from drivers.types import ArmState, Pose
 
-LENGTH = 64  # states
+STATES_KEPT = 64  # states
 
 
 class ArmHistory:
-    """The last `LENGTH` arm states, oldest first."""
+    """The last `STATES_KEPT` arm states, oldest first."""
 
     def __init__(self) -> None:
-        self._states: deque[ArmState] = deque(maxlen=LENGTH)
+        self._states: deque[ArmState] = deque(maxlen=STATES_KEPT)
 
     def add(self, state: ArmState) -> None:
         """Append the newest measured state."""

@@ -11,16 +11,16 @@ from cell.orchestrator.steps import Motion, move, wait_for
 from drivers.types import Array, Pose
 from policies.profile import seen_profile
 
-SPAN = 0.5  # s of images that are compared
-FEWEST = 5  # of them
-SMOOTH = 3  # images in a running mean, in which their noise averages out
-STILL = 0.0005  # m, the way of the profile's mean under which a strip rests
+COMPARED_TIME = 0.5  # s of images that are compared
+FEWEST_IMAGES = 5  # of them
+AVERAGED_IMAGES = 3  # images in a running mean, in which their noise averages out
+RESTING_WAY = 0.0005  # m, the way of the profile's mean under which a strip rests
 
 
 def hang_still(longest: float, record: Record) -> Motion:
     """Bring the gripper to rest, upright, and wait for the strip, at most `longest` [s].
 
-    Returns the snapshot at the end of the pause. The event `hanging` tells whether the strip came
+    Returns the snapshot at the end of the pause. The event `hanging` says whether the strip came
     to rest, and how far it still moved [m].
     """
     snapshot = yield from wait_for(lambda now: not now.arm.moving)
@@ -36,7 +36,7 @@ def hang_still(longest: float, record: Record) -> Motion:
 
 
 class Swing:
-    """How far a strip moves: the way of its profile's mean in the images of the last `SPAN`."""
+    """How far a strip moves: the way of its profile's mean within `COMPARED_TIME`."""
 
     def __init__(self) -> None:
         self.moved = float("nan")
@@ -44,8 +44,8 @@ class Swing:
 
     @property
     def still(self) -> bool:
-        """Whether enough images were seen and the strip moved less than `STILL` in them."""
-        return self.moved < STILL
+        """Whether enough images were seen and the strip moved less than `RESTING_WAY` in them."""
+        return self.moved < RESTING_WAY
 
     def see(self, snapshot: Snapshot, since: float) -> None:
         """Take note of an image taken after `since` [s], in which the strip was read."""
@@ -56,14 +56,14 @@ class Swing:
         if not np.isfinite(mean).all():
             return
         self._seen.append((seen.stamp, mean))
-        while self._seen[0][0] < seen.stamp - SPAN:
+        while self._seen[0][0] < seen.stamp - COMPARED_TIME:
             self._seen.popleft()
-        whole = seen.stamp - since >= SPAN and len(self._seen) >= FEWEST
+        whole = seen.stamp - since >= COMPARED_TIME and len(self._seen) >= FEWEST_IMAGES
         self.moved = self._way() if whole else float("nan")
 
     def _way(self) -> float:
         """Largest distance [m] from the middle, of running means over a few images."""
         means = np.array([mean for _, mean in self._seen])
         sums = np.cumsum(np.concatenate([np.zeros((1, 2)), means]), axis=0)
-        smooth = (sums[SMOOTH:] - sums[:-SMOOTH]) / SMOOTH
+        smooth = (sums[AVERAGED_IMAGES:] - sums[:-AVERAGED_IMAGES]) / AVERAGED_IMAGES
         return float(np.hypot(*(smooth - means.mean(axis=0)).T).max())

@@ -3,7 +3,7 @@ once.
 """
 
 import signal
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from drivers.errors import CellError
@@ -33,12 +33,7 @@ class Interrupt:
         self._before = {number: signal.signal(number, self._hear) for number in SIGNALS}
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Restore the previous signal handlers."""
         for number, before in self._before.items():
             signal.signal(number, before)

@@ -111,7 +111,7 @@ def _camera_moved(snapshot: Snapshot, rules: Rules) -> str | None:
     )
 
 
-def _overspeed(snapshot: Snapshot, rules: Rules) -> str | None:
+def _check_speed(snapshot: Snapshot, rules: Rules) -> str | None:
     limits = rules.limits
     allowed = limits.speed * limits.overspeed
     if snapshot.arm.velocity.speed <= allowed:
@@ -188,7 +188,7 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("arm_pose_not_finite", _ALIVE, _not_finite),
     Monitor("arm_state_stale", _ALIVE, _arm_stale),
     Monitor("setpoint_expired", _FOLDING | {State.LAY}, _setpoint_expired),
-    Monitor("overspeed", _ALIVE, _overspeed),
+    Monitor("overspeed", _ALIVE, _check_speed),
     Monitor("tracking_error", _ALIVE, _tracking),
     Monitor("workspace", _ALIVE, _workspace),
     Monitor("force", _ALIVE, _force),

@@ -36,7 +36,6 @@ class Operator(Protocol):
 
     def answer(self, question: Question) -> Answer | None:
         """The answer, or None until there is one."""
-        ...
 
 
 class Unattended:

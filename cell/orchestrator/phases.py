@@ -83,9 +83,7 @@ def _inspect(
 
 
 def grasp(cell: FoldContext, _record: Record, _begin: Snapshot) -> Phase:
-    """Approach from beyond the free edge and close the fingers on it; a Fault
-    where they miss it.
-    """
+    """Approach from beyond the free edge and close the fingers on it; Fault where they miss it."""
     length = cell.strip.length
     approach = cell.settings.fold.approach
     yield from open_hand()
@@ -155,10 +153,8 @@ def _note_predicted(cell: FoldContext, record: Record, snapshot: Snapshot) -> No
         record.event(snapshot.time, kind, path="shifted" if cell.predicted.blind else "its own")
 
 
-def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
-    """Continue to the lay without a stop: at a gripper at rest the hanging strip would shift the
-    loop by 5 mm.
-    """
+def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
+    """Go on to the lay without a stop: at rest the hanging strip would shift the loop by 5 mm."""
     yield from ()
     record.event(begin.time, "touch_seen", x=begin.arm.pose.x, z=begin.arm.pose.z)
     return Event.SETTLED
@@ -166,7 +162,7 @@ def touched(_cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
 
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk without pulling the contact of the layers along."""
-    touch = _seen(cell)
+    touch = _seen_touch(cell)
     path = lay_path(touch, begin.arm.pose, max(cell.strip.thickness, touch.distance))
     snapshot = yield from follow_lay(path, cell.settings.fold.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
@@ -226,7 +222,7 @@ _FOLD: dict[State, Callable[[FoldContext, Record, Snapshot], Phase]] = {
     State.GRASP: grasp,
     State.LIFT: lift,
     State.FOLD: fold,
-    State.TOUCHED: touched,
+    State.TOUCHED: continue_to_lay,
     State.LAY: lay,
     State.RELEASE: release,
 }
@@ -276,9 +272,7 @@ def _lift_pitch_rate(travel: float, speed: float, pitch: float, most: float) -> 
     return min(rate, sqrt(2.0 * BRAKING * most * max(HANGING - pitch, 0.0)))
 
 
-def _camera_checks(
-    cell: FoldContext,
-) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
+def _camera_checks(cell: FoldContext) -> Generator[Command, Snapshot, tuple[PreflightCheck, ...]]:
     """Check that the camera has not moved since its calibration, where landmarks are known."""
     calibration, landmarks = cell.calibration, cell.calibration.landmarks
     if landmarks is None:
@@ -293,7 +287,7 @@ def _camera_checks(
     return (camera_check(shift, cell.settings.landmarks),)
 
 
-def _seen(cell: FoldContext) -> SeenTouch:
+def _seen_touch(cell: FoldContext) -> SeenTouch:
     if cell.seen_touch is None:
         raise Fault("illegal_event", "LAY was entered without a touch")
     return cell.seen_touch

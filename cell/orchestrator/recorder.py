@@ -1,7 +1,7 @@
 """Interface of the record for the orchestrator; measured time begins with the lift, or after it."""
 
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 from cell.orchestrator.snapshot import Snapshot
 from cell.perception.measurement import StripMeasurement
@@ -12,44 +12,37 @@ from drivers.types import Array, Frame
 from policies.policy import Decision
 
 
-class Record(Protocol):
-    """Methods by which a run writes its record; times on the cell's clock [s]."""
+class Record:
+    """How a run writes its record, times on the cell's clock [s]; this one discards everything."""
 
     @property
     def origin(self) -> float:
-        """Clock time of t = 0."""
-        ...
+        """Clock time of t = 0 [s]."""
+        return 0.0
 
     def describe(self, **facts: Any) -> None:
         """Add facts to the header that were not known at the start."""
-        ...
 
     def begin(self, clock: float) -> None:
         """The lift begins, and measured time with it; called again, measured time begins here."""
-        ...
 
     def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """One cycle of the control loop that took `cost` [s] to compute."""
-        ...
+        """Add one cycle of the control loop that took `cost` [s] to compute."""
 
     def sight(self, measurement: StripMeasurement) -> None:
-        """The measurement from one image."""
-        ...
+        """Add the measurement from one image."""
 
     def frame(self, frame: Frame) -> None:
-        """An image that was processed."""
-        ...
+        """Add an image that was processed."""
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """The policy's decision on a measurement."""
-        ...
+        """Add the policy's decision on a measurement."""
 
     def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """An event."""
-        ...
+        """Add an event at `clock` [s]."""
 
 
-class Recorder:
+class Recorder(Record):
     """Converts the cell's clock to run time: t = 0 where the strip is still and held.
 
     Ticks and measurements are recorded from the lift on. Earlier images are kept until then and get
@@ -103,7 +96,7 @@ class Recorder:
         if self._lift is None:
             self._early.append(frame)
         else:
-            self._writer.frame(_shifted(frame, -self._lift))
+            self._writer.frame(_shift_times(frame, -self._lift))
 
     def decision(self, snapshot: Snapshot, decision: Decision) -> None:
         """Add the policy's decision on the newest measurement, for `cell replay`."""
@@ -135,35 +128,8 @@ class Recorder:
     def _flush_early(self) -> None:
         early, self._early = self._early, []
         for frame in early:
-            self._writer.frame(_shifted(frame, -(self._lift or 0.0)))
+            self._writer.frame(_shift_times(frame, -(self._lift or 0.0)))
 
 
-def _shifted(frame: Frame, offset: float) -> Frame:
+def _shift_times(frame: Frame, offset: float) -> Frame:
     return replace(frame, stamp=frame.stamp + offset, arrival=frame.arrival + offset)
-
-
-class NullRecorder:
-    """A recorder that discards everything."""
-
-    origin = 0.0
-
-    def describe(self, **facts: Any) -> None:
-        """Discards."""
-
-    def begin(self, clock: float) -> None:
-        """Does nothing."""
-
-    def tick(self, snapshot: Snapshot, cost: float) -> None:
-        """Discards."""
-
-    def sight(self, measurement: StripMeasurement) -> None:
-        """Discards."""
-
-    def frame(self, frame: Frame) -> None:
-        """Discards."""
-
-    def decision(self, snapshot: Snapshot, decision: Decision) -> None:
-        """Discards."""
-
-    def event(self, clock: float, kind: str, **facts: Any) -> None:
-        """Discards."""

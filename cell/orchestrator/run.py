@@ -1,8 +1,12 @@
 """One run: snapshot, monitors, command, record, at the control rate, until it ends."""
 
+import signal
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from types import FrameType
 from typing import Protocol
 
 from cell.devices.devices import Devices
@@ -16,8 +20,8 @@ from cell.orchestrator.safe_stop import SafeStop, run_suppressed
 from cell.orchestrator.snapshot import CloseHand, Command, Drive, Hold, MoveTo, OpenHand, Snapshot
 from cell.orchestrator.states import Event, Machine, State
 from cell.orchestrator.steps import Phase
-from cell.orchestrator.vision import MEASURED, RECORDED, View, Vision
-from cell.orchestrator.watchdog import at_most
+from cell.orchestrator.vision import MEASURED_STATES, RECORDED, View, Vision
+from drivers.errors import Fault
 from drivers.types import STILL
 from policies.prediction import FoldPrediction
 
@@ -29,11 +33,9 @@ class Observer(Protocol):
 
     def see(self, snapshot: Snapshot) -> None:
         """Called on every tick."""
-        ...
 
     def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Called on every event."""
-        ...
 
 
 class Run:
@@ -78,7 +80,7 @@ class Run:
         period = 1.0 / self._context.settings.fold.control_rate
         start, tick = clock.now(), 0
         try:
-            self._guarded(lambda: self._take(Event.START, start))
+            self._guard(lambda: self._take(Event.START, start))
             while not (self._machine.over and self._rests):
                 tick += 1
                 self._turn_at(start + tick * period)
@@ -86,7 +88,7 @@ class Run:
             run_suppressed(self._devices.arm.stop)
         return self._outcome(clock.now() - start)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
+    def _guard(self, action: Callable[[], None]) -> None:
         try:
             action()
         except Exception as error:  # noqa: BLE001  an edge: the arm stops whatever went wrong
@@ -97,7 +99,7 @@ class Run:
         if self._under_way and self._interrupted():
             self._stop(INTERRUPTED)
         if self._under_way:
-            self._guarded(lambda: self._timely_turn(due))
+            self._guard(lambda: self._timely_turn(due))
         else:
             self._brake(due)
 
@@ -138,9 +140,7 @@ class Run:
         return None if self._machine.over else self._decide(snapshot)
 
     def _brake(self, due: float) -> None:
-        """One cycle of braking, a whole one also where the loop is late; recorded and shown as far
-        as possible.
-        """
+        """One whole cycle of braking, even when late; recorded and shown as far as possible."""
         now = self._devices.clock.now()
         if now >= due:
             due = now + 1.0 / self._context.settings.fold.control_rate
@@ -152,7 +152,7 @@ class Run:
             )
             run_suppressed(lambda: self._recorder.tick(snapshot, float("nan")))
             self._show(lambda observer: observer.see(snapshot))
-        self._rests = self._safe_stop.ended(arm)
+        self._rests = self._safe_stop.has_ended(arm)
         if self._rests and not self._machine.over:
             run_suppressed(lambda: self._take(Event.STOPPED, self._devices.clock.now()))
 
@@ -204,7 +204,7 @@ class Run:
         return self._snapshot
 
     def _record(self, view: View, state: State) -> None:
-        if view.read and state in MEASURED and view.measurement is not None:
+        if view.read and state in MEASURED_STATES and view.measurement is not None:
             self._recorder.sight(view.measurement)
         if view.fresh and state in RECORDED and view.frame is not None:
             self._recorder.frame(view.frame)
@@ -235,7 +235,7 @@ class Run:
         if self._stopped is not None:
             name, reason, code = self._stopped.name, self._stopped.reason, self._stopped.exit_code
         else:
-            name, reason, code = _reached(self._context)
+            name, reason, code = _completion(self._context)
         touch, edge_offset = None, None
         if isinstance(self._context, FoldContext):
             touch, laid = self._context.seen_touch, self._context.laid
@@ -245,7 +245,7 @@ class Run:
         return Outcome(name, reason, code, touch, edge_offset, duration, self._predicted)
 
 
-def _reached(context: Context) -> tuple[str, str, int]:
+def _completion(context: Context) -> tuple[str, str, int]:
     """Name, reason and exit code of a run that completed."""
     if isinstance(context, CalibrationContext):
         return "calibrated", "all points were touched", 0
@@ -255,3 +255,27 @@ def _reached(context: Context) -> tuple[str, str, int]:
         return "path_done", "the path ended and no touch was seen", 1
     complaint = None if context.laid is None else context.laid.complaint()
     return ("layer_touch", "the layers touch", 0) if complaint is None else (*complaint, 1)
+
+
+@contextmanager
+def at_most(limit: float) -> Iterator[None]:
+    """Raise Fault `turn_overtime` within the block once it takes longer than `limit` [s].
+
+    By an alarm of the operating system, which only the main thread hears: elsewhere nothing is
+    watched. Code that never returns to the interpreter is not ended; then only the arm's own
+    driver brakes, which misses the cell's heartbeat.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def rang(_number: int, _frame: FrameType | None) -> None:
+        raise Fault("turn_overtime", f"a turn of the control loop takes longer than {limit:g} s")
+
+    before = signal.signal(signal.SIGALRM, rang)
+    signal.setitimer(signal.ITIMER_REAL, limit)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)

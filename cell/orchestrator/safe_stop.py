@@ -28,11 +28,11 @@ class SafeStop:
         """For at most `turns` cycles of the control loop."""
         self._devices = devices
         self._left = turns
-        self._told = False
+        self._heard_stop = False
 
     def apply(self, hand: HandState | None) -> None:
         """Stop the arm, and the fingers if they were last seen moving."""
-        self._told = run_suppressed(self._devices.arm.stop)
+        self._heard_stop = run_suppressed(self._devices.arm.stop)
         if hand is None or hand.moving:
             run_suppressed(self._devices.hand.stop)
 
@@ -42,16 +42,16 @@ class SafeStop:
         run_suppressed(lambda: self._devices.clock.wait_until(due))
         seen: list[ArmState] = []
         answered = run_suppressed(lambda: seen.append(self._devices.arm.state()))
-        if not (answered and self._told):
-            self._told = run_suppressed(self._devices.arm.stop)
+        if not (answered and self._heard_stop):
+            self._heard_stop = run_suppressed(self._devices.arm.stop)
         return seen[0] if seen else None
 
-    def ended(self, arm: ArmState | None) -> bool:
+    def has_ended(self, arm: ArmState | None) -> bool:
         """Whether the arm is at rest, or its time has passed.
 
         An arm that has come as near as it was commanded may still creep there.
         """
-        return self._left <= 0 or (arm is not None and self._told and _at_rest(arm))
+        return self._left <= 0 or (arm is not None and self._heard_stop and _at_rest(arm))
 
 
 def _at_rest(arm: ArmState) -> bool:

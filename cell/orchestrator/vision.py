@@ -21,8 +21,8 @@ from drivers.protocols import Camera
 from drivers.strip.file import StripFile
 from drivers.types import Frame, Pose
 
-MEASURED = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
-RECORDED = MEASURED | {State.LAY, State.RELEASE}
+MEASURED_STATES = frozenset({State.LIFT, State.FOLD, State.TOUCHED})
+RECORDED = MEASURED_STATES | {State.LAY, State.RELEASE}
 GLANCE = 0.1  # s between images where nothing is measured in them
 
 
@@ -35,22 +35,16 @@ class Reader(Protocol):
     @property
     def since(self) -> float | None:
         """When the image under way was begun [s]; None while nothing is."""
-        ...
 
     @property
     def dead(self) -> str:
         """Why no image is read any more; empty while they are."""
-        ...
 
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:
-        """Begin to read `frame`, taken when the gripper was at `gripper`; with `touches` the
-        layers are watched, too.
-        """
-        ...
+        """Begin to read `frame`, taken at `gripper`; with `touches` the layers are watched too."""
 
     def take(self) -> Seen | None:
         """What the image under way showed, once; None until that is known."""
-        ...
 
 
 class StripReader:
@@ -150,9 +144,7 @@ class View:
 
 
 class Vision:
-    """Takes the newest frame on each tick and measures the strip in it where
-    the state requires it.
-    """
+    """Takes the newest frame on each tick and measures the strip in it where the state needs it."""
 
     def __init__(self, camera: Camera, limits: MonitorLimits) -> None:
         """Read from `camera`; `limits` say what is in doubt and what has moved."""
@@ -188,12 +180,12 @@ class Vision:
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
         """Whether a frame newer than the last one arrived."""
         after = self._frame.stamp if self._frame is not None else -1.0
-        after = after if state in MEASURED else after + GLANCE
+        after = after if state in MEASURED_STATES else after + GLANCE
         frame = self._camera.read(after, timeout=0.0)
         if frame is None:
             return False
         self._frame = frame
-        self._waiting = frame if state in MEASURED else None
+        self._waiting = frame if state in MEASURED_STATES else None
         self._identical = self._sanity.tell(frame, now, arm.pose_at(frame.stamp)).identical
         return True
 

@@ -23,7 +23,7 @@ DT, EVERY, SEGMENTS = 0.005, 2, 60  # s of a step, steps between two shapes, seg
 PASSES = 3  # of Gauss-Newton
 ROUGH = 10.0  # 1/m, yield curvature that makes one unit of ln(1 + y / ROUGH)
 STEPS = np.array([0.02, 0.2, 0.2])  # differences of ln length, ln time, ln(1 + y / ROUGH)
-LEAST = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
+SMALLEST_SIGMA = np.array([0.01, 0.15, 0.15])  # sigma of these in a belief, at least
 NOISE = 0.0005  # m, of a point's median over a bin
 SHIFT, LATE = 0.0005, 0.005  # m, s: sigma of the images' bias and of their stamps
 UNSURE = np.array([SHIFT, SHIFT, SHIFT, LATE])
@@ -96,7 +96,7 @@ def agreement(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -
 def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) -> Agreement | None:
     seen = fold.bin_curves(fold.profile)
     middle = _parameters(predicted)
-    sigma = np.maximum(_sigmas(predicted), LEAST)
+    sigma = np.maximum(_sigmas(predicted), SMALLEST_SIGMA)
     at, residual = middle, np.nan
     for _ in range(PASSES):
         curves = simulate_profiles(
@@ -116,9 +116,7 @@ def _fit_strip(strip: StripFile, predicted: FoldPrediction, fold: MeasuredFold) 
 
 
 def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | None:
-    """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None where one
-    fails.
-    """
+    """Binned profiles (n, BINS, POINTS, 2) of rods along the path of `fold`; None if one fails."""
     times = np.arange(fold.t[0] + DT, fold.t[-1] + 0.5 * DT, DT)
     path = np.stack([np.interp(times, fold.t, column) for column in fold.poses.T], axis=1)
     rod = Rod(SEGMENTS, strict=False)
@@ -139,8 +137,9 @@ def simulate_profiles(models: list[StripModel], fold: MeasuredFold) -> Array | N
 
 
 def _design(curves: Array, spacing: float) -> Array:
-    """Changes (BINS, POINTS, 2, 7) of a profile by the strip's parameters, by shifts of all points
-    along x and z and of the contact along x, and by a delay.
+    """How a profile (BINS, POINTS, 2) responds to each of seven unknowns, the last axis: the
+    strip's three parameters, shifts of all points along x and z and of the contact along x, and a
+    delay.
     """
     base = curves[0]
     by_strip = [(curve - base) / step for curve, step in zip(curves[1:], STEPS, strict=True)]

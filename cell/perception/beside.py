@@ -30,7 +30,7 @@ from drivers.types import Array, Frame, Pose
 
 INSPECT, LOOK, TRACK = 0, 1, 2  # what is asked: the checks, a measurement, or one with the touch
 HEADER = 8  # numbers beside an image: request, stamp, arrival, sequence, gripper (3), answered
-MEASURED = 11  # numbers of a measurement beside its profile
+NUMBERS = 11  # numbers of a measurement beside its profile
 SHIFT = 1
 TOUCH = 6
 MOST_POINTS = 500  # of a profile
@@ -56,11 +56,9 @@ class Sight(Protocol):
 
     def inspect(self, frame: Frame) -> tuple[PreflightCheck, ...]:
         """The checks of an image before the grasp; the strip's colours are kept."""
-        ...
 
     def look(self, frame: Frame, gripper: Pose, *, touches: bool) -> Seen:
         """The strip in `frame`, and with `touches` whether its layers touch."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +267,7 @@ def _measure(sight: Sight, pixels: Any, values: Array) -> bytes:
 
 
 def _size() -> int:
-    return HEADER + MEASURED + SHIFT + TOUCH + 1 + 2 * MOST_POINTS
+    return HEADER + NUMBERS + SHIFT + TOUCH + 1 + 2 * MOST_POINTS
 
 
 def _pack(values: Array, seen: Seen) -> None:
@@ -281,18 +279,18 @@ def _pack(values: Array, seen: Seen) -> None:
     nothing = [np.nan] * TOUCH
     touch = nothing if t is None else [t.time, t.x, t.to_grasped, t.to_fixed, t.confidence]
     touch += [] if t is None else [t.distance]
-    start = HEADER + MEASURED + SHIFT + TOUCH + 1
+    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
     values[HEADER:start] = [*one, *touch, len(points)]
     values[start : start + 2 * len(points)] = points.ravel()
 
 
 def _unpack(values: Array) -> Seen:
     """What the shared numbers (n,) hold."""
-    start = HEADER + MEASURED + SHIFT + TOUCH + 1
+    start = HEADER + NUMBERS + SHIFT + TOUCH + 1
     one, touch = values[HEADER:start].tolist(), None
-    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:MEASURED]
+    stamp, sequence, contact_x, contact, profile, tip_x, tip_z, gap, gap_x, x, z = one[:NUMBERS]
     count = int(one[-1])
-    touching = one[MEASURED + SHIFT : -1]
+    touching = one[NUMBERS + SHIFT : -1]
     if not np.isnan(touching[0]):
         touch = SeenTouch(*touching)
     points = values[start : start + 2 * count].reshape(count, 2).copy()
@@ -300,4 +298,4 @@ def _unpack(values: Array) -> Seen:
     measurement = StripMeasurement(
         stamp, int(sequence), contact_x, contact, points, profile, tip, gap, gap_x, (x, z)
     )
-    return Seen(measurement, touch, one[MEASURED])
+    return Seen(measurement, touch, one[NUMBERS])

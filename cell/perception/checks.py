@@ -19,10 +19,10 @@ from drivers.types import Array, Image
 
 MOSTLY = 0.5  # share of the background from which what is taken for the strip is the background
 THICKEST = 0.008  # m; from there on the desk before it is looked for within its cut edge
-WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel tells no colour
+WHITE, BLACK = 252.0, 12.0  # grey levels from which a pixel has no colour
 BURNT = 0.1  # share of pixels that may be so
 SOLID = 0.5  # share of strip that every part of it shows
-HIDDEN = 0.04  # share of the background that may look like the strip
+ALIKE_SHARE = 0.04  # share of the background that may look like the strip
 APART = 3.0  # separation from what is behind it, standard deviations
 
 
@@ -60,9 +60,7 @@ def thin_enough(strip: StripFile) -> PreflightCheck:
 
 
 def desk_contrast(scene: Segmenter, desk: Array, settings: PerceptionSettings) -> PreflightCheck:
-    """Whether each of the strip's colours is distinguishable from the desk
-    (3,), lit or in shadow.
-    """
+    """Whether each of the strip's colours differs from the desk (3,), lit or in shadow."""
     apart = min(float(np.linalg.norm(colour - desk)) for colour in scene.colours)
     shade = np.array([DESK_SHADE], dtype=np.float32)
     away = min(float(separation(c, desk[None], shade, scene.smooth)[0]) for c in scene.colours)
@@ -94,9 +92,7 @@ def solid(levels: Image, calibration: Calibration, strip: StripFile, rise: float
 def background_contrast(
     scene: Segmenter, calibration: Calibration, strip: StripFile
 ) -> PreflightCheck:
-    """Whether the background along the strip's motion is distinguishable from
-    each of its colours.
-    """
+    """Whether the background along the strip's motion differs from each of its colours."""
     way = way_of(calibration, strip.length)
     alike = (scene.separation(way) < APART).mean(axis=0)
     share = float(alike.mean())
@@ -113,9 +109,9 @@ def background_contrast(
         )
     return PreflightCheck(
         "background",
-        share <= HIDDEN,
+        share <= ALIKE_SHARE,
         f"{100 * share:.0f} % of what is behind the strip's way has its colour, allowed "
-        f"{100 * HIDDEN:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
+        f"{100 * ALIKE_SHARE:.0f} %; most of it at x = {1e3 * x:.0f} mm, z = {1e3 * z:.0f} mm",
         "take away or cover what stands there, or hang a cloth of another colour behind the desk",
     )
 

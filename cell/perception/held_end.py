@@ -13,10 +13,10 @@ from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
-SURE = 0.5  # confidence in a profile from which the end is taken from it
+PROFILE_CONFIDENCE = 0.5  # confidence in a profile from which the end is taken from it
 CLOSE = 0.001  # m by which the end may still move when it counts as found
 ROUNDS = 6
-END = 0.02  # m at the profile's end that give its tangent
+TANGENT_LENGTH = 0.02  # m at the profile's end that give its tangent
 LIFTS = (0.03, 0.045, 0.06, 0.08)  # m of height at which an end that was just lifted is looked for
 AROUND = (-0.03, -0.015, 0.015, 0.03)  # m about where it should be, when it is not there
 
@@ -53,7 +53,7 @@ class HeldEnd:
         first, *others = self._guesses(frame.stamp)
         best = self._settle(frame, first)
         for guess in others:
-            if best.end is not None and best.measurement.confidence >= SURE:
+            if best.end is not None and best.measurement.confidence >= PROFILE_CONFIDENCE:
                 break
             found = self._settle(frame, guess)
             if found.measurement.confidence > best.measurement.confidence:
@@ -114,7 +114,7 @@ class HeldEnd:
 def _beyond(curve: Array, rest: float) -> Pose:
     """The point `rest` [m] beyond the end of a curve (n, 2) [m], along its last stretch."""
     back = np.hypot(*(curve - curve[-1]).T)
-    begin = int(np.flatnonzero(back >= min(END, float(back.max())))[-1])
+    begin = int(np.flatnonzero(back >= min(TANGENT_LENGTH, float(back.max())))[-1])
     way = curve[-1] - curve[begin]
     way = way / max(float(np.hypot(*way)), 1e-9)
     point = curve[-1] + rest * way

@@ -23,8 +23,8 @@ Offsets = NDArray[np.int64]
 def _fisher(
     mixed: Any, of_own: Any, of_scene: Any, shade: Any, variance: Any
 ) -> tuple[Any, Any, Any]:
-    """Fisher's direction a colour + b scene, (a, b) and the scatter's determinant, by which both
-    are multiplied.
+    """Fisher's direction a colour + b scene that separates strip from scene: a and b, and the
+    scatter's determinant, by which both are multiplied.
 
     The products of colours are `mixed` (own by scene), `of_own` and `of_scene`; the scatter is the
     sensor's `variance`, SHADE of the strip's brightness and `shade` of the scene's.
@@ -37,7 +37,8 @@ def _fisher(
 
 @entry
 def discriminants(colour: Floats, scene: Floats, shade: Floats, variance: float) -> Floats:
-    """(n, 3) a, b and the squared separation of `colour` (3,) from each background (n, 3).
+    """Fisher's a and b and the squared separation, (n, 3), of `colour` (3,) from each background
+    (n, 3).
 
     Fisher's direction is a colour + b scene. `shade` (n,) is the share of brightness by which the
     background may differ, `variance` the sensor's [grey levels squared].

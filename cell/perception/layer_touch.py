@@ -9,7 +9,7 @@ from cell.perception.settings import PerceptionSettings
 from drivers.strip.file import StripFile
 from drivers.types import Array, Pose
 
-DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals tell different events
+DISAGREE = 4.0  # times `touch_agreement`, from where on the two signals show different events
 THINNEST = 0.001  # m, the distance at which layers of a thin strip are seen to touch
 UNEVEN = 0.5  # of the strip's length that the layers may differ by, where anyone speaks of a fold
 

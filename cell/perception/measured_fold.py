@@ -9,7 +9,7 @@ from drivers.types import Array
 from policies.profile import POINTS
 
 BINS = 12  # of time, in which the noise of the images averages out
-FEWEST = 3  # images in a bin that counts
+FEWEST_IMAGES = 3  # images in a bin that counts
 MAD = 1.4826  # sigma over the median of deviations
 BEFORE = 0.03  # s before the touch in which images do not count: the layers hide each other
 
@@ -34,7 +34,7 @@ class MeasuredFold(NamedTuple):
     @property
     def usable(self) -> bool:
         """Whether there are enough images for a comparison."""
-        return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST
+        return len(self.t) > 1 and len(self.stamp) >= BINS * FEWEST_IMAGES
 
     def bin_curves(self, curves: Array) -> Array:
         """`curves` (k, POINTS, 2) in the middle of each bin (BINS, POINTS, 2); NaN where few.
@@ -46,7 +46,7 @@ class MeasuredFold(NamedTuple):
         found = np.full((BINS, POINTS, 2), np.nan)
         for i in range(BINS):
             rows, t = curves[place == i], self.stamp[place == i]
-            if len(rows) >= FEWEST:
+            if len(rows) >= FEWEST_IMAGES:
                 t = t - t.mean()
                 rate = np.tensordot(t, rows, axes=1) / (t @ t)
                 found[i] = np.median(rows - t[:, None, None] * rate, axis=0)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.types import Array, frozen
 
-MOST = 4  # colours that a strip may have
+MOST_COLOURS = 4  # colours that a strip may have
 SPREAD = 6.0  # grey levels by which weave and noise scatter one colour
 SHADE = 0.06  # share of brightness by which weave and light vary over a resting strip
 FAR = 3.0  # standard deviations from which a sample is of another colour
@@ -18,12 +18,12 @@ Indices = NDArray[np.signedinteger[Any]]
 
 
 def palette(samples: Array) -> Array:
-    """(k, 3) the fewest colours that explain `samples` (n, 3), at most MOST, most frequent first.
+    """(k, 3) the fewest colours that explain `samples` (n, 3), MOST_COLOURS or fewer, by frequency.
 
     Samples between two colours, as at the border of a stripe, may stay unexplained.
     """
     colours = np.median(samples, axis=0)[None]
-    while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST:
+    while match_none(samples, colours).mean() > BLENDS and len(colours) < MOST_COLOURS:
         colours = _refine(samples, np.vstack([colours, _farthest(samples, colours)]))
     nearest = _distances(samples, colours).argmin(axis=1)
     frequent = np.argsort(-np.bincount(nearest, minlength=len(colours)), kind="stable")

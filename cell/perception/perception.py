@@ -26,9 +26,7 @@ HAND_DEPTH = 0.015  # m around the hand's front in which its side may be seen
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """The lifted midline (n, 2) [m] from contact to gripper, and the fraction
-    of it that was seen.
-    """
+    """The lifted midline (n, 2) [m] from contact to gripper, and the share of it that was seen."""
 
     points: Array
     confidence: float

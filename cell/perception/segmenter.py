@@ -89,9 +89,7 @@ class Segmenter:
         return cv2.max(cv2.min(found[:h, :w], clear), ZERO), part
 
     def separation(self, where: Image) -> Floats:
-        """(k, n) distance of each colour from the background in the n pixels of a mask, in standard
-        deviations.
-        """
+        """(k, n) distance of each colour from the background in a mask's n pixels, in sigma."""
         behind, shade = self.background.image[where > 0], self.background.shade[where > 0]
         return np.stack([separation(c, behind, shade, self.smooth) for c in self.colours])
 
@@ -105,9 +103,7 @@ def separation(colour: Array, scene: Array | Image, shade: Floats, sensor: float
 def learn(
     image: Image, strip: Array, calibration: Calibration, stated: StripFile, place: Place
 ) -> Segmenter:
-    """The scene in `image` (h, w, 3) with the resting strip at `place`, whose pixels are `strip`
-    (n, 3).
-    """
+    """The scene in `image` (h, w, 3) with the strip at `place`, whose pixels are `strip` (n, 3)."""
     sensor = max(sensor_noise(image), LEAST_NOISE) * DIFFERENCE
     smooth = max(sensor * SOFT, LEAST_NOISE * DIFFERENCE)
     about = Sizes.of(calibration, PATCH).light

@@ -16,10 +16,11 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Image, Pose
 
 SIDE = 32  # px, of a patch
-REACH = 12  # px by which it is looked for around its place
-MOST, LEAST = 16, 2  # patches that are remembered, and that must be found to state a shift
+SEARCH_RADIUS = 12  # px by which it is looked for around its place
+MOST_PATCHES = 16  # that are remembered
+FEWEST_PATCHES = 2  # that must be found to state a shift
 ALONG = 1.0  # px by which most of them must have moved alike
-SURE = 0.3  # px, standard deviation of a patch's place by its structure and the noise
+PATCH_SIGMA = 0.3  # px, standard deviation of a patch's place by its structure and the noise
 SOFT = 1.5  # px over which noise is averaged
 NAN = float("nan")
 
@@ -49,12 +50,12 @@ class Standing:
         unsure = _deviation(grey, appearance.scene.sensor)
         strip_zone = zones(calibration, strip.length, settings.shadow_height).strip
         unsure[cv2.dilate(strip_zone, np.ones((SIDE, SIDE), np.uint8)) > 0] = np.inf
-        edge, middle = SIDE // 2 + REACH, strip.length / 2
+        edge, middle = SIDE // 2 + SEARCH_RADIUS, strip.length / 2
         top = calibration.to_image(np.array([[middle, HIGH]]))[0, 1]
         unsure[: max(int(top), 0) + edge], unsure[-edge:] = np.inf, np.inf
         unsure[:, :edge], unsure[:, -edge:] = np.inf, np.inf
         corners, weights = list[tuple[int, int]](), list[float]()
-        while len(corners) < MOST and unsure.min() <= SURE:
+        while len(corners) < MOST_PATCHES and unsure.min() <= PATCH_SIGMA:
             v, u = np.unravel_index(int(unsure.argmin()), unsure.shape)
             corners.append((int(u) - SIDE // 2, int(v) - SIDE // 2))
             weights.append(float(unsure[v, u]) ** -2)
@@ -76,15 +77,18 @@ class Standing:
         moved = np.full(self.corners.shape, NAN)
         for i, (u, v) in enumerate(self.corners.astype(int).tolist()):
             if clear[v : v + SIDE, u : u + SIDE].all():
-                window = image[v - REACH : v + SIDE + REACH, u - REACH : u + SIDE + REACH]
+                window = image[
+                    v - SEARCH_RADIUS : v + SIDE + SEARCH_RADIUS,
+                    u - SEARCH_RADIUS : u + SIDE + SEARCH_RADIUS,
+                ]
                 moved[i] = _find(_soft(_grey(window)), self.patches[i])
         found = np.isfinite(moved[:, 0])
-        if np.count_nonzero(found) < LEAST:
+        if np.count_nonzero(found) < FEWEST_PATCHES:
             return NAN
         way, weights = moved[found], self.weights[found]
         common = np.array([_median(part, weights) for part in way.T])
         alike = np.hypot(*(way - common).T) <= ALONG
-        if np.count_nonzero(alike) < LEAST or 2 * weights[alike].sum() <= weights.sum():
+        if np.count_nonzero(alike) < FEWEST_PATCHES or 2 * weights[alike].sum() <= weights.sum():
             return NAN
         here = self.corners[found][:1]
         to_plane = self.calibration.to_plane
@@ -114,12 +118,12 @@ def _median(values: Array, weights: Array) -> float:
 
 
 def _find(window: Image, patch: Image) -> Array:
-    """Shift (2,) [px] at which the `patch` is found in a `window` REACH larger, else NaN."""
+    """Shift (2,) [px] of the `patch` in a `window` SEARCH_RADIUS larger, NaN where not found."""
     scores = cv2.matchTemplate(window, patch, cv2.TM_CCOEFF_NORMED)
     _, best, _, (u, v) = cv2.minMaxLoc(scores)
-    if not best >= ALIKE or not (0 < u < 2 * REACH and 0 < v < 2 * REACH):
+    if not best >= ALIKE or not (0 < u < 2 * SEARCH_RADIUS and 0 < v < 2 * SEARCH_RADIUS):
         return np.full(2, NAN)
-    return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - REACH
+    return np.array([u + peak(scores[v, :], u), v + peak(scores[:, u], v)]) - SEARCH_RADIUS
 
 
 def _soft(grey: Image) -> Image:

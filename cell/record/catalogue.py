@@ -8,7 +8,6 @@ from dataclasses import astuple, fields
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from cell.record.files import RESULT, RUN
@@ -18,7 +17,7 @@ from drivers.errors import ConfigurationError, suggestion
 VERSION = 1  # of the columns; another one is thrown away
 COLUMNS = tuple(field.name for field in fields(RunRow))
 FIRST = "run"  # in place of `folder`: the folder's name
-SHOWN = (FIRST, *COLUMNS[1:])
+RUN_COLUMNS = (FIRST, *COLUMNS[1:])
 LIKE = COLUMNS.index("like_model") - 2
 ALLOWED = {
     sqlite3.SQLITE_SELECT, sqlite3.SQLITE_READ, sqlite3.SQLITE_FUNCTION, sqlite3.SQLITE_RECURSIVE,
@@ -53,12 +52,7 @@ class Catalogue:
         """The catalogue itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the database."""
         self._base.close()
 
@@ -69,29 +63,27 @@ class Catalogue:
         Raises ConfigurationError for what is no such expression or column.
         """
         key = sort.removeprefix("-")
-        if key and key not in SHOWN:
+        if key and key not in RUN_COLUMNS:
             raise ConfigurationError(
-                f"--sort: unknown column {key!r}{suggestion(key, SHOWN)}; "
-                f"allowed: {', '.join(SHOWN)}"
+                f"--sort: unknown column {key!r}{suggestion(key, RUN_COLUMNS)}; "
+                f"allowed: {', '.join(RUN_COLUMNS)}"
             )
         order = f"{key} IS NULL, {key} {'DESC' if sort.startswith('-') else 'ASC'}, " if key else ""
-        text = f"SELECT {', '.join(SHOWN)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
-        found = self._asked(f"{text} ORDER BY {order}began, {FIRST}", "--where")
+        text = f"SELECT {', '.join(RUN_COLUMNS)} FROM runs WHERE ({where or '1'}) "  # noqa: S608
+        found = self._execute(f"{text} ORDER BY {order}began, {FIRST}", "--where")
         return tuple(self._row(values) for values in found)
 
     def query(self, sql: str) -> tuple[tuple[str, ...], list[tuple[Any, ...]]]:
-        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for anything
-        else.
-        """
-        found = self._asked(sql, "--sql")
+        """Columns and rows of a SELECT over the table `runs`; ConfigurationError for others."""
+        found = self._execute(sql, "--sql")
         return tuple(column[0] for column in found.description or ()), found.fetchall()
 
-    def _asked(self, sql: str, origin: str) -> sqlite3.Cursor:
+    def _execute(self, sql: str, origin: str) -> sqlite3.Cursor:
         try:
             return self._base.execute(sql)
         except (sqlite3.Error, sqlite3.Warning) as error:
             raise ConfigurationError(
-                f"{origin}: {error}; columns of runs: {', '.join(SHOWN)}"
+                f"{origin}: {error}; columns of runs: {', '.join(RUN_COLUMNS)}"
             ) from None
 
     def _row(self, values: Sequence[Any]) -> RunRow:
@@ -123,23 +115,23 @@ class Catalogue:
 
 
 def values_of(row: RunRow) -> tuple[Any, ...]:
-    """The values of the columns `SHOWN` of `row`, in SI units."""
+    """The values of the columns `RUN_COLUMNS` of `row`, in SI units."""
     return (row.name, row.began.isoformat(), *astuple(row)[2:])
 
 
 def _stamps(root: Path) -> Iterable[tuple[str, Stamp]]:
-    """Names and times of change of the runs under `root`, by as few calls as say it."""
+    """Names and times of change of the runs under `root`, by as few system calls as possible."""
     try:
         with os.scandir(root) as found:
             for entry in found:
-                if head := _changed(f"{entry.path}/{RUN}"):
-                    tail = _changed(f"{entry.path}/{RESULT}")
+                if head := _change_time(f"{entry.path}/{RUN}"):
+                    tail = _change_time(f"{entry.path}/{RESULT}")
                     yield entry.name, (entry.stat().st_mtime_ns, head, tail)
     except OSError as error:
         raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
 
 
-def _changed(path: str) -> int:
+def _change_time(path: str) -> int:
     """The time of change of the file at `path` [ns]; 0 where there is none."""
     try:
         return os.stat(path).st_mtime_ns  # noqa: PTH116  ten thousand paths take a tenth of a second
@@ -164,7 +156,7 @@ def _open(path: Path) -> sqlite3.Connection:
 
 
 def _with_tables(base: sqlite3.Connection) -> sqlite3.Connection:
-    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *SHOWN[1:], "at", "head", "tail"))
+    columns = ", ".join((f"{FIRST} TEXT PRIMARY KEY", *RUN_COLUMNS[1:], "at", "head", "tail"))
     base.execute(f"CREATE TABLE IF NOT EXISTS runs ({columns})")
     base.execute(f"PRAGMA user_version = {VERSION}")
     return base

@@ -10,9 +10,9 @@ import pyarrow as pa
 from drivers.errors import ConfigurationError
 from drivers.types import Array, frozen
 
-REACH = 5.0  # m, further from the fixed edge nothing of a cell can be
+FARTHEST_HAND = 5.0  # m, further from the fixed edge nothing of a cell can be
 TURN = 2 * np.pi
-WILD = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
+FARTHEST_POINT = 100.0  # m, further than any camera of a cell sees, however wrong a point may be
 LONG = 1e5  # s, longer than a day
 HUGE = 1e9  # nothing of a cell is as large in any unit
 MUST = ("t", "x", "z")
@@ -51,7 +51,7 @@ class Ticks:
         _check_order(values["t"], origin, strictly=True)
         _check_range(values["t"], "t", origin, LONG, "s")
         for name in ("x", "z", "x_cmd", "z_cmd", "contact_x"):
-            _check_range(values[name], name, origin, REACH, "m")
+            _check_range(values[name], name, origin, FARTHEST_HAND, "m")
         _check_range(values["pitch"], "pitch", origin, TURN, "rad")
         for name in ("contact_t", "f_x", "f_z", "image_age"):
             _check_range(values[name], name, origin, HUGE, "SI units")
@@ -78,7 +78,7 @@ class Profile:
         _check_range(values["t"], "t", origin, LONG, "s")
         for name in ("x", "z"):
             _check_middle(values[name], name, origin)
-            _check_range(values[name], name, origin, WILD, "m")
+            _check_range(values[name], name, origin, FARTHEST_POINT, "m")
         return cls(**values)
 
     def curves(self) -> list[tuple[float, Array]]:
@@ -162,10 +162,10 @@ def _check_order(t: Array, origin: str, strictly: bool) -> None:
 def _check_middle(values: Array, name: str, origin: str) -> None:
     """Refuse lengths in a wrong unit: single points may be outliers, half of them not."""
     middle = float(np.median(np.abs(values))) if values.size else 0.0
-    if middle > REACH:
+    if middle > FARTHEST_HAND:
         raise ConfigurationError(
             f"{origin}: {name}: is {middle:.3g} in the middle, must stay within "
-            f"{REACH:g} m; give it in m"
+            f"{FARTHEST_HAND:g} m; give it in m"
         )
 
 

@@ -63,9 +63,7 @@ class FrameWriter:
         return self._film.failure if self._film else ""
 
     def take_failure(self) -> OSError | None:
-        """The write error since the last call, if any; after an error no image
-        is written any more.
-        """
+        """The write error since the last call, if any; after an error no image is written."""
         failure, self._failure = self._failure, None
         return failure
 

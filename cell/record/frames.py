@@ -16,7 +16,7 @@ from drivers.types import Frame, Image
 
 Keep = Literal["all", "key", "none"]
 FOLDER, INDEX = "frames", "frames/index.jsonl"
-LARGEST = 4096  # px of a side
+LARGEST_SIDE = 4096  # px of a side
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ def decode(path: Path) -> Image:
     """The image (h, w, 3) in a file; ConfigurationError when it is not one."""
     from drivers.pictures import read_picture
 
-    return read_picture(path, LARGEST)
+    return read_picture(path, LARGEST_SIDE)
 
 
 class KeyFrames:

@@ -3,7 +3,7 @@
 import os
 import re
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from math import isfinite
@@ -57,26 +57,6 @@ class RunRow:
         return self.folder.name
 
 
-def list_runs(root: Path) -> tuple[RunRow, ...]:
-    """The runs directly under `root`, oldest first.
-
-    Raises ConfigurationError when `root` is no folder.
-    """
-    rows = [read_row(folder) for folder in run_folders(root)]
-    return tuple(sorted(rows, key=lambda row: (row.began, row.name)))
-
-
-def run_folders(root: Path) -> Iterator[Path]:
-    """Folders of the runs directly under `root`; ConfigurationError when `root` is no folder."""
-    if not root.is_dir():
-        raise ConfigurationError(f"{root}: is not a folder; name one with --runs")
-    try:
-        with os.scandir(root) as found:
-            yield from (Path(entry.path) for entry in found if is_run(Path(entry.path)))
-    except OSError as error:
-        raise ConfigurationError(f"{root}: cannot be listed: {error.strerror}") from None
-
-
 def runs_before(folder: Path, strip: str, most: int) -> tuple[RunRow, ...]:
     """The newest `most` runs of `strip` beside the run in `folder` that began before it, newest
     first; by their names, so that a folder of thousands is not read.
@@ -102,8 +82,7 @@ def to_prune(
     """The runs that may be deleted, oldest first: all but the newest `keep`, or those `older_than`.
 
     With both, a run must satisfy both. A run under way stays, and so does a link: what it leads to
-    belongs elsewhere. Raises ConfigurationError when
-    neither is given.
+    belongs elsewhere. Raises ConfigurationError when neither is given.
     """
     if keep is None and older_than is None:
         raise ConfigurationError("prune: say how many runs to keep or how old they may be")
@@ -202,10 +181,10 @@ def _size(folder: Path) -> int:
 def _began(folder: Path) -> datetime:
     stamp = BEGAN.match(folder.name)
     stamped = None if stamp is None else _moment(stamp[1])
-    return stamped or _written(folder / RUN)
+    return stamped or _write_time(folder / RUN)
 
 
-def _written(path: Path) -> datetime:
+def _write_time(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, OverflowError, ValueError):  # gone, or dated beyond the calendar

@@ -22,14 +22,14 @@ from cell.report.markup import (
 )
 from cell.report.overlay import jpeg_text
 from cell.report.words import millimetres, milliseconds
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.pictures import read_picture
 from drivers.settings import read_yaml
 
 GOOD = 1.0  # mm, the error of a measured curve (`sigma.profile`) that a calibration must not exceed
 X, Z = np.arange(-0.1, 1.01, 0.1), np.arange(0.0, 0.51, 0.05)  # m, of the grid
-FINE = 60  # points of a line, which a lens bends
-STEP = 1e-3  # m, over which the scale of the image is taken
+LINE_POINTS = 60  # points of a line, which a lens bends
+SCALE_STEP = 1e-3  # m, over which the scale of the image is taken
 
 
 def write_calibration_report(path: Path) -> Path:
@@ -39,8 +39,7 @@ def write_calibration_report(path: Path) -> Path:
     """
     made = path.with_suffix(".html")
     text = calibration_report(load_calibration(path), path.name)
-    with writing(made):
-        replace_file(made, text.encode())
+    write_file(made, text)
     return made
 
 
@@ -60,8 +59,7 @@ def write_session_page(folder: Path) -> Path:
     ]
     if made.is_file():
         parts += _sections(load_calibration(made))
-    with writing(path):
-        replace_file(path, page(f"session {folder.name}", parts).encode())
+    write_file(path, page(f"session {folder.name}", parts))
     return path
 
 
@@ -94,6 +92,7 @@ def calibration_report(calibration: Calibration, name: str) -> str:
 
 
 def _sections(calibration: Calibration) -> list[str]:
+    locks = [(name, str(value)) for name, value in calibration.locks.items()]
     return [
         section("In numbers", definitions(_numbers(calibration), "tiles")),
         section(
@@ -102,29 +101,25 @@ def _sections(calibration: Calibration) -> list[str]:
             note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
             "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
         ),
-        section("Locked controls of the camera", definitions(_locks(calibration), "rows")),
+        section("Locked controls of the camera", definitions(locks, "rows")),
     ]
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
     lens, middle = calibration.lens, np.array([[0.3, 0.1]])
-    around = middle + STEP * np.array([[0, 0], [1, 0], [0, 1]])
+    around = middle + SCALE_STEP * np.array([[0, 0], [1, 0], [0, 1]])
     pixels = calibration.to_image(around)
     along, above = np.linalg.norm(pixels[1:] - pixels[0], axis=1)
     patches = 0 if calibration.landmarks is None else len(calibration.landmarks.marks)
     return [
         ("camera from the strip's plane", millimetres(calibration.viewpoint.distance)),
         ("image", f"{lens.width} × {lens.height} px"),
-        ("one pixel along the strip, at x 300, z 100 mm", millimetres(STEP / along)),
-        ("one pixel above the desk, there", millimetres(STEP / above)),
+        ("one pixel along the strip, at x 300, z 100 mm", millimetres(SCALE_STEP / along)),
+        ("one pixel above the desk, there", millimetres(SCALE_STEP / above)),
         ("images are older than their stamps by", milliseconds(calibration.latency)),
         ("contact is seen too far by", millimetres(calibration.contact_bias, signed=True)),
         ("landmarks that reveal a moved camera", str(patches)),
     ]
-
-
-def _locks(calibration: Calibration) -> list[tuple[str, str]]:
-    return [(name, str(value)) for name, value in calibration.locks.items()]
 
 
 def _grid(calibration: Calibration) -> str:
@@ -132,10 +127,14 @@ def _grid(calibration: Calibration) -> str:
     with canvas(8.4, 8.4 * lens.height / lens.width) as figure:
         axes = figure.add_subplot(aspect="equal")
         for x in X:
-            line = np.stack([np.full(FINE, x), np.linspace(Z[0], Z[-1], FINE)], axis=1)
+            line = np.stack(
+                [np.full(LINE_POINTS, x), np.linspace(Z[0], Z[-1], LINE_POINTS)], axis=1
+            )
             axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8)
         for z in Z:
-            line = np.stack([np.linspace(X[0], X[-1], FINE), np.full(FINE, z)], axis=1)
+            line = np.stack(
+                [np.linspace(X[0], X[-1], LINE_POINTS), np.full(LINE_POINTS, z)], axis=1
+            )
             strong = {"color": INK, "lw": 1.6} if z == 0 else {"color": MUTED, "lw": 0.8}
             axes.plot(*calibration.to_image(line).T, **strong)
         axes.plot(*calibration.to_image(np.zeros((1, 2))).T, "o", color=INK, ms=5)

@@ -15,10 +15,10 @@ from cell.report.facts import facts
 from cell.report.markup import Link, drawing, masthead, page, section, table, verdict_box
 from cell.report.words import NO_VALUE, millimetres, seconds
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
-MOST = 40  # runs in one comparison; more lines cannot be distinguished
+MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
 NUMBERS = ("run", "policy", "seed", "outcome", "displacement", "edges apart", "touch", "duration")
 OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
 
@@ -26,18 +26,16 @@ OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
 def write_comparison(folders: Sequence[Path], out: Path) -> Path:
     """Write the page that compares the runs in `folders` to `out`, and return its path.
 
-    Raises ConfigurationError for a folder that is no run, more than `MOST`, or a place that cannot
-    be written.
+    Raises ConfigurationError for a folder that is no run, more than `MOST_RUNS`, or a place that
+    cannot be written.
     """
-    if len(folders) > MOST:
+    if len(folders) > MOST_RUNS:
         raise ConfigurationError(
-            f"{len(folders)} runs are too many for one page, at most {MOST}; choose with "
+            f"{len(folders)} runs are too many for one page, at most {MOST_RUNS}; choose with "
             "`cell runs --where`"
         )
     runs = [Salvage.of(folder) for folder in folders]
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(out, comparison(runs, out.parent).encode(errors="backslashreplace"))
+    write_file(out, comparison(runs, out.parent))
     return out
 
 
@@ -87,7 +85,7 @@ def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:
 
 def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Settings that are not the same in all runs: a row a setting, a column a run."""
-    settings = [dict(facts(run)) | _own_settings(run) for run in runs]
+    settings = [dict(facts(run)) | dict(_flat(run.header.config or {}, "cell")) for run in runs]
     keys = dict.fromkeys(key for each in settings for key in each)
     rows = [
         (key, *values)
@@ -95,10 +93,6 @@ def _differences(runs: Sequence[Run]) -> tuple[tuple[str, ...], list[tuple[str, 
         if len(set(values := [each.get(key, NO_VALUE) for each in settings])) > 1 and key not in OWN
     ]
     return ("setting", *(_short(run) for run in runs)), rows
-
-
-def _own_settings(run: Run) -> dict[str, str]:
-    return dict(_flat(run.header.config or {}, "cell"))
 
 
 def _flat(content: object, prefix: str) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, second
 FREQUENT = 40  # more of one kind are counted, not listed
 LISTED = 400
 PREFLIGHT = "preflight"
-HIDDEN = frozenset({"config", "preflight", "schema", "provenance", "spread"})
+LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
 SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
@@ -141,7 +141,7 @@ def _span(t: Any) -> float:
 
 def _flat(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
     for key, value in content.items():
-        if key in HIDDEN:
+        if key in LEFT_OUT:
             continue
         if isinstance(value, Mapping):
             yield from _flat(value, f"{prefix}{key}.")

@@ -6,20 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cell.record.columns import REACH, Sights, Ticks
+from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.run import Run
-from cell.report.drawing import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    PAPER,
-    PURPLE,
-    RULE,
-    as_svg,
-    canvas,
-)
+from cell.report.drawing import BLUE, GREEN, INK, MUTED, ORANGE, PAPER, PURPLE, RULE, as_svg, canvas
 from cell.report.overlay import fold_tips
 from cell.report.silhouettes import Silhouette
 from drivers.types import Array
@@ -50,9 +39,7 @@ LANES = {
 
 
 def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
-    """The measured strip, coloured by time, its `outlines` after the touch, and the path of the
-    gripper; SVG.
-    """
+    """The measured strip over time, its `outlines` after the touch, and the gripper's path; SVG."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
@@ -63,7 +50,9 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
         colours = LinearSegmentedColormap.from_list("time", TIME)
         for t, points in curves:
             shade = colours((t - first) / max(last - first, 1e-9))
-            near = points[(np.abs(points) < REACH).all(axis=1)]  # a wild one would fill the page
+            near = points[
+                (np.abs(points) < FARTHEST_HAND).all(axis=1)
+            ]  # a wild one would fill the page
             axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85)
         _outlines(axes, outlines)
         _desk(axes, run)

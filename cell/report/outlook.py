@@ -16,7 +16,7 @@ PANELS = {
     "retardation_time": ("retardation time  [ms]", 1e3, BLUE),
     "yield_curvature": ("yarn friction  [1/m]", 1.0, BLUE),
 }
-MOST = {"displacement": 40.0}  # half the height that is shown around 0
+HALF_HEIGHT = {"displacement": 40.0}  # half the height that is shown around 0
 
 
 def predictions(result: Result | None) -> list[tuple[str, str]]:
@@ -34,7 +34,9 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
         ("yarn friction", _interval(final.yield_curvature, 1.0, 0, "1/m")),
     ]
     return (
-        rows if result.agreement is None else [*rows, ("strip and model", _said(result.agreement))]
+        rows
+        if result.agreement is None
+        else [*rows, ("strip and model", _agreement_in_words(result.agreement))]
     )
 
 
@@ -61,7 +63,7 @@ def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> 
         axes.axhline(0, color=MUTED, lw=0.6)
         shown = np.abs(np.concatenate([low, high]))
         most = float(np.nanmax(shown, initial=0.0)) if np.isfinite(shown).any() else 0.0
-        axes.set_ylim(-min(MOST[name], most) - 1.0, min(MOST[name], most) + 1.0)
+        axes.set_ylim(-min(HALF_HEIGHT[name], most) - 1.0, min(HALF_HEIGHT[name], most) + 1.0)
 
 
 def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
@@ -72,6 +74,6 @@ def _interval(estimate: Interval, scale: float, digits: int, unit: str) -> str:
     return f"{value} {unit} ({low} to {high})"
 
 
-def _said(note: AgreementNote) -> str:
+def _agreement_in_words(note: AgreementNote) -> str:
     verdict = "agree" if note.like_model else "do not agree"
     return f"{verdict}, {millimetres(note.residual)} apart"

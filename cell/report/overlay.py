@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
-from cell.record.columns import REACH, Sights, Ticks
+from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
 from cell.report.silhouettes import Silhouette, state_at
@@ -140,7 +140,7 @@ def _pixels(points: Array, calibration: Calibration) -> NDArray[np.int32]:
     """Eighths of pixels (k, 2) of the `points` (m, 2) [m] near the image: a line to a far outlier,
     drawn pixel by pixel, would take for ever.
     """
-    near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < REACH).all(axis=1)]
+    near = points[np.isfinite(points).all(axis=1) & (np.abs(points) < FARTHEST_HAND).all(axis=1)]
     if len(near) == 0:
         return np.empty((0, 2), dtype=np.int32)
     pixels = calibration.to_image(near)

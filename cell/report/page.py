@@ -42,7 +42,7 @@ from cell.report.timing import timing_figure
 from cell.report.verdict import verdict_of
 from cell.report.words import millimetres
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 FILES = (
     (RECORDING, "the fold in Rerun: rerun run.rrd"),
@@ -67,8 +67,7 @@ def write_report(folder: Path, *, ended: bool = False) -> Path:
     """
     run = Salvage.of(folder)
     path = folder / REPORT
-    with writing(path):
-        replace_file(path, report(run, ended=ended).encode(errors="backslashreplace"))
+    write_file(path, report(run, ended=ended))
     return path
 
 
@@ -165,8 +164,6 @@ def _pictures(run: Run, outlines: Sequence[Silhouette]) -> Iterator[str]:
         "measured path, the dotted one the commanded; ticks under the desk mark the contacts.",
     )
     yield section(
-        "Over time",
-        _film(run),
-        drawing(signals_figure(run), "states and signals over time"),
+        "Over time", _film(run), drawing(signals_figure(run), "states and signals over time")
     )
     yield section("Timing", drawing(timing_figure(run), "histograms of the timing"))

@@ -12,7 +12,7 @@ from cell.record.frames import decode, read_index
 from cell.record.listing import RunRow
 from cell.report.markup import Link, masthead, page
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 WIDE = 128  # px
@@ -24,9 +24,7 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 
     Raises ConfigurationError where it cannot be written.
     """
-    with writing(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(out, runs_page(rows, out.parent).encode(errors="backslashreplace"))
+    write_file(out, runs_page(rows, out.parent))
     return out
 
 

@@ -16,7 +16,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Frame, Pose
 
 STATES = ("LAY", "RELEASE")
-SHOWN = 6
+MOST_IMAGES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Silhouette:
 
 
 def silhouettes(run: Run) -> tuple[Silhouette, ...]:
-    """The strip in up to SHOWN kept images of LAY and RELEASE, in order of time.
+    """The strip in up to MOST_IMAGES kept images of LAY and RELEASE, in order of time.
 
     None where the picture before the grasp, calibration, strip or ticks are not in the record.
     """
@@ -58,7 +58,7 @@ def _outlines(run: Run) -> Iterator[Silhouette]:
     if appearance is None:
         return
     perception = Perception(calibration, settings, strip, appearance)
-    chosen = np.unique(np.linspace(0, len(later) - 1, SHOWN).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(later) - 1, MOST_IMAGES).round().astype(int))
     for frame in filter(None, (read_frame(later[i]) for i in chosen)):
         pixels = perception.outline(frame, _gripper(run, frame))
         if len(pixels):

@@ -16,9 +16,7 @@ GOOD = 0.020  # m, within this the paper calls a strip folded
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """One-sigma errors of the lengths [m]: of repeats or of the camera, and of the calibration
-    (None where unknown).
-    """
+    """One sigma of lengths [m]: of repeats or camera, and of the calibration (None if unknown)."""
 
     repeatability: float
     calibration: float | None
@@ -45,9 +43,7 @@ class Verdict:
 
 
 def accuracy_of(run: Run, *, laid: bool = False) -> Accuracy:
-    """The errors stated by the run itself, of the displacement, or of the `laid` edges where it
-    states that.
-    """
+    """The errors that the run states: of the displacement, or of the `laid` edges if it does."""
     sigma, of = run.header.sigma.displacement, "repeats"
     if laid and run.header.sigma.edge_offset is not None:
         sigma, of = run.header.sigma.edge_offset, "camera"
@@ -76,10 +72,10 @@ def verdict_of(run: Run, truth: Mapping[str, Any] | None, under_way: bool = Fals
         return _dead(run)
     if run.result.displacement is None:
         return _without_displacement(run, run.result)
-    return _folded(run, run.result, run.result.displacement, truth or {})
+    return _fold_verdict(run, run.result, run.result.displacement, truth or {})
 
 
-def _folded(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
+def _fold_verdict(run: Run, result: Result, d: float, truth: Mapping[str, Any]) -> Verdict:
     """How the edges lie where that was seen, or else how the layers met."""
     edge = result.edge_offset
     sentences = [*_edges(edge, truth.get("edge_offset")), *_touch(run, result, d, truth)]

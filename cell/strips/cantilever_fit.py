@@ -11,7 +11,7 @@ from drivers.strip.cantilever import Hanging, NoRest
 from drivers.types import Array
 
 RULER = 0.001  # m, one sigma of a measured overhang
-COARSE = 12.0  # times sigma for the first fit, which has to find its way
+FIRST_SIGMA = 12.0  # times sigma for the first fit, which has to find its way
 STARTS = (0.5, 1.0, 2.5)  # typical bending lengths from which it sets out
 STEPS = 80
 LONGEST_STEP = 0.3  # of ln(bending length)
@@ -92,7 +92,7 @@ def fit(photograph: Photograph, birth: RestCurvaturePrior, start: Fit | None = N
 
 def _find(photograph: Photograph) -> Fit:
     """A straight strip, fitted coarsely from several bending lengths: the best of them."""
-    problem = Problem(replace(photograph, sigma=COARSE * photograph.sigma), STRAIGHT)
+    problem = Problem(replace(photograph, sigma=FIRST_SIGMA * photograph.sigma), STRAIGHT)
     found = []
     for start in STARTS:
         values = np.zeros(problem.size)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.yaml_edit import dump_text, edit_text
@@ -26,8 +26,7 @@ def with_measured(
 def rewrite(path: Path, content: Mapping[str, Any]) -> None:
     """Replace the strip file at `path` by `content`, checked, atomically; or ConfigurationError."""
     parse(content, StripFile, str(path))
-    with writing(path):
-        replace_file(path, edit_text(path.read_text(encoding="utf-8"), content).encode())
+    write_file(path, edit_text(path.read_text(encoding="utf-8"), content))
 
 
 def create(path: Path, content: Mapping[str, Any]) -> None:
@@ -35,9 +34,7 @@ def create(path: Path, content: Mapping[str, Any]) -> None:
     parse(content, StripFile, str(path))
     if path.exists():
         raise ConfigurationError(f"{path}: is there already; choose another name or edit the file")
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, dump_text(content).encode())
+    write_file(path, dump_text(content))
 
 
 SOURCED = ("areal_density", "bending_length", "retardation_time", "thickness")

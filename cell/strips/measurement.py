@@ -17,12 +17,12 @@ DISAGREE = 0.05  # probability below which photographs disagree
 UNSURE = 0.10  # half width of the interval over the value
 SHARP_WIDTHS, SHARP = 1.0, 0.002  # widths, or m; a bend of a smaller radius is hardly seen
 ALIKE = 1.5  # ratio of the strip's widths in two photographs
-OVERHANGS = (2, 5)  # bending lengths, between which a photograph tells most
+OVERHANGS = (2, 5)  # bending lengths, between which a photograph says most
 KEPT = 4  # digits
 ASTRAY = 0.02  # of the overhang; what misses by more is no hanging strip
 OFF = 0.25  # of the overhang; nor is what leaves the ledge so far from the picture's border
 HOPELESS = 0.5  # sigma of ln(bending length)
-LEAST, MOST = 0.002, 0.2  # m, bending lengths of strips
+SHORTEST, LONGEST = 0.002, 0.2  # m, bending lengths of strips
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +105,11 @@ def _refuse(fitted: Fit) -> None:
             f"{photograph.path}: picture: this does not hang like a strip; crop it at the ledge, "
             "upright, with the strip leaving the ledge at the left border"
         )
-    if not LEAST <= fitted.bending_length <= MOST:
+    if not SHORTEST <= fitted.bending_length <= LONGEST:
         raise ConfigurationError(
             f"{photograph.path}: a bending length of {1e3 * fitted.bending_length:.3g} mm is out "
-            f"of range, allowed: {1e3 * LEAST:g} to {1e3 * MOST:g} mm; let the strip hang over "
-            "by 2 to 5 bending lengths, and give that --overhang"
+            f"of range, allowed: {1e3 * SHORTEST:g} to {1e3 * LONGEST:g} mm; let the strip hang "
+            "over by 2 to 5 bending lengths, and give that --overhang"
         )
 
 

@@ -13,15 +13,15 @@ from drivers.pictures import read_picture
 from drivers.types import Array, Image
 
 SHORTEST, LONGEST = 0.01, 2.0  # m of overhang
-ROUGHLY = 200  # points of a first midline, which tells width and length
+ROUGHLY = 200  # points of a first midline, which gives width and length
 TRACED = 0.15  # widths between the points of the second, which smooths over seven of them
 THICKEST = 0.15  # of its length
 SPACING = 0.5  # widths between the points that are fitted
-FEWEST, MOST, MOST_TRACED = 60, 400, 4000
+FEWEST_POINTS, MOST_POINTS, MOST_TRACED = 60, 400, 4000
 SMOOTHED = 5  # points on either side of the parabola against which roughness is measured
 PRECISION = 0.02  # widths; no midline is better, however smooth
 CORRELATION = 1.5  # sqrt of the number of neighbours whose errors go together
-END = 1.0  # widths at either end where a midline is less sure
+UNSURE_END = 1.0  # widths at either end where a midline is less sure
 END_SIGMA = 4.0  # times less
 
 
@@ -96,11 +96,11 @@ def _photograph(path: Path, overhang: float, image: Image, midline: Midline) -> 
     traced = midline.points * (1, -1)
     travel = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(traced, axis=0).T))])
     pixel = overhang / travel[-1]
-    count = int(np.clip(travel[-1] / (SPACING * midline.width), FEWEST, MOST))
+    count = int(np.clip(travel[-1] / (SPACING * midline.width), FEWEST_POINTS, MOST_POINTS))
     arc = np.linspace(0.0, travel[-1], count)
     points = _average(traced, travel, arc)
     sigma = CORRELATION * max(roughness(points), PRECISION * midline.width)
-    ends = np.minimum(arc, travel[-1] - arc) < END * midline.width
+    ends = np.minimum(arc, travel[-1] - arc) < UNSURE_END * midline.width
     return Photograph(
         path=path,
         overhang=overhang,

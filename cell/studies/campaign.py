@@ -103,11 +103,11 @@ def measure(
         pass
 
 
-def kept(asked: Asked) -> Kept:
+def kept_outcomes(asked: Asked) -> Kept:
     """The outcomes by the code as it is now; where there are none, by that which left most."""
     wanted = {case.key: case for case in asked.study.cases(asked.seed, asked.count)}
     found = [r for r in Journal(asked.journal).records() if r.key in wanted]
-    of = _told_apart(found, inputs(asked.study))
+    of = _code_to_show(found, inputs(asked.study))
     mine = sorted((r for r in found if r.of == of), key=lambda r: r.key)
     outcomes = tuple(
         Outcome(wanted[r.key], r.outcome["values"]) for r in mine if r.outcome is not None
@@ -129,7 +129,7 @@ def cost(kept: Kept, clock: Callable[[float], str]) -> list[tuple[str, str]]:
     ]
 
 
-def _told_apart(records: Sequence[Record], now: str) -> str:
+def _code_to_show(records: Sequence[Record], now: str) -> str:
     counts: dict[str, int] = {}
     for record in records:
         counts[record.of] = counts.get(record.of, 0) + (record.outcome is not None)

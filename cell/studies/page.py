@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.campaign.journal import Record
 from cell.campaign.progress import clock
 from cell.record.documents import write_document
 from cell.report.drawing import BLUE, INK, as_svg, canvas
@@ -63,14 +62,12 @@ def page_of(kept: Kept) -> str:
         ),
         section("Table", table(head(kept), [cells(row) for row in found])),
         section("Cases", drawing(points(kept), "a point a case") if kept.outcomes else ""),
-        section("Set aside or failed", table(("case", "why"), [_why(r) for r in kept.lost])),
+        section(
+            "Set aside or failed", table(("case", "why"), [(r.key, r.reason) for r in kept.lost])
+        ),
         section("Cost", definitions(cost(kept, clock), "rows")),
     ]
     return page(f"Study: {study.name}", body)
-
-
-def _why(record: Record) -> tuple[str, str]:
-    return record.key, record.reason
 
 
 def points(kept: Kept) -> str:

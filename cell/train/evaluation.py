@@ -13,8 +13,8 @@ from drivers.strip.rod.engine import Rod
 from drivers.twin.chain.engine import Chain
 from drivers.types import Array
 from policies.domain import grid
-from policies.train.folding import FINE
-from policies.train.objective import fold_all, misses, rollout_settings
+from policies.train.folding import JUDGING_SEGMENTS
+from policies.train.objective import fold_all, rollout_settings
 from policies.train.settings import TrainingSettings
 
 LINKS = 80  # of the chain that plays the plant; 60 are 3 mm off for the softest strips
@@ -22,9 +22,7 @@ SUBSTEPS = 4  # between decisions: 4.2 ms, which the chain takes in one part
 
 
 class Engine(StrEnum):
-    """Engine of the evaluation: the rod of the training, or the chain, whose physics is written
-    separately.
-    """
+    """Engine of the evaluation: the rod of the training, or the chain with physics of its own."""
 
     ROD = "rod"
     CHAIN = "chain"
@@ -75,39 +73,43 @@ class Evaluation:
 
 
 def evaluate(
-    weights: Array,
-    settings: TrainingSettings,
+    fold: Callable[..., Array],
+    trained: tuple[object, ...],
     side: int,
     executor: Executor,
-    watch: Callable[[int, int], None],
+    watch: Callable[[int, int], None] = lambda _done, _pieces: None,
 ) -> tuple[Evaluation, ...]:
     """Fold the `side` x `side` grid on each engine, a row of strips a piece over `executor`.
 
-    `weights` are (p,). Engines get the same noise and delays. `watch` is called with the number of
-    pieces done and their total.
+    `fold(*trained, side, engine, row)` gives the displacements (side,) [m] of a row. Engines get
+    the same noise and delays. `watch` is called with the number of pieces done and their total.
     """
     wanted = [(engine, row) for engine in reversed(Engine) for row in range(side)]
-    waiting = {executor.submit(fold_row, weights, settings, side, *w): w for w in wanted}
+    waiting = {executor.submit(fold, *trained, side, *w): w for w in wanted}
     rows: dict[tuple[Engine, int], Array] = {}
     for done in as_completed(waiting):
         rows[waiting[done]] = done.result()
         watch(len(rows), len(wanted))
     found = {engine: np.array([rows[engine, row] for row in range(side)]) for engine in Engine}
-    return tuple(Evaluation(e, displacement=d[:, 0], miss=d[:, 1]) for e, d in found.items())
+    half = 0.5 * grid(side)[0].length
+    return tuple(
+        Evaluation(engine, displacement=d, miss=np.where(np.isnan(d), half, np.abs(d)))
+        for engine, d in found.items()
+    )
 
 
 def fold_row(
     weights: Array, settings: TrainingSettings, side: int, engine: Engine, row: int
 ) -> Array:
-    """Displacement and miss (2, side) [m] of one row of the grid: a pure function."""
+    """Displacements (side,) [m] of one row of the grid by `feedback` of weights (p,)."""
     torch.set_num_threads(1)
     strips = grid(side)[row * side : (row + 1) * side]
     rollout = replace(rollout_settings(settings), substeps=SUBSTEPS)
     rng = np.random.default_rng([settings.seed, 3, row])
-    folds = fold_all(make_stepper(engine), np.atleast_2d(weights), strips, rollout, rng)
-    return np.stack([folds.displacement, misses(folds, strips[0].length)])
+    stepper = make_stepper(engine)
+    return fold_all(stepper, np.atleast_2d(weights), strips, rollout, rng).displacement
 
 
 def make_stepper(engine: Engine) -> Stepper:
     """A stepper of that engine."""
-    return Rod(FINE, strict=False) if engine is Engine.ROD else Chain(LINKS)
+    return Rod(JUDGING_SEGMENTS, strict=False) if engine is Engine.ROD else Chain(LINKS)

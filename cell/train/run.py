@@ -11,10 +11,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cell.train.evaluation import Evaluation, evaluate
+from cell.train.evaluation import Evaluation, evaluate, fold_row
 from cell.train.screen import Meter
 from drivers.errors import ConfigurationError
-from drivers.files import replace_file, writing
+from drivers.files import write_file, writing
+from policies.adaptive.train.settings import CriticSettings
+from policies.adaptive.train.trial import Trial
 from policies.train.settings import TrainingSettings
 from policies.train.training import TrainingRun
 
@@ -23,11 +25,14 @@ EVALUATION = "evaluation.json"
 
 @dataclass(frozen=True, slots=True)
 class Trained:
-    """Result of a training: path, settings and evaluation of the weights."""
+    """Result of a training: path, settings and evaluation of the weights; of `adaptive` how well
+    it judges folds that its training left out.
+    """
 
     checkpoint: Path
-    settings: TrainingSettings
+    settings: TrainingSettings | CriticSettings
     evaluations: tuple[Evaluation, ...]
+    trial: Trial | None = None
 
     def line(self) -> dict[str, object]:
         """One JSON object."""
@@ -35,6 +40,7 @@ class Trained:
             "schema": 1,
             "checkpoint": str(self.checkpoint),
             "settings": self.settings.model_dump(mode="json"),
+            **({} if self.trial is None else {"trial": self.trial.facts()}),
             "evaluations": [evaluation.line() for evaluation in self.evaluations],
         }
 
@@ -58,20 +64,22 @@ def train(
             try:
                 for step in run.run(executor):
                     meter.show_generation(step)
-                found = evaluate(run.weights, settings, side, executor, meter.show_evaluation)
+                found = evaluate(
+                    fold_row, (run.weights, settings), side, executor, meter.show_evaluation
+                )
             except KeyboardInterrupt:
                 console.print("interrupted; the same command goes on", highlight=False)
                 raise
             finally:
                 meter.close()
-        trained = Trained(run.checkpoint, settings, found)
-        _keep(trained, folder / EVALUATION)
-        return trained
+        return keep(Trained(run.checkpoint, settings, found), folder)
 
 
-def _keep(trained: Trained, path: Path) -> None:
-    with writing(path, "make room and run the command again"):
-        replace_file(path, (json.dumps(trained.line(), indent=1) + "\n").encode())
+def keep(trained: Trained, folder: Path) -> Trained:
+    """`trained`, whose evaluation stands in `folder` now; ConfigurationError where it cannot."""
+    content = json.dumps(trained.line(), indent=1) + "\n"
+    write_file(folder / EVALUATION, content, "make room and run the command again")
+    return trained
 
 
 @contextmanager

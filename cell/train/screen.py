@@ -9,6 +9,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bar
 from rich.table import Table
 
+from cell.campaign.progress import clock
 from cell.train.evaluation import Engine, Evaluation
 from policies.train.search import Progress
 
@@ -48,7 +49,7 @@ class Meter:
             f"mean {1e3 * step.mean:.1f} mm{self._validated}  {clock(left)} left"
         )
         self._bar.update(self._task, completed=done, description=text)
-        if self._is_told(done):
+        if self._is_printed(done):
             self._console.print(text, highlight=False, soft_wrap=True)
 
     def show_evaluation(self, done: int, pieces: int) -> None:
@@ -60,17 +61,11 @@ class Meter:
         """Remove the bar."""
         self._bar.stop()
 
-    def _is_told(self, done: int) -> bool:
+    def _is_printed(self, done: int) -> bool:
         if self._console.is_terminal:
             return False
         every = max(1, self._generations // LINES)
         return done % every == 0 or done == self._generations
-
-
-def clock(seconds: float) -> str:
-    """Minutes and seconds."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d}"
 
 
 def show(evaluations: Sequence[Evaluation], console: Console) -> None:

@@ -22,7 +22,7 @@ from policies.adaptive.transfer import Transfer
 
 UNTRANSFERRED, JOURNAL = "untransferred.npz", "transfer"
 SECONDS = 10.0  # of processor, a fold
-LIMIT = 900.0  # s of wall time, after which a fold is set aside
+TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
 SOURCES = {
     "displacement": "true",
     "edges": "edges",
@@ -32,7 +32,7 @@ SOURCES = {
     "log_time": "believed_time",
     "friction": "believed_friction",
 }
-LEAST = 0.75  # share of the folds that must have come to their end
+COMPLETE_SHARE = 0.75  # share of the folds that must have come to their end
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,20 +75,16 @@ def transfer(
     critic = load_critic(checkpoint)
     folder.mkdir(parents=True, exist_ok=True)
     save_critic(bare, critic, facts)
-    of = digest(code(), _weights(bare))
+    of = digest(code(), sha256(bare.read_bytes()).hexdigest()[:12])
     parts = [FoldPart(number, seed, bare.resolve(), of) for number in range(count)]
     records = [record for _, record in carry_out(parts, folder / JOURNAL, engine, watch)]
     rows = [record.outcome for record in sorted(records, key=lambda r: r.key) if record.outcome]
-    if len(rows) < LEAST * count:
+    if len(rows) < COMPLETE_SHARE * count:
         raise ConfigurationError(
-            f"{folder}: {len(rows)} of {count} folds came to their end, {LEAST:.0%} are needed; "
-            "see the reasons in its journal"
+            f"{folder}: {len(rows)} of {count} folds came to their end, {COMPLETE_SHARE:.0%} are "
+            "needed; see the reasons in its journal"
         )
     found, quality = fit_transfer(FoldedBatch.of(rows))
     origin = {"transfer": found.facts(), "seed": seed, "code": code(), "left_out": quality.facts()}
     save_critic(out, critic, facts | {THROUGH_IMAGES: origin})
     return found, quality
-
-
-def _weights(checkpoint: Path) -> str:
-    return sha256(checkpoint.read_bytes()).hexdigest()[:12]

@@ -51,9 +51,7 @@ class FciArm:
             self._begun = self._clock.now()
 
     def join(self) -> None:
-        """Hold the arm and advance it to the clock's time, for devices that follow the robot's
-        time.
-        """
+        """Hold the arm and advance it to the clock's time, for devices that follow its robot."""
         self.hold()
         self.catch_up()
 

@@ -4,7 +4,7 @@ from contextlib import suppress
 from multiprocessing import get_context
 from typing import Any
 
-from drivers.arm.failure import Cause, Failure, decoded, encoded
+from drivers.arm.failure import Cause, Failure, decode, encode
 from drivers.arm.joint_log import joint_rows
 from drivers.arm.latest import Latest, allocate
 from drivers.arm.messages import ORDER_LAYOUT, REPORT_LAYOUT, Kind, Order, Report
@@ -70,7 +70,7 @@ class Bridge:
         """In lock-step, run all ticks of the robot up to number `until`."""
         self.check()
         with suppress(OSError):  # it has ended, and the answer will say so
-            self._pipe.send_bytes(encoded({"until": until}))
+            self._pipe.send_bytes(encode({"until": until}))
         self._answer(self._task.settings.answer)
         self.ticks = until
 
@@ -94,7 +94,7 @@ class Bridge:
         self._ended = True
         if self._failure is None:
             with suppress(OSError, EOFError, Fault):
-                self._pipe.send_bytes(encoded({"close": True}))
+                self._pipe.send_bytes(encode({"close": True}))
                 self._answer(ENDING)
                 if self._pipe.poll(SENDING):
                     self.joints = joint_rows(self._pipe.recv_bytes())
@@ -107,7 +107,7 @@ class Bridge:
         try:
             if not self._pipe.poll(patience):
                 self._fail(Cause.SILENT, f"the robot did not answer within {patience:.1f} s")
-            answer = decoded(self._pipe.recv_bytes())
+            answer = decode(self._pipe.recv_bytes())
         except (EOFError, OSError):
             self._process.join(ENDING)
             code = self._process.exitcode

@@ -24,15 +24,12 @@ class DrivenByJoints(Protocol):
 
     def start_joints(self) -> Any:
         """Start the motion."""
-        ...
 
     def read(self, motion: Any, *, awaited: bool = True) -> Any:
         """The next state; unless it is `awaited` also one that has lain there."""
-        ...
 
     def write_joints(self, motion: Any, joints: Numbers, *, last: bool = False) -> None:
         """Send the command for this tick."""
-        ...
 
 
 class Moment(NamedTuple):
@@ -46,9 +43,7 @@ class Moment(NamedTuple):
 
 
 class PosedState:
-    """A state whose commanded pose, twist and change are those of the commanded joints, at `time`
-    [s].
-    """
+    """A state at `time` [s] with commanded pose, twist and change as the commanded joints give."""
 
     def __init__(
         self, state: Any, time: float, pose: Numbers, twist: Numbers, change: Numbers
@@ -131,8 +126,8 @@ class ByJoints:
         self._robot.write_joints(motion, sent, last=last)
 
     def _come(self, motion: Any) -> bool:
-        """Whether the robot is now where it was to be; where it went further nothing is sent, and
-        the next state shows where.
+        """Whether the robot is where it was sent; where it went further, nothing is sent, and the
+        next state shows where.
         """
         state = self._robot.read(motion, awaited=False)
         expected, self._ahead = self._here or Course([], [], []), False

@@ -39,7 +39,7 @@ def solids_of(installation: Installation) -> Solids:
 
 
 def floor_of(installation: Installation) -> Solids:
-    """What no part of the arm ever enters, not even the wrist of a hand that lies on the desk."""
+    """The solids that no part of the arm may enter, not even the wrist of a low hand."""
     floor = Box("floor", (-FAR, -FAR, -FAR), (FAR, FAR, -UNDER))
     return Solids(installation.mounting.transform().matrix, [floor])
 
@@ -104,8 +104,8 @@ def _noun(name: str) -> str:
 
 
 def _keeps_clear(gap: Array) -> bool:
-    """Whether distances (n,) [m] along a way stay above MARGIN, but for an arm that begins nearer
-    and leaves, or ends nearer and only approaches.
+    """Whether distances (n,) [m] along a way stay above MARGIN; an arm that begins nearer may
+    leave, one that ends nearer may approach.
     """
     clear = np.flatnonzero(gap >= MARGIN)
     if not len(clear):

@@ -15,7 +15,7 @@ LIBRARY_VERSION = 10  # of the robot's interface that pylibfranka 0.21 speaks
 PATIENCE = 1.0  # s for each answer
 LONGEST = 1 << 20  # bytes of a description
 CONNECT, GET_MODEL = 0, 11
-ROOM = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
+SLACK = 1e-3  # rad, rad/s, rad/s^2 by which a limit may be narrower than the cell's
 
 # Attribute of the description, what the cell assumes (7,), and whether the robot's must reach it
 # from below (+1: at least so large) or from above (-1: at most so large).
@@ -65,7 +65,7 @@ def require_limits(description: str) -> None:
         f"joint {number + 1}: {name} is {value:g}, the cell plans with {wanted[number]:g}"
         for number in range(7)
         for tag, name, wanted, sign in ASSUMED
-        if not sign * ((value := _number(joints, number, tag, name)) - wanted[number]) >= -ROOM
+        if not sign * ((value := _number(joints, number, tag, name)) - wanted[number]) >= -SLACK
     ]
     if narrower:
         raise Failed(Failure(Cause.MODEL, "; ".join(narrower)))

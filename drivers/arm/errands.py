@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.arm.clear_way import clear_way, solids_of
-from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
+from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
 from drivers.arm.process import Task
 from drivers.arm.retreat import retreat
 from drivers.arm.scheduling import schedule
@@ -55,7 +55,7 @@ def _carried_out(task: Task, errand: dict[str, Any]) -> dict[str, Any]:
     try:
         if not pipe.poll(LONGEST):
             raise Failure(Cause.SILENT, f"the errand took more than {LONGEST:.0f} s").fault()
-        answer = decoded(pipe.recv_bytes())
+        answer = decode(pipe.recv_bytes())
     except (EOFError, OSError):
         raise Failure(Cause.LOST, "the process of the arm ended by itself").fault() from None
     finally:
@@ -72,18 +72,18 @@ def _run(task: Task, errand: dict[str, Any], pipe: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     gc.disable()  # a collection takes longer than a robot waits for a command
     try:
-        answer = _done(task, errand, pipe)
+        answer = _do_task(task, errand, pipe)
     except Failed as failed:
         answer = {"failure": failed.failure.content()}
-    except Exception as error:  # noqa: BLE001  an edge: told to the cell, and the process ends
+    except Exception as error:  # noqa: BLE001  an edge: reported to the cell, and the process ends
         answer = {"failure": Failure(Cause.LOST, one_line(error)).content()}
     try:
-        pipe.send_bytes(encoded(answer))
+        pipe.send_bytes(encode(answer))
     except OSError:
         return
 
 
-def _done(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
+def _do_task(task: Task, errand: dict[str, Any], pipe: Connection) -> dict[str, Any]:
     from drivers.arm.robot import Robot
 
     robot = Robot(task.address, task.settings)

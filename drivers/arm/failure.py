@@ -58,9 +58,7 @@ REMEDY = {
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A `cause`, the robot's own `errors` by the names of its flags, and a text
-    for the operator.
-    """
+    """A `cause`, the robot's own `errors` by the names of their flags, and an operator's text."""
 
     cause: Cause
     words: str
@@ -89,13 +87,13 @@ class Failed(Exception):
         self.failure = failure
 
 
-def encoded(content: dict[str, Any]) -> bytes:
+def encode(content: dict[str, Any]) -> bytes:
     """A message between the two processes as bytes."""
     return json.dumps(content).encode()
 
 
-def decoded(message: bytes) -> dict[str, Any]:
-    """The message that `encoded` turned into bytes."""
+def decode(message: bytes) -> dict[str, Any]:
+    """The message that `encode` turned into bytes."""
     content: dict[str, Any] = json.loads(message)
     return content
 

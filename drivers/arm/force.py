@@ -45,13 +45,13 @@ class ForceGuard:
     torque: float = 87.0
     tare: Tare = Tare()
 
-    def felt(self, state: Any) -> list[float]:
+    def beyond_tare(self, state: Any) -> list[float]:
         """Wrench (6,) [N, N m] beyond the tare."""
         return [a - b for a, b in zip(state.O_F_ext_hat_K, self.tare.wrench, strict=True)]
 
     def objection(self, state: Any) -> str:
-        """Why a motion must end that feels what `state` says; empty while it may go on."""
-        force = hypot(*self.felt(state)[:3])
+        """Why a motion whose robot is in `state` must end; empty while it may go on."""
+        force = hypot(*self.beyond_tare(state)[:3])
         if not force <= self.force:
             return f"the gripper met {force:.1f} N, allowed {self.force:.1f} N"
         pairs = zip(state.tau_ext_hat_filtered, self.tare.torques, strict=True)
@@ -70,7 +70,7 @@ class Drift:
     """
 
     def __init__(self, guard: ForceGuard, most: float, tick: float) -> None:
-        """At most `most` [N], told once every `tick` [s]."""
+        """At most `most` [N], stated once every `tick` [s]."""
         self._guard, self._most, self._tick = guard, most, tick
         self._rested = 0.0
         self._mean = [0.0, 0.0, 0.0]
@@ -82,7 +82,7 @@ class Drift:
             self._mean = [0.0, 0.0, 0.0]
             return ""
         share = self._tick / SMOOTHING
-        felt = self._guard.felt(state)
+        felt = self._guard.beyond_tare(state)
         self._mean = [m + share * (f - m) for m, f in zip(self._mean, felt[:3], strict=True)]
         force = hypot(*self._mean)
         if force <= self._most:

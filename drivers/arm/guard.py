@@ -11,12 +11,12 @@ from drivers.franka.tracking import ELBOW_JOINT, joint_rates, joint_step
 from drivers.limits import MotionLimits
 from drivers.types import Array, Pose, Velocity
 
-ROOM = 0.03  # rad that each joint keeps from its ends
+JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 NEWTON = 3  # steps from one look to the next
 REACHED = 1e-3  # m or rad
 REACTION = 0.015  # s until a braking is under way
 FAST = 0.95  # of a joint's velocity; the rest is for the beginning of a braking
-SHARE = 0.9  # of a joint's acceleration in a motion; the rest is for what changes on the way
+ACCELERATION_SHARE = 0.9  # of a joint's in a motion; the rest is for what changes on the way
 SPARE = 1.6  # of a joint's acceleration, if all axes changed at once in the worst directions
 
 
@@ -34,7 +34,7 @@ class ReachGuard:
     The elbow is taken to stay where the motion began. At both places each joint must have room, and
     what the motion asks of it, curvature included, must lie within FAST of its velocity and SHARE
     of its acceleration; what braking would ask, within its acceleration. So the arm can brake,
-    whatever it is told next. Where a change of all axes at once in the worst directions would ask
+    whatever is commanded next. Where a change of all axes at once in the worst directions would ask
     SPARE of a joint's acceleration, it does not go: there hardly any command could be followed.
     """
 
@@ -50,7 +50,7 @@ class ReachGuard:
         self._jerk = np.array([axis.jerk for axis in motion.axes])
 
     def objection(self, soon: Soon) -> str:
-        """Why a motion must not go on that will be so `soon`; empty while it may."""
+        """Why a motion must end that will be so `soon`; empty while it may go on."""
         speed, change = (
             np.array([rate.vx, rate.vz, rate.pitch_rate])
             for rate in (soon.velocity, soon.acceleration)
@@ -58,13 +58,13 @@ class ReachGuard:
         peak = np.minimum(self._most, np.sqrt(np.abs(speed) * self._jerk))
         braking = -np.sign(speed) * peak
         where = np.array([soon.pose.x, soon.pose.z, soon.pose.pitch])
-        self._soon, here = self._followed(self._soon, where)
+        self._soon, here = self._follow(self._soon, where)
         rest = where + speed * np.abs(speed) / (2 * self._most)
-        self._rest, there = self._followed(self._rest, rest)
+        self._rest, there = self._follow(self._rest, rest)
         if here is None or there is None:
             return "the arm does not reach on"
         room = np.minimum(limits.margins(self._soon), limits.margins(self._rest))
-        if room.min() < ROOM:
+        if room.min() < JOINT_MARGIN:
             return f"joint {int(room.argmin()) + 1} comes to its end"
         turning = here @ speed
         later = pose_and_jacobian(self._soon + REACTION * turning)[1]
@@ -72,7 +72,7 @@ class ReachGuard:
         asked = np.maximum.reduce(
             [
                 self._haste(turning),
-                np.abs(here @ change + bending) / limits.ACCELERATION / SHARE,
+                np.abs(here @ change + bending) / limits.ACCELERATION / ACCELERATION_SHARE,
                 np.abs(here @ braking + bending) / limits.ACCELERATION,
                 np.abs(there @ braking) / limits.ACCELERATION,
                 np.abs(there) @ self._most / limits.ACCELERATION / SPARE,
@@ -82,7 +82,7 @@ class ReachGuard:
             return f"joint {int(asked.argmax()) + 1} could not follow any further"
         return ""
 
-    def _followed(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
+    def _follow(self, joints: Array, where: Array) -> tuple[Array, Array | None]:
         """Joints (7,) at a place x, z, pitch, from near ones, and the rates (7, 3) that a unit of
         velocity on each axis asks of them there; None where they do not reach.
         """

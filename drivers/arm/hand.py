@@ -98,9 +98,7 @@ class FciHand:
 
     @property
     def _moving(self) -> bool:
-        """Whether a motion is under way, until a state shows its result: replies come before
-        states.
-        """
+        """Whether a motion is under way; only a state ends it, for replies come before states."""
         return self._motion is not None or self._fingers.number == self._ended
 
     @property
@@ -154,7 +152,7 @@ class FciHand:
         try:
             tcp.sendall(made(self._number))
         except OSError as error:
-            raise _lost(self._address, error) from error
+            raise _hand_lost(self._address, error) from error
         return self._number
 
     def _hear(self) -> None:
@@ -185,7 +183,7 @@ class FciHand:
         self._stop_sent, self._stops = None, 0
         if reply.status == wire.Status.FAIL:
             self._next = []
-            raise Fault("hand_failed", "the hand could not do what it was told; look at Desk")
+            raise Fault("hand_failed", "the hand could not do what it was asked; look at Desk")
         if reply.command == wire.Command.HOMING and reply.status == wire.Status.UNSUCCESSFUL:
             self._next = []
             raise Fault("hand_not_homed", "the hand could not be homed; free its fingers")
@@ -200,23 +198,23 @@ class FciHand:
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise _lost(self._address, error) from error
+            raise _hand_lost(self._address, error) from error
         if not received:
-            raise _lost(self._address, ConnectionResetError("it closed the connection"))
+            raise _hand_lost(self._address, ConnectionResetError("it closed the connection"))
         return received
 
     def _links(self) -> tuple[socket.socket, socket.socket]:
         if self._tcp is None or self._udp is None:
             self._ready()
             try:
-                self._tcp, self._udp, first = _connected(self._address)
+                self._tcp, self._udp, first = _connect(self._address)
             except OSError as error:
-                raise _lost(self._address, error) from error
+                raise _hand_lost(self._address, error) from error
             self._stamp, self._homed = self._clock.now(), first.widest > 0
         return self._tcp, self._udp
 
 
-def _connected(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
+def _connect(address: str) -> tuple[socket.socket, socket.socket, wire.Fingers]:
     """Connections (TCP and UDP) to the hand at `address`, and its first state."""
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     tcp = socket.create_connection((address, wire.PORT), PATIENCE)
@@ -251,7 +249,7 @@ def _packet(udp: socket.socket) -> bytes | None:
         return None
 
 
-def _lost(address: str, error: OSError) -> Fault:
+def _hand_lost(address: str, error: OSError) -> Fault:
     return Fault(
         "hand_lost", f"the hand at {address} does not answer ({one_line(error)}); check it in Desk"
     )

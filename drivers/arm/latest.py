@@ -47,9 +47,7 @@ class Latest(Generic[V]):
         self._count[0] = after
 
     def read(self) -> V:
-        """The newest value, all zeros before the first write; raises Fault `arm_memory` after too
-        many retries.
-        """
+        """The newest value, zeros before the first write; Fault `arm_memory` after many tries."""
         for _ in range(TRIES):
             before = self._count[0]
             content = bytes(self._slots[before & 1])

@@ -12,7 +12,7 @@ from drivers.arm.guard import REACTION, ReachGuard, Soon
 from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.messages import Kind, Order, Report
-from drivers.arm.plane import BESIDE, LEANING, StripPlane
+from drivers.arm.plane import LEANING, OUT_OF_PLANE, StripPlane
 from drivers.arm.settings import FciSettings
 from drivers.arm.whereabouts import Whereabouts
 from drivers.errors import Fault
@@ -22,31 +22,28 @@ from drivers.motion import TICK, MotionProfile
 from drivers.types import Pose, Velocity
 
 FIRST = 20  # commands at most until the robot has heard one
-LOOK = 10  # ticks between looks ahead
-SPAN = 8  # states over which the velocity is measured
-REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be told to stand
+TICKS_BETWEEN_LOOKS = 10  # ticks between looks ahead
+VELOCITY_STATES = 8  # states over which the velocity is measured
+REST = (1e-4, 3e-4)  # m/s and rad/s of its setpoint at which a robot may be commanded to stand
 SLOW = 0.01  # m/s and rad/s
 CALM = (1e-3, 5e-3)  # m/s and rad/s below which the arm rests
 
 
 class Driven(Protocol):
-    """Interface of a robot that runs a motion of the hand, such as `drivers.arm.robot.Robot`."""
+    """Interface of a robot that runs a motion of the hand, as `drivers.arm.by_joints.ByJoints`."""
 
     def start_poses(self) -> Any:
         """Start the motion."""
-        ...
 
     def read(self, motion: Any) -> Any:
         """The next state."""
-        ...
 
     def write_pose(self, motion: Any, pose: list[float], *, last: bool = False) -> None:
         """Send the command for this tick."""
-        ...
 
 
 class Loop:
-    """One motion that follows commands in the strip's plane until it is told to end.
+    """One motion that follows commands in the strip's plane until it is asked to end.
 
     `step` answers the current state with a command and waits for the next state, on the robot's
     clock or, in lock-step, on the cell's.
@@ -82,7 +79,7 @@ class Loop:
         self.ticks = 0
         self.success = 0.0
         self._departure = Departure()
-        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=SPAN + 1)
+        self._path: deque[tuple[float, float, float, float]] = deque(maxlen=VELOCITY_STATES + 1)
 
     def begin(self) -> None:
         """Start from rest at the present pose; Failed when the hand is out of the strip's plane."""
@@ -101,7 +98,7 @@ class Loop:
         self._publish(state)
 
     def _heard(self, state: Any) -> Any:
-        """The state once the robot follows commands; until then it is told to stay where it is."""
+        """Repeat the present pose until the robot follows commands; its state then."""
         for _ in range(FIRST):
             self._robot.write_pose(self._motion, state.O_T_EE_c)
             state = self._robot.read(self._motion)
@@ -131,7 +128,7 @@ class Loop:
         """Report a state, and brake where it or what lies ahead demands it."""
         self._publish(state)
         self._feel(state)
-        if self._new or self.ticks % LOOK == 0:
+        if self._new or self.ticks % TICKS_BETWEEN_LOOKS == 0:
             self._look_ahead()
 
     def end(self) -> None:
@@ -227,7 +224,7 @@ class Loop:
         pose = state.O_T_EE
         here = self._plane.to_cell(pose)
         if not isfinite(sum(here)):
-            self._halt(Cause.NOT_FINITE, "the robot told a pose that is not a number")
+            self._halt(Cause.NOT_FINITE, "the robot reported a pose that is not a number")
             here = self._path[-1][:3] if self._path else here
         self._path.append((*here, state.time.to_sec()))
         if self._joints is not None:
@@ -242,7 +239,7 @@ class Loop:
                 *here,
                 *rate,
                 *self._position,
-                *self._plane.force(self._touch.felt(state)),
+                *self._plane.force(self._touch.beyond_tare(state)),
                 self._plane.place(pose)[1],
                 self.success,
                 self._profile.moving or not calm,
@@ -265,8 +262,8 @@ class Loop:
 
 
 def rehearse(installation: Installation) -> None:
-    """Do once, without a robot, what the first ticks do: the first time takes as long as some ticks
-    in which a robot would hear nothing.
+    """Run once, without a robot, what the first ticks do: a first call takes as long as several
+    ticks, in which a robot would get no command.
     """
     plane = StripPlane(installation.mounting.transform())
     limits, space = installation.limits, installation.workspace
@@ -274,7 +271,7 @@ def rehearse(installation: Installation) -> None:
     profile = MotionProfile(limits, space, Pose(x, z, pitch))
     guard = ReachGuard(plane, limits, HOME.tolist())
     profile.set_velocity(Velocity(SLOW, SLOW, SLOW))
-    for _ in range(LOOK):
+    for _ in range(TICKS_BETWEEN_LOOKS):
         x, z, pitch = profile.tick()
         plane.command(x, z, pitch, Departure().tick())
         guard.objection(Soon(*profile.soon(REACTION)))
@@ -282,25 +279,23 @@ def rehearse(installation: Installation) -> None:
 
 
 def at_rest(state: Any) -> bool:
-    """Whether the robot's setpoint stands, but for what one tick takes off smoothly."""
+    """Whether the robot's setpoint stands still, up to what one tick can take off smoothly."""
     twist = state.O_dP_EE_c
     return hypot(*twist[:3]) < REST[0] and hypot(*twist[3:]) < REST[1]
 
 
 def plane_of(installation: Installation, pose: list[float]) -> StripPlane:
-    """The strip's plane for the hand's orientation at `pose`; raises Failed when the hand is not in
-    it.
-    """
+    """The strip's plane for the hand at `pose`; raises Failed when the hand is not in it."""
     frame = installation.mounting.transform()
     planes = [StripPlane(frame, turned=turned) for turned in (False, True)]
     plane = min(planes, key=lambda plane: plane.aside(pose)[1])
     beside, leaning = plane.aside(pose)
-    if beside > BESIDE or leaning > LEANING:
+    if beside > OUT_OF_PLANE or leaning > LEANING:
         raise Failed(
             Failure(
                 Cause.PLACE,
                 f"the hand stands {1e3 * beside:.0f} mm beside the strip's plane and leans "
-                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * BESIDE:.0f} mm and "
+                f"{degrees(leaning):.1f} deg out of it, allowed {1e3 * OUT_OF_PLANE:.0f} mm and "
                 f"{degrees(LEANING):.1f} deg",
             )
         )

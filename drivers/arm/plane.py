@@ -12,7 +12,7 @@ from drivers.types import Array
 
 Numbers = list[float]
 Triple = tuple[float, float, float]
-BESIDE = 0.005  # m beside the strip's plane that are taken along
+OUT_OF_PLANE = 0.005  # m beside the strip's plane that are taken along
 LEANING = 0.05  # rad out of it, likewise
 
 
@@ -88,15 +88,15 @@ class StripPlane:
         x, z, pitch = self.to_cell(columns)
         lean = rotation_vector(inside[:3, :3] @ self.matrix(x, z, pitch)[:3, :3].T)
         pose_aside = [self.place(columns)[1], *(self._axes @ lean)[[0, 2]].tolist()]
-        velocity, velocity_aside = self._parted(moved, twist[3:])
-        acceleration, acceleration_aside = self._parted(gained, change[3:])
+        velocity, velocity_aside = self._split_rates(moved, twist[3:])
+        acceleration, acceleration_aside = self._split_rates(gained, change[3:])
         _with_pitch(pose_aside, velocity_aside, acceleration_aside, velocity[2], acceleration[2])
         return Course(
             (x, z, pitch), velocity, acceleration,
             pose_aside, velocity_aside, acceleration_aside,
         )  # fmt: skip
 
-    def _parted(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
+    def _split_rates(self, linear: Array, angular: Numbers) -> tuple[Triple, Numbers]:
         """Rates of x, z and pitch, and those beside the plane."""
         along, across, up = (self._axes @ linear).tolist()
         lean, turn, yaw = (self._axes @ np.array(angular)).tolist()

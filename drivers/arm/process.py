@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from drivers.arm.by_joints import ByJoints
-from drivers.arm.failure import Cause, Failed, Failure, decoded, encoded, one_line
+from drivers.arm.failure import Cause, Failed, Failure, decode, encode, one_line
 from drivers.arm.joint_log import JointLog
 from drivers.arm.latest import Latest
 from drivers.arm.loop import Loop, rehearse
@@ -68,20 +68,20 @@ def _serve(task: Task, pipe: Connection, orders: Any, reports: Any) -> None:
         joints=joints,
     )
     loop.begin()
-    pipe.send_bytes(encoded({"ready": True}))
+    pipe.send_bytes(encode({"ready": True}))
     drive = _in_lock_step if task.lock_step else _by_itself
     timing = Timing()
     drive(loop, pipe, timing, clock)
     loop.end()
     if loop.halted is not None:
         raise Failed(loop.halted)
-    pipe.send_bytes(encoded({"ended": True, "timing": timing.content()}))
+    pipe.send_bytes(encode({"ended": True, "timing": timing.content()}))
     pipe.send_bytes(joints.content())
 
 
 def _in_lock_step(loop: Loop, pipe: Connection, _timing: Timing, _clock: WallClock) -> None:
     """Step as far as the cell allows and confirm each time, until the cell closes or dies."""
-    while (message := _received(pipe)) is not None and "until" in message:
+    while (message := _receive(pipe)) is not None and "until" in message:
         while loop.ticks < message["until"]:
             loop.step()
             if loop.halted is not None:
@@ -96,15 +96,15 @@ def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -
         timing.tell(clock.now(), loop.success)
 
 
-def _received(pipe: Connection) -> dict[str, Any] | None:
+def _receive(pipe: Connection) -> dict[str, Any] | None:
     try:
-        return decoded(pipe.recv_bytes())
+        return decode(pipe.recv_bytes())
     except (EOFError, OSError):
         return None
 
 
 def _tell(pipe: Connection, failure: Failure) -> None:
     try:
-        pipe.send_bytes(encoded({"failure": failure.content()}))
+        pipe.send_bytes(encode({"failure": failure.content()}))
     except OSError:
         return

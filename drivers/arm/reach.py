@@ -14,10 +14,10 @@ from drivers.franka.tracking import ELBOW_JOINT, joint_step
 from drivers.installation import Installation
 from drivers.types import STILL, Array, Pose, Velocity, frozen
 
-STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
-MARGIN = 0.05  # rad that every joint keeps from its ends
+POSE_STEP = 0.01  # m along the path, and rad / 5 of pitch, between poses that are solved
+JOINT_MARGIN = 0.05  # rad that every joint keeps from its ends
 SINGULAR = 0.02  # smallest singular value of the Jacobian that is allowed
-SHARE = 0.9  # of a joint's allowed velocity
+VELOCITY_SHARE = 0.9  # of a joint's allowed velocity
 NEWTON, REACHED = 12, 1e-6  # iterations; m or rad that may be missing after them
 HANGING = np.pi / 2 - 1e-6  # rad of pitch, from the end of the lift on
 ENOUGH = 5  # problems of one way, after which it is given up
@@ -60,10 +60,7 @@ class Reach:
 
 
 def plan_reach(
-    installation: Installation,
-    path: Array,
-    speeds: Array,
-    elbows: tuple[float, ...] = ELBOWS,
+    installation: Installation, path: Array, speeds: Array, elbows: tuple[float, ...] = ELBOWS
 ) -> Reach:
     """The best posture sequence with which the arm follows `path` (n, 3) at `speeds` (n,) [m/s].
 
@@ -91,11 +88,7 @@ def plan_reach(
 
 
 def _ways(
-    installation: Installation,
-    path: Array,
-    speeds: Array,
-    turned: bool,
-    elbows: tuple[float, ...],
+    installation: Installation, path: Array, speeds: Array, turned: bool, elbows: tuple[float, ...]
 ) -> Iterator[Reach]:
     plane = StripPlane(installation.mounting.transform(), turned=turned)
     poses, times = dense(path, speeds)
@@ -105,17 +98,17 @@ def _ways(
             near = solve(plane.matrix(*poses[0].tolist()), seed)
         except Unreachable:
             continue
-        start = _tracked(near, plane.matrix(*poses[0].tolist()), elbow)
+        start = _track_pose(near, plane.matrix(*poses[0].tolist()), elbow)
         if start is not None:
-            yield _followed(plane, poses, times, start)
+            yield _follow_path(plane, poses, times, start)
 
 
-def _followed(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
+def _follow_path(plane: StripPlane, poses: Array, times: Array, start: Array) -> Reach:
     joints, problems, least = start, list[Problem](), (np.inf, 0)
     count = 0
     for pose, time in zip(poses, times, strict=True):
         x, z, pitch = pose.tolist()
-        there = _tracked(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
+        there = _track_pose(joints, plane.matrix(x, z, pitch), float(start[ELBOW_JOINT]))
         if there is None:
             problems.append(Problem(x, z, pitch, "no posture of the arm brings the hand there"))
             break
@@ -151,7 +144,7 @@ def _furthest(way: Reach) -> tuple[bool, float]:
     return way.allowed, way.margin
 
 
-def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:
+def _track_pose(joints: Array, pose: Array, elbow: float) -> Array | None:
     """Joints (7,) near `joints` at `pose` (4, 4) with the elbow at `elbow` [rad]; None if none."""
     for _ in range(NEWTON):
         reached, jac = pose_and_jacobian(joints)
@@ -165,11 +158,13 @@ def _tracked(joints: Array, pose: Array, elbow: float) -> Array | None:
 def _objection(joints: Array, there: Array, time: float) -> str:
     """Why a step from `joints` to `there` in `time` [s] is not allowed; empty if it is."""
     room, joint = float(margins(there).min()), int(margins(there).argmin()) + 1
-    if room < MARGIN:
-        return f"joint {joint} comes within {room:.2f} rad of its end, allowed {MARGIN:.2f} rad"
+    if room < JOINT_MARGIN:
+        return (
+            f"joint {joint} comes within {room:.2f} rad of its end, allowed {JOINT_MARGIN:.2f} rad"
+        )
     low, high = velocity_bounds(there)
     rate = (there - joints) / time
-    fast = np.maximum(rate / (SHARE * high + 1e-9), rate / (SHARE * low - 1e-9))
+    fast = np.maximum(rate / (VELOCITY_SHARE * high + 1e-9), rate / (VELOCITY_SHARE * low - 1e-9))
     if fast.max() > 1.0:
         worst = int(fast.argmax())
         return f"joint {worst + 1} would turn at {abs(rate[worst]):.2f} rad/s, more than it may"
@@ -184,7 +179,7 @@ def dense(path: Array, speeds: Array) -> tuple[Array, Array]:
     for here, there, speed in zip(path[:-1], path[1:], speeds[1:], strict=True):
         way = float(np.hypot(*(there - here)[:2]))
         turn = abs(float(there[2] - here[2])) / 5
-        count = max(1, int(np.ceil(max(way, turn) / STEP)))
+        count = max(1, int(np.ceil(max(way, turn) / POSE_STEP)))
         shares = np.arange(1, count + 1)[:, None] / count
         poses.append(here + shares * (there - here))
         times.append(np.full(count, max(way, turn, 1e-6) / speed / count))

@@ -15,16 +15,17 @@ from drivers.franka.kinematics import jacobian
 from drivers.types import Array
 
 AWAY = 0.03  # m at most
-STEP = 0.001  # m between the places that are solved
+PLACE_STEP = 0.001  # m between the places that are solved
 RISE = 8.0  # N by which the force may rise meanwhile
-SLOW = 0.05  # share of the joints' speed
+SPEED_SHARE = 0.05  # share of the joints' speed
 FREE = 0.3  # share of the allowed force at rest from which the arm counts as free
-ROOM = 0.03  # rad that each joint keeps from its ends
+JOINT_MARGIN = 0.03  # rad that each joint keeps from its ends
 DAMPING = 0.02
 
 
 def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None:
-    """Bring a `robot` at rest out of what presses on its gripper; nothing where nothing does.
+    """Bring a `robot` at rest out of what presses on its gripper; does nothing where nothing
+    presses.
 
     The reflexes are loosened for it, as they would stop it at once, and set again by the caller.
     Raises Failed where the force rises on the way, or does not leave the arm within AWAY.
@@ -35,13 +36,13 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
     if size <= settings.rest:
         return
     goal = _beside(np.array(state.q), force / size)
-    robot.configure(_loosened(settings.collision, size))
+    robot.configure(_loosen(settings.collision, size))
     guard = ForceGuard(size + RISE)
 
     def free(now: Any) -> bool:
         return float(np.linalg.norm(now.O_F_ext_hat_K[:3])) < FREE * settings.rest
 
-    follow_joints(robot, goal.tolist(), SLOW, guard, left, free)
+    follow_joints(robot, goal.tolist(), SPEED_SHARE, guard, left, free)
     after = float(np.linalg.norm(robot.state().O_F_ext_hat_K[:3]))
     if after > settings.rest:
         words = (
@@ -52,17 +53,17 @@ def retreat(robot: Any, settings: FciSettings, left: Callable[[], bool]) -> None
 
 
 def _beside(joints: Array, direction: Array) -> Array:
-    """Joints (7,) [rad] that bring the tip AWAY along `direction` (3,), as it is turned."""
-    twist = np.concatenate([STEP * direction, np.zeros(3)])
-    for _ in range(round(AWAY / STEP)):
+    """Joints (7,) [rad] that move the tip by AWAY along `direction` (3,) without turning it."""
+    twist = np.concatenate([PLACE_STEP * direction, np.zeros(3)])
+    for _ in range(round(AWAY / PLACE_STEP)):
         joints = joints + damped_inverse(jacobian(joints), DAMPING) @ twist
-    if limits.margins(joints).min() < ROOM:
+    if limits.margins(joints).min() < JOINT_MARGIN:
         words = "no way leads out of the contact: a joint is at its end; free the arm by hand"
         raise Failed(Failure(Cause.PRESSED, words))
     return joints
 
 
-def _loosened(collision: CollisionSettings, force: float) -> CollisionSettings:
+def _loosen(collision: CollisionSettings, force: float) -> CollisionSettings:
     """Thresholds under which the arm may move while it is pressed with `force` [N]."""
     upper = {
         "force_upper": min(max(collision.force_upper, 2 * force + RISE), 100.0),

@@ -19,7 +19,7 @@ from drivers.arm.settings import CollisionSettings, FciSettings
 from drivers.arm.tool import UNIT, require_tool
 
 TARED = 50  # states, of which the force at rest is the mean
-PROBE = 0.5  # s for a robot to tell its version
+PROBE = 0.5  # s for a robot to send its version
 AWAITED = 5e-5  # s that reading a state takes which is waited for; one at hand takes 2e-5
 
 CAUSES: tuple[tuple[type[Exception], Cause], ...] = (
@@ -40,11 +40,9 @@ class Motion(Protocol):
 
     def readOnce(self) -> tuple[Any, Any]:  # noqa: N802
         """The next state."""
-        ...
 
     def writeOnce(self, command: Any) -> None:  # noqa: N802
         """Send the command for this tick."""
-        ...
 
 
 class Robot:
@@ -57,13 +55,13 @@ class Robot:
             require_limits(description)
         enforce = settings.realtime == "enforce"
         mode = franka.RealtimeConfig.kEnforce if enforce else franka.RealtimeConfig.kIgnore
-        with _named(lambda _: _mismatch(address)), _scheduler_kept(restore=not enforce):
+        with _library_errors(lambda _: _mismatch(address)), _scheduler_kept(restore=not enforce):
             self._robot: Any = franka.Robot(address, mode)
         self._settings = settings
 
     def state(self) -> Any:
         """A fresh state; the first one after a pause is discarded as stale."""
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             self._robot.read_once()
             return self._robot.read_once()
 
@@ -87,7 +85,7 @@ class Robot:
 
     def reset_tool(self) -> None:
         """Set end effector and stiffness frame to the nominal ones, and no load."""
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             self._robot.set_EE(UNIT)
             self._robot.set_K(UNIT)
             self._robot.set_load(0.0, [0.0] * 3, [0.0] * 9)
@@ -97,13 +95,11 @@ class Robot:
         lower, upper = [collision.torque_lower] * 7, [collision.torque_upper] * 7
         soft = [collision.force_lower] * 3 + [collision.moment_lower] * 3
         hard = [collision.force_upper] * 3 + [collision.moment_upper] * 3
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             self._robot.set_collision_behavior(lower, upper, soft, hard)
 
     def guard(self) -> ForceGuard:
-        """The guards of a motion from here, beyond what the robot at rest feels; Failed where that
-        is too much.
-        """
+        """The guards of a motion from here; Failed where the robot feels too much at rest."""
         states = [self.state() for _ in range(TARED)]
         settings = self._settings
         tare = Tare.of(states, settings.rest)
@@ -111,20 +107,12 @@ class Robot:
 
     def recover(self) -> None:
         """Recover from a reflex."""
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             self._robot.automatic_error_recovery()
-
-    def start_poses(self) -> Motion:
-        """Start a motion commanded by poses of the hand."""
-        with _named(self._stopped):
-            motion: Motion = self._robot.start_cartesian_pose_control(
-                franka.ControllerMode.JointImpedance
-            )
-        return motion
 
     def start_joints(self) -> Motion:
         """Start a motion commanded by joint positions."""
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             motion: Motion = self._robot.start_joint_position_control(
                 franka.ControllerMode.JointImpedance
             )
@@ -136,7 +124,7 @@ class Robot:
         A state that lay there came while the last one was answered. Its answer would be late, and
         with it the next: a loop that fell behind once, and needs most of its tick, would lose all.
         """
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             begun = perf_counter()
             state = motion.readOnce()[0]
             own_clock = not self._settings.in_lock_step
@@ -144,21 +132,14 @@ class Robot:
                 state = motion.readOnce()[0]
             return state
 
-    def write_pose(self, motion: Motion, pose: list[float], *, last: bool = False) -> None:
-        """Command the hand's pose, 16 numbers, column-major; `last` ends the motion there."""
-        with _named(self._stopped):
-            command = franka.CartesianPose(pose)
-            command.motion_finished = last
-            motion.writeOnce(command)
-
     def write_joints(self, motion: Motion, joints: list[float], *, last: bool = False) -> None:
         """Command the joints (7,) [rad]; `last` ends the motion there."""
-        with _named(self._stopped):
+        with _library_errors(self._stop_reason):
             command = franka.JointPositions(joints)
             command.motion_finished = last
             motion.writeOnce(command)
 
-    def _stopped(self, cause: Cause) -> Failure | None:
+    def _stop_reason(self, cause: Cause) -> Failure | None:
         """Reason for the stop in the robot's state; None where the state has none."""
         return None if cause is Cause.NETWORK else failure_in(self._robot.read_once())
 
@@ -180,16 +161,14 @@ def _flags(flagged: Any) -> tuple[str, ...]:
 
 
 @contextmanager
-def _named(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
-    """Raise library errors as Failed, classified by their class, or by the robot's state if that is
-    more specific.
-    """
+def _library_errors(explain: Callable[[Cause], Failure | None]) -> Iterator[None]:
+    """Raise library errors as Failed, by their class or by the robot's state if more specific."""
     try:
         yield
     except (franka.FrankaException, RuntimeError, ValueError) as error:
         cause = next(cause for kind, cause in CAUSES if isinstance(error, kind))
         seen = None
-        with suppress(Exception):  # the first error is the one that is told
+        with suppress(Exception):  # the first error is the one that is reported
             seen = explain(cause)
         words = one_line(error)
         if seen is not None:

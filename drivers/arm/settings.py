@@ -102,7 +102,7 @@ class FciSettings(Settings):
         """Whether the cell's clock drives the robot's time; possible with a twin only."""
         return self.address is None if self.lock_step is None else self.lock_step
 
-    def installed(self, installation: Installation) -> Installation:
+    def limit(self, installation: Installation) -> Installation:
         """The installation with the limits that hold for this robot."""
         limits = installation.limits.within(self.limits)
         return installation.model_copy(update={"limits": limits})

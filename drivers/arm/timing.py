@@ -1,6 +1,6 @@
 """Jitter of the robot's states: a histogram of the intervals between them."""
 
-from collections.abc import Sequence
+from bisect import bisect
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +25,7 @@ class Timing:
         if self.last is not None:
             interval = now - self.last
             self.longest = max(self.longest, interval)
-            self.counts[_bin(1e3 * interval)] += 1
+            self.counts[bisect(EDGES_MS, 1e3 * interval)] += 1
         self.last = now
 
     def content(self) -> dict[str, Any]:
@@ -36,7 +36,3 @@ class Timing:
             "longest_ms": 1e3 * self.longest,
             "answered": self.heard / max(1, sum(self.counts) + 1),
         }
-
-
-def _bin(value: float, edges: Sequence[float] = EDGES_MS) -> int:
-    return next((i for i, edge in enumerate(edges) if value < edge), len(edges))

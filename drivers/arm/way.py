@@ -19,8 +19,8 @@ JOINTS = 7
 SPEED, ACCELERATION, JERK = 0.5, 1.5, 50.0  # rad/s, rad/s^2, rad/s^3 at full speed
 UNHEARD = 3e-7  # rad: more than the rounding of the state
 SAME = 1e-6  # rad/s^2, likewise
-NEAR = 5e-5  # rad from the goal, from which nothing is corrected any more
-REST = 1e-3  # rad/s at which the robot may be told to stand
+GOAL_TOLERANCE = 5e-5  # rad from the goal, from which nothing is corrected any more
+REST = 1e-3  # rad/s at which the robot may be commanded to stand
 NEARING = 3.0  # 1/s, speed over the distance that is left
 TAKING_UP = 12.0  # 1/s, how fast a joint takes up the speed that is wanted
 
@@ -28,8 +28,8 @@ Numbers = list[float]
 
 
 class Course(NamedTuple):
-    """Joints (7,) [rad], their rates [rad/s] and accelerations [rad/s^2], by differences of ticks:
-    so a robot computes them from setpoints.
+    """Joints (7,) [rad] with rates [rad/s] and accelerations [rad/s^2], which a robot computes as
+    differences of successive setpoints.
     """
 
     place: Numbers
@@ -38,18 +38,18 @@ class Course(NamedTuple):
 
 
 def go_on(before: Course, sent: Numbers, state: Any, ticks: int) -> Course:
-    """Where the robot's setpoint is in `state`, so many `ticks` after it was `before`, if it was
-    `sent` joints (7,) meanwhile: more exactly than the rounded state says.
+    """The robot's setpoint in `state`, `ticks` after it was `before`, if `sent` joints (7,) reached
+    it: finer than the rounded numbers of the state.
     """
-    told = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
-    heard = _apart(told.change, before.change) > SAME
+    seen = Course(list(state.q_d), list(state.dq_d), list(state.ddq_d))
+    heard = _apart(seen.change, before.change) > SAME
     place = sent if heard else before.place
     for ago in range(max(ticks - 1, 0) if heard else ticks):
         place = [
             p + TICK * (rate - ago * TICK * change)
-            for p, rate, change in zip(place, told.rate, told.change, strict=True)
+            for p, rate, change in zip(place, seen.rate, seen.change, strict=True)
         ]
-    return told if _apart(told.place, place) > UNHEARD else told._replace(place=place)
+    return seen if _apart(seen.place, place) > UNHEARD else seen._replace(place=place)
 
 
 class Way:
@@ -74,7 +74,7 @@ class Way:
         still = max(map(abs, self._here.rate)) < REST
         if self._goal is None:
             return still
-        return still and _apart(self._here.place, self._goal) < NEAR
+        return still and _apart(self._here.place, self._goal) < GOAL_TOLERANCE
 
     def tick(self) -> Numbers:
         """The next setpoint (7,) [rad]; Failed where no motion leads to the goal."""
@@ -132,7 +132,7 @@ def follow_joints(
     enough: Callable[[Any], bool] = lambda _: False,
 ) -> Numbers:
     """Bring `robot` to `joints` (7,) [rad], or to rest once it is `left` or its state is `enough`;
-    where it stands then.
+    returns where it stands then.
 
     Raises Failed at what the `guard` objects to.
     """

@@ -31,13 +31,13 @@ class Whereabouts:
 
         `pose` is then the setpoint that it has, 16 numbers by columns.
         """
-        told, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
+        stated, change = list(state.O_T_EE_c), list(state.O_ddP_EE_c)
         heard = _apart(change, self._change) > SAME
         went_on = max(ticks - 1, 0) if heard else ticks
         pose = self._gone_on(sent if heard else self.pose, state, went_on)
-        self.pose = pose if _apart(pose, told) < UNHEARD else told
+        self.pose = pose if _apart(pose, stated) < UNHEARD else stated
         self._change = change
-        if ticks > 1 or _apart(told, sent) >= UNHEARD:
+        if ticks > 1 or _apart(stated, sent) >= UNHEARD:
             return True
         if heard:
             self.pose = sent

@@ -4,14 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from drivers.camera.abi import (
-    Control,
-    ControlFlag,
-    ControlQuery,
-    ControlType,
-    MenuQuery,
-    Request,
-)
+from drivers.camera.abi import Control, ControlFlag, ControlQuery, ControlType, MenuQuery, Request
 from drivers.camera.device import Device
 from drivers.camera.errors import CameraRefused
 
@@ -42,9 +35,7 @@ LOCKED_OUT = {
 
 @dataclass(frozen=True, slots=True)
 class CameraControl:
-    """One control; `entries` are the values of a menu by number. `value` is
-    None if not readable.
-    """
+    """One control; `entries` are a menu's values by number. `value` is None if not readable."""
 
     number: int
     name: str

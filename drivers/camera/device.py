@@ -76,9 +76,7 @@ class Device:
             raise
 
     def call(self, request: Request, argument: A, doing: str) -> A:
-        """Execute `request` and return the filled `argument`; raises the error
-        that `translate_error` gives.
-        """
+        """Execute `request`; returns the filled `argument`, raises what `translate_error` gives."""
         try:
             self.kernel.ioctl(self.fd, request, argument)
         except OSError as error:

@@ -148,9 +148,7 @@ class Drain:
             self._changed.notify_all()
 
     def _place(self, session: Session, capture: Capture) -> Arrived:
-        """The capture with times on the cell's clock; stamps increase and never lie after the
-        arrival.
-        """
+        """The capture with times on the cell's clock; stamps increase, none after the arrival."""
         shutter, number, last = session.setup.shutter, self._sequence.number, self._newest
         gap = 0 if last is None else number - last.sequence - 1
         earliest = -math.inf if last is None else last.stamp + LEAST_STEP

@@ -74,9 +74,7 @@ class Picture:
         )
 
     def decode(self, content: Image) -> Image | None:
-        """(height, width, 3) BGR of a buffer's bytes (n,); None where they are not a complete
-        picture.
-        """
+        """(height, width, 3) BGR of a buffer's bytes (n,); None for an incomplete picture."""
         if not self.whole(content):
             return None
         if self.format == "MJPG":

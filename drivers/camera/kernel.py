@@ -21,11 +21,9 @@ class Mapping(Protocol):
 
     def copy(self, length: int) -> Image:
         """(length,) copy of its first bytes."""
-        ...
 
     def close(self) -> None:
         """Unmap the buffer."""
-        ...
 
 
 class Kernel(Protocol):
@@ -33,27 +31,21 @@ class Kernel(Protocol):
 
     def open(self, path: str) -> int:
         """File descriptor of a device, opened non-blocking."""
-        ...
 
     def close(self, fd: int) -> None:
         """Close a descriptor."""
-        ...
 
     def ioctl(self, fd: int, request: Request, argument: Argument) -> None:
         """Execute `request`; the kernel reads and writes `argument`."""
-        ...
 
     def map(self, fd: int, length: int, offset: int) -> Mapping:
         """Map a buffer of a device."""
-        ...
 
     def wait(self, fd: int | None, seconds: float) -> int:
         """Events of poll on `fd`, 0 when there are none in `seconds`; without `fd`, a pause."""
-        ...
 
     def monotonic(self) -> float:
         """The clock of buffer stamps [s]."""
-        ...
 
 
 class _Shared:

@@ -41,9 +41,7 @@ def list_cameras(kernel: Kernel, links: Path = LINKS) -> Iterator[CameraReport |
 
 
 def report(kernel: Kernel, link: str) -> CameraReport:
-    """Identity, modes and controls of the device at `link`; raises CellError where it cannot be
-    opened.
-    """
+    """Identity, modes and controls of the device at `link`; CellError where it cannot be opened."""
     device = Device.open(kernel, link)
     try:
         controls = tuple(controls_of(device).values())

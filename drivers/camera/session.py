@@ -35,9 +35,7 @@ class Session:
 
     @classmethod
     def open(cls, kernel: Kernel, settings: V4l2Settings) -> Self:
-        """Open, configure and start. Raises CameraLost, CameraBusy,
-        CameraFaulty or CameraRefused.
-        """
+        """Open, configure, start. Raises CameraLost, CameraBusy, CameraFaulty or CameraRefused."""
         device = Device.open(kernel, settings.device)
         try:
             setup = set_up(device, settings)

@@ -5,15 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Self
 
-from drivers.camera.abi import (
-    CAPTURE,
-    MMAP,
-    Buffer,
-    BufferFlag,
-    BufferRequest,
-    Number,
-    Request,
-)
+from drivers.camera.abi import CAPTURE, MMAP, Buffer, BufferFlag, BufferRequest, Number, Request
 from drivers.camera.device import Device
 from drivers.camera.errors import CameraFaulty, translate_error
 from drivers.camera.kernel import Mapping

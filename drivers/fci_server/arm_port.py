@@ -61,9 +61,7 @@ class ArmPort:
         self._reception.close()
 
     def command(self) -> RobotCommand | None:
-        """The next command of the client; None when no more have arrived.
-        Malformed ones are skipped.
-        """
+        """The client's next command; None when no more have arrived. Malformed ones are skipped."""
         for _ in range(BURST):
             datagram = None if self.client is None else self.client.receive_datagram()
             if datagram is None:

@@ -26,7 +26,7 @@ class Contact:
     tool_flags: Array  # (2, 6)
 
     @classmethod
-    def felt(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
+    def of_force(cls, posture: Posture, configuration: Configuration, force: Array) -> Self:
         """The contact from a force (3,) [N] on the tool's origin."""
         wrench = np.zeros(6)
         wrench[:3] = force

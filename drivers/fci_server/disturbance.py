@@ -5,13 +5,7 @@ from math import inf
 
 import numpy as np
 
-from drivers.fci_server.faults import (
-    ContactFault,
-    Fault,
-    NanFault,
-    ReflexFault,
-    UserStopFault,
-)
+from drivers.fci_server.faults import ContactFault, Fault, NanFault, ReflexFault, UserStopFault
 from drivers.fci_server.reflex import Reflex
 from drivers.fci_server.robot import Robot
 

@@ -9,7 +9,7 @@ from drivers.franka.dynamics import arm_mjcf
 from drivers.franka.kinematics import FLANGE
 from drivers.types import Array
 
-SLOW = 0.005  # rad/s over which dry friction changes sign
+FRICTION_WIDTH = 0.005  # rad/s over which dry friction changes sign
 
 
 class Dynamics:
@@ -41,12 +41,12 @@ class Dynamics:
         taken = np.array(data.qfrc_inverse)
         if plant.payload:
             taken += self._payload_torque(course.velocity, course.acceleration)
-        taken += np.multiply(plant.friction, np.tanh(course.velocity / SLOW))
+        taken += np.multiply(plant.friction, np.tanh(course.velocity / FRICTION_WIDTH))
         taken += np.multiply(plant.damping, course.velocity) + np.multiply(plant.cable, q)
         return np.asarray(taken)
 
     def reading(self, posture: Posture, tick: int) -> Array:
-        """What the sensors of torque read (7,) [N m] at a tick; the same tick reads the same."""
+        """What the torque sensors read (7,) [N m] at a tick; one tick always reads the same."""
         last = self._read
         if last is not None and last[0] is posture and last[1] == tick:
             return last[2]
@@ -63,7 +63,7 @@ class Dynamics:
 
     @property
     def bends(self) -> bool:
-        """Whether links stand elsewhere than their motors."""
+        """Whether links can stand elsewhere than their motors."""
         return any(self._plant.compliance)
 
     def _payload_torque(self, velocity: Array, acceleration: Array) -> Array:

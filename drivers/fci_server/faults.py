@@ -12,7 +12,7 @@ from drivers.settings import Settings, load
 NAMES = tuple(reflex.name.lower() for reflex in Reflex)
 
 
-def _known(name: str) -> str:
+def _check_name(name: str) -> str:
     if name not in NAMES:
         raise ValueError(f"is no error of the robot; allowed: {', '.join(NAMES)}")
     return name
@@ -34,7 +34,7 @@ class ReflexFault(Scripted):
     """The robot stops by a reflex and names `error`."""
 
     kind: Literal["reflex"]
-    error: Annotated[str, AfterValidator(_known)] = "cartesian_reflex"
+    error: Annotated[str, AfterValidator(_check_name)] = "cartesian_reflex"
 
 
 class UserStopFault(Scripted):

@@ -25,7 +25,7 @@ from drivers.franka.kinematics import from_last_joint
 from drivers.franka.tracking import DAMPING, ELBOW_JOINT, rotation
 from drivers.types import Array
 
-TOLD = 23  # numbers of a Cartesian command: pose, twist, elbow
+TARGET = 23  # numbers of a Cartesian command: pose, twist, elbow
 Follow = Callable[[Posture, RobotCommand, Array], Posture]
 
 
@@ -58,8 +58,8 @@ def follow(
 
 
 def warm(old: Posture, tool: Array) -> None:
-    """Compile what a motion needs, of a posture with its tool (4, 4): no client waits for it."""
-    follow(Generator.CARTESIAN_VELOCITY, old, extrapolated(old, 0), tool, first=True)
+    """Compile what a motion from a posture with its tool (4, 4) needs: no client waits for it."""
+    follow(Generator.CARTESIAN_VELOCITY, old, extrapolate(old, 0), tool, first=True)
 
 
 def readable(generator: Generator, command: RobotCommand) -> bool:
@@ -68,7 +68,7 @@ def readable(generator: Generator, command: RobotCommand) -> bool:
     return fits and (command.elbow is None or usable(command.elbow))
 
 
-def extrapolated(old: Posture, message_id: int) -> RobotCommand:
+def extrapolate(old: Posture, message_id: int) -> RobotCommand:
     """The last commands continued at constant acceleration, for a tick without a command.
 
     Source: the client library's `rate_limiting.h` on lost packets.
@@ -76,13 +76,7 @@ def extrapolated(old: Posture, message_id: int) -> RobotCommand:
     rates = old.joints.velocity + TICK * old.joints.acceleration
     twist = old.tool.velocity + TICK * old.tool.acceleration
     return RobotCommand(
-        message_id,
-        old.q + TICK * rates,
-        rates,
-        _integrated(old.pose, twist),
-        twist,
-        None,
-        False,
+        message_id, old.q + TICK * rates, rates, _advance_pose(old.pose, twist), twist, None, False
     )
 
 
@@ -103,7 +97,7 @@ def _joints(old: Posture, q: Array, velocity: Array, tool: Array) -> Posture:
         Reflex.JOINT_MOTION_GENERATOR_POSITION_LIMITS_VIOLATION,
         Reflex.JOINT_MOTION_GENERATOR_VELOCITY_LIMITS_VIOLATION,
     )
-    return old.moved(q, tool, course)
+    return old.move_on(q, tool, course)
 
 
 def _cartesian_pose(old: Posture, command: RobotCommand, tool: Array) -> Posture:
@@ -117,12 +111,12 @@ def _cartesian_velocity(old: Posture, command: RobotCommand, tool: Array) -> Pos
 
 
 def _cartesian(old: Posture, command: RobotCommand, tool: Array, *, by_twist: bool) -> Posture:
-    told, vector = np.empty(TOLD), np.empty(SIZE)
-    told[:16] = command.pose.ravel()
-    told[16:22] = command.twist
-    told[22] = _elbow(old, command)
+    target, vector = np.empty(TARGET), np.empty(SIZE)
+    target[:16] = command.pose.ravel()
+    target[16:22] = command.twist
+    target[22] = _elbow(old, command)
     last = from_last_joint(tool).ravel()
-    broken = advance(old.vector, told, by_twist, last, TABLE, vector)
+    broken = advance(old.vector, target, by_twist, last, TABLE, vector)
     if broken:
         raise Violation(_BROKEN[Broken(broken)])
     return Posture(vector)
@@ -144,7 +138,7 @@ def _smallest(old: Posture, command: RobotCommand) -> float:
     return float(old.elbow + (damped_inverse(old.jacobian, DAMPING) @ twist)[ELBOW_JOINT])
 
 
-def _integrated(pose: Array, twist: Array) -> Array:
+def _advance_pose(pose: Array, twist: Array) -> Array:
     moved = np.array(pose)
     moved[:3, 3] += TICK * twist[:3]
     moved[:3, :3] = rotation(TICK * twist[3:]) @ pose[:3, :3]

@@ -83,12 +83,12 @@ class Hand:
             self.width = max(self.width - step, target)
             if thickness is not None and self.width <= thickness:
                 self.width = min(thickness, WIDEST)
-                self._touched(task)
+                self._end_on_touch(task)
                 return
         if self.width == target:
-            self._reached(task)
+            self._end_of_width(task)
 
-    def _touched(self, task: Task) -> None:
+    def _end_on_touch(self, task: Task) -> None:
         self._task = None
         status = HandStatus.UNSUCCESSFUL
         if task.request.command is HandCommand.GRASP:
@@ -98,7 +98,7 @@ class Hand:
             status = HandStatus.SUCCESS if self.is_grasped else HandStatus.UNSUCCESSFUL
         self._answer(task.request, status)
 
-    def _reached(self, task: Task) -> None:
+    def _end_of_width(self, task: Task) -> None:
         task.widths.pop(0)
         if task.widths:
             return

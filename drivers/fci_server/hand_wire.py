@@ -9,7 +9,6 @@ from drivers.fci_server.wire import Malformed
 VERSION = 3
 PORT = 1338
 HEADER = Struct("<HII")  # command, command id, size with header
-CONNECT = Struct("<HH")  # version, UDP port of the client
 CONNECTED = Struct("<HH")  # status, version of the server
 STATE = Struct("<IddBH")  # time [ms], width [m], largest width [m], grasped, temperature [C]
 STATUS = Struct("<H")

@@ -100,7 +100,7 @@ def _product(a: Array, b: Array) -> Array:
 
 
 @kernel
-def _turned(start: Array, at: int, end: Array, to: int) -> tuple[float, float, float]:
+def _rotation_between(start: Array, at: int, end: Array, to: int) -> tuple[float, float, float]:
     """Rotation vector [rad] from the pose at `start[at]` to that at `end[to]`, both (16,)."""
     turn = np.empty((3, 3))
     for i in range(3):
@@ -120,7 +120,7 @@ def _turned(start: Array, at: int, end: Array, to: int) -> tuple[float, float, f
 
 
 @kernel
-def _integrated(old: Array, twist: Array, new: Array) -> None:
+def _advance_pose(old: Array, twist: Array, new: Array) -> None:
     """The commanded pose of `new`, one tick of `twist` (6,) after that of `old` (Rodrigues)."""
     x, y, z = TICK * twist[3], TICK * twist[4], TICK * twist[5]
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -213,15 +213,15 @@ def _joints_broken(old: Array, new: Array, table: Array) -> int:
             return 8
     one_tick = slack * TICK * table[SHARPEST].max()
     for j in range(7):
-        up = _braked(table[HIGH, j] - new[Q + j], j, table)
-        down = _braked(new[Q + j] - table[LOW, j], j, table)
+        up = _braking_limit(table[HIGH, j] - new[Q + j], j, table)
+        down = _braking_limit(new[Q + j] - table[LOW, j], j, table)
         if min(new[VELOCITY + j] + down, up - new[VELOCITY + j]) < -one_tick:
             return 9
     return 0
 
 
 @kernel
-def _braked(room: float, j: int, table: Array) -> float:
+def _braking_limit(room: float, j: int, table: Array) -> float:
     """Largest velocity [rad/s] of joint `j` with so much `room` [rad] before its end."""
     speed = sqrt(2 * table[BRAKING, j] * room) - table[OFFSET, j]
     return float(min(max(speed, 0.0), table[FASTEST, j]))
@@ -237,36 +237,38 @@ def place(new: Array, last: Array, table: Array) -> None:
 
 
 @entry
-def advance(old: Array, told: Array, by_twist: bool, last: Array, table: Array, new: Array) -> int:
+def advance(
+    old: Array, target: Array, by_twist: bool, last: Array, table: Array, new: Array
+) -> int:
     """One tick from posture `old` (SIZE,) to `new`; returns a number of `Broken`.
 
-    `told` (23,) is the commanded pose row by row, the twist, and the elbow [rad]; `by_twist` says
+    `target` (23,) is the commanded pose row by row, the twist, and the elbow [rad]; `by_twist` says
     which of the first two counts. `last` (16,) is the tool in the last joint's frame.
     """
     new[:] = old
     if by_twist:
-        new[TWIST : TWIST + 6] = told[16:22]
-        _integrated(old, told[16:22], new)
+        new[TWIST : TWIST + 6] = target[16:22]
+        _advance_pose(old, target[16:22], new)
     else:
-        new[POSE : POSE + 16] = told[:16]
-        turn = _turned(old, POSE, told, 0)
+        new[POSE : POSE + 16] = target[:16]
+        turn = _rotation_between(old, POSE, target, 0)
         for i in range(3):
-            new[TWIST + i] = (told[4 * i + 3] - old[POSE + 4 * i + 3]) / TICK
+            new[TWIST + i] = (target[4 * i + 3] - old[POSE + 4 * i + 3]) / TICK
             new[TWIST + 3 + i] = turn[i] / TICK
     for i in range(6):
         new[CHANGE + i] = (new[TWIST + i] - old[TWIST + i]) / TICK
-    new[ELBOW] = told[22]
-    new[ELBOW + 1] = (told[22] - old[ELBOW]) / TICK
+    new[ELBOW] = target[22]
+    new[ELBOW + 1] = (target[22] - old[ELBOW]) / TICK
     new[ELBOW + 2] = (new[ELBOW + 1] - old[ELBOW + 1]) / TICK
     broken = _tool_broken(old, new, table)
     if broken:
         return broken
     wanted = np.empty(7)
-    turn = _turned(old, REACHED, new, POSE)
+    turn = _rotation_between(old, REACHED, new, POSE)
     for i in range(3):
         wanted[i] = new[POSE + 4 * i + 3] - old[REACHED + 4 * i + 3]
         wanted[3 + i] = turn[i]
-    wanted[6] = told[22] - old[Q + 2]
+    wanted[6] = target[22] - old[Q + 2]
     _rates(old, wanted, table[OTHER, 3], new)
     for j in range(7):
         new[Q + j] = old[Q + j] + TICK * new[VELOCITY + j]

@@ -77,9 +77,7 @@ class Link:
             return None
 
     def close(self, reset: bool = False) -> None:
-        """Disconnect; with `reset` at once by RST, so that the client does not
-        wait for an answer.
-        """
+        """Disconnect; with `reset` at once by RST, so that the client waits for no answer."""
         if reset:
             self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
         self._connection.close()

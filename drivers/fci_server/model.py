@@ -22,7 +22,7 @@ def _link(number: int) -> str:
 
 def _joint(index: int) -> str:
     a, d, alpha = PARAMETERS[index]
-    across, along = _turned(float(alpha), float(d))
+    across, along = _offset_in_frame(float(alpha), float(d))
     span = (
         f'<limit lower="{limits.POSITION_LOW[index]}" upper="{limits.POSITION_HIGH[index]}" '
         f'velocity="{limits.VELOCITY[index]}" effort="{limits.TORQUE[index]}"/>'
@@ -38,7 +38,7 @@ def _joint(index: int) -> str:
     )
 
 
-def _turned(alpha: float, d: float) -> tuple[float, float]:
+def _offset_in_frame(alpha: float, d: float) -> tuple[float, float]:
     """Where the offset `d` along a turned axis stands in the frame before it: (y, z) [m]."""
     if alpha == 0:
         return 0.0, d

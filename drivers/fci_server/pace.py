@@ -17,7 +17,7 @@ class Pace:
         """Time [s] until the next period is due; zero or less when it is."""
         return self._deadline - time.monotonic()
 
-    def passed(self) -> None:
+    def begin_next(self) -> None:
         """Go to the next period, which begins now.
 
         Where this machine was late, the robot's time falls behind the wall clock's: a robot never

@@ -88,7 +88,7 @@ class Posture:
         """Whether nothing moves."""
         return not self.joints.velocity.any()
 
-    def moved(self, q: Array, tool: Array, joints: Course) -> Self:
+    def move_on(self, q: Array, tool: Array, joints: Course) -> Self:
         """One tick on with joints `q` (7,) [rad] on their course; the commanded pose follows."""
         new = self.of(q, tool, joints)
         course = self.tool.step(twist_of(self.pose, new.reached))
@@ -101,10 +101,10 @@ class Posture:
         new.vector[FIELDS["elbow"]] = q[2], speed, (speed - rate) / TICK
         return new
 
-    def braked(self, tool: Array) -> Self:
+    def brake(self, tool: Array) -> Self:
         """One tick of braking: all joints come to rest together, at their largest deceleration."""
         left = float((np.abs(self.joints.velocity) / limits.ACCELERATION).max())
         if left <= TICK:
             return self.resting(self.q, tool)
         course = self.joints.step(self.joints.velocity * (1 - TICK / left))
-        return self.moved(self.q + TICK * course.velocity, tool, course)
+        return self.move_on(self.q + TICK * course.velocity, tool, course)

@@ -21,7 +21,7 @@ TURNED = 5e-3  # rad by which a joint turns before the torques of gravity are co
 ANGLE, RATE, ACCELERATION = range(3)  # of the elbow's part of a posture
 Parts = tuple[tuple[str, Sequence[int]], ...]
 JOINTS, AXES = range(7), range(6)
-SHOWN: dict[str, Parts] = {
+STATE_SOURCES: dict[str, Parts] = {
     "O_T_EE": (("reached", BY_COLUMNS),),
     "O_T_EE_d": (("pose", BY_COLUMNS),),
     "O_T_EE_c": (("pose", BY_COLUMNS),),
@@ -47,17 +47,17 @@ OWN = ("O_T_EE", "q", "theta", "dq", "dtheta", "elbow")  # of the arm itself, no
 
 
 def _sources(names: Iterable[str]) -> tuple[Indices, Indices]:
-    """Where in the datagram's numbers the posture's go, and which of them, (n,) each."""
+    """Places in the datagram for numbers of the posture, and which numbers they are, (n,) each."""
     where, source = list[int](), list[int]()
     for name in names:
-        parts = SHOWN[name]
+        parts = STATE_SOURCES[name]
         numbers = [FIELDS[part].start + number for part, some in parts for number in some]
         where += PLACES[name][: len(numbers)]
         source += numbers
     return np.array(where), np.array(source)
 
 
-_WHERE, _SOURCE = _sources(SHOWN)
+_WHERE, _SOURCE = _sources(STATE_SOURCES)
 _OWN_WHERE, _OWN_SOURCE = _sources(OWN)
 
 
@@ -90,7 +90,7 @@ class Publisher:
             for name in MEASURED:
                 self._packet.fields[name][:] = np.nan
             self._contact = None
-        return self._packet.sealed(robot.time, rate)
+        return self._packet.seal(robot.time, rate)
 
     def _put_configuration(self, configuration: Configuration) -> None:
         packet = self._packet

@@ -4,7 +4,6 @@ It is stepped in control periods of 1 ms. Its caller requests motions and settin
 late replies, those that only the end of a motion gives.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Protocol
@@ -15,7 +14,7 @@ from drivers.fci_server.body_check import BodyCheck
 from drivers.fci_server.configuration import SETTERS, Configuration, configure
 from drivers.fci_server.contact import NOTHING, Contact
 from drivers.fci_server.dynamics import Dynamics
-from drivers.fci_server.generators import extrapolated, follow, readable, warm
+from drivers.fci_server.generators import extrapolate, follow, readable, warm
 from drivers.fci_server.limits import Box
 from drivers.fci_server.posture import Posture
 from drivers.fci_server.reflex import Reflex, Violation
@@ -206,7 +205,7 @@ class Robot:
         if motion is None or not motion.started:
             return
         missed = motion.missed + 1
-        self.step(extrapolated(self.posture, self.time))
+        self.step(extrapolate(self.posture, self.time))
         motion.missed = missed
         if missed > PATIENCE and self.motion is not None:
             self.reflex(Reflex.COMMUNICATION_CONSTRAINTS_VIOLATION)
@@ -223,7 +222,7 @@ class Robot:
 
     def _brake(self) -> None:
         if not self.posture.at_rest:
-            self.posture = self.posture.braked(self.configuration.tool)
+            self.posture = self.posture.brake(self.configuration.tool)
 
     def _feel(self) -> None:
         force = self.pushed
@@ -232,7 +231,7 @@ class Robot:
         if not force.any():
             self.contact = NOTHING
             return
-        self.contact = Contact.felt(self.posture, self.configuration, force)
+        self.contact = Contact.of_force(self.posture, self.configuration, force)
         if self.motion is not None and self.contact.reflex is not None:
             self.reflex(self.contact.reflex)
 
@@ -262,8 +261,4 @@ def resting_robot(
 
 def _valid(request: MoveRequest) -> bool:
     known = request.controller in range(3) and request.generator in range(5)
-    return known and _all(request.deviations, lambda part: isfinite(part) and part >= 0)
-
-
-def _all(values: Iterable[float], holds: Callable[[float], bool]) -> bool:
-    return all(holds(value) for value in values)
+    return known and all(isfinite(part) and part >= 0 for part in request.deviations)

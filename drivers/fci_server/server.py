@@ -226,10 +226,10 @@ class RobotServer:
         if command is not None and not self._heard:
             self._heard = True
             self._punctuality.count(True)
-            self._heed(command)
+            self._obey(command)
         if self._pace.remaining() <= 0:
             self._pass_period()
-            self._pace.passed()
+            self._pace.begin_next()
 
     def _next_command(self) -> RobotCommand | None:
         """The command for this tick of a motion, or in lock-step any; older ones are late."""
@@ -254,10 +254,10 @@ class RobotServer:
 
     def _follow(self, command: RobotCommand) -> None:
         self._punctuality.count(True)
-        self._heed(command)
+        self._obey(command)
         self._advance()
 
-    def _heed(self, command: RobotCommand) -> None:
+    def _obey(self, command: RobotCommand) -> None:
         if self._on_command is not None:
             self._on_command(command)
         self.robot.step(command)

@@ -101,7 +101,7 @@ class StatePacket:
             for flag in flags:
                 self._bytes[start + flag] = 1
 
-    def sealed(self, message_id: int, success_rate: float) -> bytes:
+    def seal(self, message_id: int, success_rate: float) -> bytes:
         """The datagram with robot time [ms] and the fraction of commands that arrived in time."""
         _TIME.pack_into(self._bytes, 0, message_id)
         _RATE.pack_into(self._bytes, _MODE + 1, success_rate)

@@ -18,7 +18,7 @@ MOVE = Struct("<II6dB7d")
 MESSAGE, NUMBERS = Struct("<Q"), 38  # of a command: the state that it answers, numbers, flags
 COMMAND = Struct(f"<Q{NUMBERS}dBB7dB")
 FLAGS = MESSAGE.size + 8 * NUMBERS
-LARGEST = 1e6  # in any unit; no command is near it
+LARGEST_NUMBER = 1e6  # in any unit; no command is near it
 
 
 class Command(IntEnum):
@@ -170,8 +170,8 @@ class RobotCommand:
 
 
 def usable(numbers: Array | tuple[float, ...]) -> bool:
-    """Whether numbers, of any shape, are finite and within LARGEST."""
-    return bool(np.abs(numbers).max() < LARGEST)
+    """Whether numbers, of any shape, are finite and within LARGEST_NUMBER."""
+    return bool(np.abs(numbers).max() < LARGEST_NUMBER)
 
 
 def take_request(buffer: bytearray) -> Request | None:

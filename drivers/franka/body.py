@@ -64,9 +64,7 @@ def spheres(q: Array) -> Array:
 
 
 def apart(q: Array) -> Array:
-    """Distance (...,) [m] of forearm, wrist and hand from base, shoulder and upper arm; negative
-    where they touch.
-    """
+    """Distance (...,) [m] of forearm, wrist and hand from the links below; negative in contact."""
     centres = spheres(q)
     low, high = centres[..., _LOW, :], centres[..., _HIGH, :]
     between = np.linalg.norm(low[..., :, None, :] - high[..., None, :, :], axis=-1)

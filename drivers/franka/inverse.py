@@ -5,17 +5,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import CellError
-from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, PARAMETERS, REACH, pose_and_jacobian
+from drivers.franka.kinematics import (
+    FLANGE_TO_TIP,
+    HOME,
+    PARAMETERS,
+    WRIST_REACH,
+    pose_and_jacobian,
+)
 from drivers.franka.limits import MIDDLE, POSITION_HIGH, POSITION_LOW, margins
 from drivers.franka.tracking import rotation_vector
 from drivers.types import Array, frozen
 
 TOLERANCE = 1e-7  # m and rad
 ITERATIONS = 150
-STEP = 0.3  # rad, of one iteration
+LARGEST_STEP = 0.3  # rad, of one iteration
 CENTRE = 0.15  # share of the way to mid-range that an iteration takes where the pose allows
 SHOULDER = frozen([0.0, 0.0, PARAMETERS[0, 1]])
-HALF_RANGE = frozen((POSITION_HIGH - POSITION_LOW) / 2)
 
 
 class Unreachable(CellError):
@@ -92,7 +97,7 @@ def _descend(pose: Array, start: Array, tool: Array, centre: float) -> Attempt:
         blocked = np.clip(joints + step, POSITION_LOW, POSITION_HIGH) != joints + step
         if blocked.any():
             step = _step(jac * ~blocked, error, pull * ~blocked, size)
-        step *= min(1.0, STEP / max(float(np.abs(step).max()), STEP))
+        step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max()), LARGEST_STEP))
         joints = np.clip(joints + step, POSITION_LOW, POSITION_HIGH)
     error = twist_between(pose_and_jacobian(joints, tool)[0], pose)
     return Attempt(joints, float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:])))
@@ -109,7 +114,7 @@ def _reason(pose: Array, tool: Array, best: Attempt | None) -> str:
         return "no posture was tried"
     flange = pose @ np.linalg.inv(tool)
     distance = float(np.linalg.norm(flange[:3, 3] - SHOULDER))
-    if distance > REACH + 0.2:
+    if distance > WRIST_REACH + 0.2:
         return f"the flange would be {distance:.2f} m from the shoulder; the arm ends before"
     room = margins(best.joints)
     ended = [f"joint {joint + 1}" for joint in range(7) if room[joint] < 1e-6]

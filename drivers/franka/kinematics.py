@@ -18,7 +18,7 @@ PARAMETERS = frozen(
     ]
 )
 FLANGE = 0.107  # m, from the last joint along its axis
-REACH = 0.855  # m, about the shoulder, to the middle of the wrist
+WRIST_REACH = 0.855  # m, about the shoulder, to the middle of the wrist
 ELBOW_FLIP = -0.467002423653011  # rad of joint 4, beyond which the elbow is flexed the other way
 HOME = frozen([0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4])  # rad
 
@@ -85,15 +85,6 @@ def pose_and_jacobian(q: Array, tool: Array = FLANGE_TO_TIP) -> tuple[Array, Arr
     columns[..., 2] = axis[..., 0] * arm[..., 1] - axis[..., 1] * arm[..., 0]
     columns[..., 3:] = axis
     return pose, np.swapaxes(columns, -1, -2)
-
-
-def elbow(q: Array) -> tuple[float, float]:
-    """Redundancy of a posture (7,): angle of joint 3 [rad] and sign of joint 4's flexion.
-
-    The sign is -1 unless joint 4 is stretched beyond the elbow's offset (libfranka, RobotState).
-    """
-    beyond = q[3] > ELBOW_FLIP
-    return float(q[2]), 1.0 if beyond else -1.0
 
 
 def from_last_joint(tool: Array) -> Array:

@@ -16,7 +16,6 @@ VELOCITY = frozen([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26])  # rad/s
 ACCELERATION = frozen([10.0] * 7)  # rad/s^2
 JERK = frozen([5000.0] * 7)  # rad/s^3
 TORQUE = frozen([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0])  # N m
-TORQUE_RATE = frozen([1000.0] * 7)  # N m/s
 
 # Close to a joint's end its velocity is limited to what it can still brake.
 VELOCITY_OFFSET = frozen([0.30, 0.20, 0.20, 0.30, 0.35, 0.35, 0.35])  # rad/s

@@ -8,7 +8,7 @@ from drivers.strip.file import GRAVITY
 from drivers.strip.model import StripModel
 from drivers.types import frozen
 
-REACH = 0.005  # m to each side over which a crease turns
+HALF_WIDTH = 0.005  # m to each side over which a crease turns
 SET = 1.2  # bending lengths before the grip: where its first turn bends a strip that lies
 
 
@@ -16,7 +16,7 @@ def add_crease(model: StripModel, angle: float, position: float) -> StripModel:
     """The model with a crease: a rest angle `angle` [rad] at `position` [m]."""
     mechanics = model.mechanics
     away = np.abs(mechanics.cells - position)
-    near = mechanics.inside(position, 2 * REACH) * np.clip(1.0 - away / REACH, 0.0, 1.0)
+    near = mechanics.inside(position, 2 * HALF_WIDTH) * np.clip(1.0 - away / HALF_WIDTH, 0.0, 1.0)
     curvature = angle * near / mechanics.total(near, mechanics.ends)
     curved = frozen(mechanics.rest_curvature + curvature)
     return replace(model, mechanics=replace(mechanics, rest_curvature=curved))

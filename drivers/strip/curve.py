@@ -9,7 +9,7 @@ from drivers.strip.rod.compiled import entry, kernel
 
 AROUND = 0.08  # m of the strip on each side of where a point should lie
 STRIDE = 4  # nodes
-WILD = 3.0  # robust standard deviations beyond which a value counts no more than that
+OUTLIER = 3.0  # robust standard deviations beyond which a value counts no more than that
 
 
 @kernel
@@ -127,7 +127,7 @@ def signed_distances(
 def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -> None:
     """Mean and mean square of each group values[edges[g]:edges[g + 1]], wild ones clipped.
 
-    Values count no more than `WILD` robust deviations (at least `sigma`) from the group's median.
+    Values count at most `OUTLIER` robust deviations (at least `sigma`) from the group's median.
     """
     for g in range(len(edges) - 1):
         group = values[edges[g] : edges[g + 1]]
@@ -135,7 +135,7 @@ def group_means(values: Any, edges: Any, sigma: float, mean: Any, square: Any) -
         spread = max(sigma, 1.4826 * np.median(np.abs(group - middle)))
         total, power = 0.0, 0.0
         for value in group:
-            kept = min(max(value, middle - WILD * spread), middle + WILD * spread)
+            kept = min(max(value, middle - OUTLIER * spread), middle + OUTLIER * spread)
             total += kept
             power += kept * kept
         mean[g], square[g] = total / len(group), power / len(group)

@@ -81,9 +81,7 @@ def load_plant(path: Path) -> StripFile:
 
 
 def check_described(strip: StripFile, origin: str) -> None:
-    """Raise ConfigurationError for a strip that no engine simulates, and for effects whose values
-    do not fit it.
-    """
+    """Raise ConfigurationError for a strip that no engine simulates, or effects that do not fit."""
     check_valid(strip, origin)
     try:
         describe(strip)

@@ -38,22 +38,18 @@ class Stepper(Protocol):
 
         Raises Unsupported for a part of a description that the engine cannot represent.
         """
-        ...
 
     def step(self, poses: Array, dt: float) -> Observables:
         """Advance by `dt` [s] to gripper `poses` (n, 3) of x, z, pitch at the step's end.
 
         Raises SimulationNotFinite when a shape leaves the finite numbers.
         """
-        ...
 
     def shapes(self) -> Array:
         """Midlines (n, nodes, 2) [m] from the fixed to the grasped edge, both included."""
-        ...
 
     def arc(self) -> Array:
         """Arc lengths of the nodes (n, nodes) [m], unstretched, from the fixed edge."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ GRAVITY = 9.81  # m/s^2
 PAPER_LINEAR_DENSITY = 1.65  # kg/m, spheres of 3.3 g every 2 mm (paper, appendix)
 PAPER_SPACING = 0.002  # m
 
-Positive = Annotated[float, Field(gt=0)]
 ArealDensity = Annotated[float, Unit("kg/m^2")]
 Channel = Annotated[int, Field(ge=0, le=255)]
 

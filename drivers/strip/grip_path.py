@@ -52,7 +52,7 @@ def true_poses(rig: Rig, reported: Array, share: Array | float) -> Array:
 
 
 def reported_poses(rig: Rig, true: Array, share: Array | float) -> Array:
-    """Poses (..., 3) as the arm reports them, and is told, for true ones; undoes `true_poses`."""
+    """Poses (..., 3) as the arm reports and takes them, for true ones; undoes `true_poses`."""
     return np.asarray(true - _offset(rig) * np.asarray(share)[..., None])
 
 

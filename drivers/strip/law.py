@@ -8,18 +8,20 @@ itself.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import ConfigurationError
-from drivers.strip.model import BendingLaw, Mechanics, Observation, StripModel
+from drivers.strip.model import Mechanics, StripModel
 from drivers.types import Array, frozen
 
 
 @dataclass(frozen=True, slots=True)
 class Term:
     """One generic law: `size` [unit] is its smallest amount visible in ten runs, `most` the largest
-    of any strip, `least` the lowest (`-most` unless stated); `added` puts it into a model.
+    of any strip, `least` the lowest (`-most` unless stated); `added` is the field of a model to
+    which it adds, or puts it into one.
     """
 
     name: str
@@ -27,7 +29,7 @@ class Term:
     unit: str
     size: float
     most: float
-    added: Callable[[StripModel, float], StripModel]
+    added: str | Callable[[StripModel, float], StripModel]
     least: float | None = None
 
     @property
@@ -36,26 +38,11 @@ class Term:
         return -self.most if self.least is None else self.least
 
 
-def _law(model: StripModel, change: Callable[[BendingLaw], BendingLaw]) -> StripModel:
-    return replace(model, mechanics=replace(model.mechanics, law=change(model.mechanics.law)))
-
-
-def _curvature(model: StripModel, amount: float) -> StripModel:
-    return _law(model, lambda law: replace(law, cubic=law.cubic + amount))
-
-
-def _rate(model: StripModel, amount: float) -> StripModel:
-    return _law(model, lambda law: replace(law, quadratic_damping=law.quadratic_damping + amount))
-
-
-def _sign(model: StripModel, amount: float) -> StripModel:
-    return _law(model, lambda law: replace(law, yield_curvature=law.yield_curvature + amount))
-
-
-def _speed(model: StripModel, amount: float) -> StripModel:
-    drag = model.mechanics.drag
-    more = replace(drag, coefficient=drag.coefficient + amount)
-    return replace(model, mechanics=replace(model.mechanics, drag=more))
+def _add(part: Any, path: str, amount: float) -> Any:
+    """`part` of a model with more of the field at `path` in it."""
+    field, _, inner = path.partition(".")
+    value = getattr(part, field)
+    return replace(part, **{field: _add(value, inner, amount) if inner else value + amount})
 
 
 def _force(model: StripModel, amount: float) -> StripModel:
@@ -83,20 +70,10 @@ def _middle(model: StripModel, amount: float) -> StripModel:
     return replace(model, mechanics=model.mechanics.scale_rigidity(1.0 + amount * arched))
 
 
-def _even(model: StripModel, amount: float) -> StripModel:
-    strip: Mechanics = model.mechanics
-    return replace(model, mechanics=replace(strip, rest_curvature=strip.rest_curvature + amount))
-
-
 def _weight(model: StripModel, amount: float) -> StripModel:
     strip: Mechanics = model.mechanics
     density = frozen(strip.linear_density * (1.0 + amount * _along(model)))
     return replace(model, mechanics=replace(strip, linear_density=density))
-
-
-def _length(model: StripModel, amount: float) -> StripModel:
-    strip: Mechanics = model.mechanics
-    return replace(model, mechanics=replace(strip, length=strip.length + amount))
 
 
 def _give(model: StripModel, amount: float) -> StripModel:
@@ -105,75 +82,41 @@ def _give(model: StripModel, amount: float) -> StripModel:
     return replace(model, mechanics=replace(strip, stretch_stiffness=stiffness))
 
 
-def _fading(model: StripModel, amount: float) -> StripModel:
-    return _law(model, lambda law: replace(law, relaxing=law.relaxing + amount))
-
-
-def _clock(model: StripModel, amount: float) -> StripModel:
-    latency = model.observation.camera_latency + amount
-    return _observe(model, lambda seen: replace(seen, camera_latency=latency))
-
-
-def _side(model: StripModel, amount: float) -> StripModel:
-    return _observe(model, lambda seen: replace(seen, shift_x=seen.shift_x + amount))
-
-
-def _view(model: StripModel, amount: float) -> StripModel:
-    return _observe(model, lambda seen: replace(seen, shift_z=seen.shift_z + amount))
-
-
-def _zoom(model: StripModel, amount: float) -> StripModel:
-    return _observe(model, lambda seen: replace(seen, scale=seen.scale + amount))
-
-
-def _contact(model: StripModel, amount: float) -> StripModel:
-    bias = model.observation.contact_bias + amount
-    return _observe(model, lambda seen: replace(seen, contact_bias=bias))
-
-
-def _observe(model: StripModel, change: Callable[[Observation], Observation]) -> StripModel:
-    return replace(model, observation=change(model.observation))
-
-
-def _reach(model: StripModel, amount: float) -> StripModel:
-    return replace(model, rig=replace(model.rig, grip_x=model.rig.grip_x + amount))
-
-
-def _lift(model: StripModel, amount: float) -> StripModel:
-    return replace(model, rig=replace(model.rig, grip_z=model.rig.grip_z + amount))
-
-
 def _along(model: StripModel) -> Array:
     """Place along the strip from -1/2 to 1/2 (CELLS,)."""
     return np.asarray(model.mechanics.cells / model.mechanics.length - 0.5)
 
 
 _TERMS = (
-    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, 1e-3, _curvature,
-         least=-5e-6),
+    Term("term_curvature", "moment over stiffness as curvature^3", "m^2", 2e-5, 1e-3,
+         "mechanics.law.cubic", least=-5e-6),
     Term("term_rate", "moment over stiffness as rate of curvature squared", "m s^2", 1e-4, 0.01,
-         _rate, least=0.0),
-    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, 100.0, _sign,
-         least=0.0),
-    Term("term_fading", "share of the moment that fades within a second", "1", 0.03, 0.8, _fading,
-         least=0.0),
-    Term("term_speed", "force as normal speed squared", "1", 0.5, 10.0, _speed, least=0.0),
+         "mechanics.law.quadratic_damping", least=0.0),
+    Term("term_sign", "moment over stiffness as the sign of the rate", "1/m", 0.5, 100.0,
+         "mechanics.law.yield_curvature", least=0.0),
+    Term("term_fading", "share of the moment that fades within a second", "1", 0.03, 0.8,
+         "mechanics.law.relaxing", least=0.0),
+    Term("term_speed", "force as normal speed squared", "1", 0.5, 10.0,
+         "mechanics.drag.coefficient", least=0.0),
     Term("term_force", "steady force along the desk per mass", "m/s^2", 0.05, 2.0, _force),
     Term("term_weight", "weight growing towards the grip", "1", 0.05, 1.8, _weight),
     Term("term_place", "stiffness growing towards the grip", "1", 0.2, 1.8, _place),
     Term("term_middle", "stiffness greater in the middle", "1", 0.2, 5.0, _middle, least=-0.9),
     Term("term_run", "stiffness growing with the run", "1", 0.005, 0.3, _run),
-    Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, _even),
+    Term("term_even", "rest curvature everywhere", "1/m", 0.5, 30.0, "mechanics.rest_curvature"),
     Term("term_set", "rest curvature growing towards the grip", "1/m", 1.0, 30.0, _set),
-    Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, _length),
+    Term("term_length", "strip longer than stated", "m", 3e-4, 0.02, "mechanics.length"),
     Term("term_give", "strip longer by its pull", "1/N", 0.01, 2.0, _give, least=0.0),
-    Term("term_clock", "images older than their stamps", "s", 0.003, 0.1, _clock),
-    Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, _side),
-    Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, _view),
-    Term("term_contact", "contacts seen farther along the desk", "m", 5e-4, 0.03, _contact),
-    Term("term_zoom", "images magnified", "1", 5e-4, 0.05, _zoom),
-    Term("term_reach", "grip farther along the desk than the arm reports", "m", 3e-4, 0.03, _reach),
-    Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, _lift),
+    Term("term_clock", "images older than their stamps", "s", 0.003, 0.1,
+         "observation.camera_latency"),
+    Term("term_side", "images shifted along the desk", "m", 3e-4, 0.03, "observation.shift_x"),
+    Term("term_view", "images shifted upwards", "m", 3e-4, 0.03, "observation.shift_z"),
+    Term("term_contact", "contacts seen farther along the desk", "m", 5e-4, 0.03,
+         "observation.contact_bias"),
+    Term("term_zoom", "images magnified", "1", 5e-4, 0.05, "observation.scale"),
+    Term("term_reach", "grip farther along the desk than the arm reports", "m", 3e-4, 0.03,
+         "rig.grip_x"),
+    Term("term_lift", "grip higher than the arm reports", "m", 3e-4, 0.03, "rig.grip_z"),
 )  # fmt: skip
 TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS})
 """The laws by name, in the order in which they apply."""
@@ -182,8 +125,9 @@ TERMS: Mapping[str, Term] = MappingProxyType({term.name: term for term in _TERMS
 def with_law(model: StripModel, amounts: Mapping[str, float]) -> StripModel:
     """`model` with these amounts of the laws; names that are no law are left to others."""
     for name, term in TERMS.items():
-        if amounts.get(name):
-            model = term.added(model, amounts[name])
+        if amount := amounts.get(name):
+            added = term.added
+            model = _add(model, added, amount) if isinstance(added, str) else added(model, amount)
     return model
 
 

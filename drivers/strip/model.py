@@ -48,7 +48,7 @@ class BendingLaw:
 
     @property
     def friction(self) -> tuple[tuple[float, float], ...]:
-        """Elements of friction, the early one first: shares of stiffness and of friction moment.
+        """The elasto-plastic elements of bending friction, the one that yields first in front.
 
         One, or two that together begin as one does and end as it does: the sum bends over in
         between, the later the more `gradual`.
@@ -120,9 +120,7 @@ class Mechanics:
         return max(self.thickness, 0.001)
 
     def total(self, values: Array, edges: Array) -> Array:
-        """Integral (n,) of a per-cell field (CELLS,) over the spans between
-        `edges` (n + 1,) [m].
-        """
+        """Integral (n,) of a per-cell field (CELLS,) over the spans of `edges` (n + 1,) [m]."""
         cells = np.linspace(0.0, self.length, len(values) + 1)
         integral = np.concatenate([[0.0], np.cumsum(values) * (self.length / len(values))])
         return np.diff(np.interp(edges, cells, integral))

@@ -33,9 +33,7 @@ def seen_points(model: StripModel, points: Array) -> Array:
 
 
 def true_points(model: StripModel, points: Array) -> Array:
-    """True points (..., 2) [m] of a midline measured at `points` (..., 2); inverse of
-    `seen_points`.
-    """
+    """True points (..., 2) [m] of a midline measured at `points` (..., 2); undoes `seen_points`."""
     raised = (points - _shift(model.observation)) / (1 + model.observation.scale)
     return np.asarray(raised - np.array([0.0, model.rig.desk_height]))
 
@@ -43,11 +41,6 @@ def true_points(model: StripModel, points: Array) -> Array:
 def seen_contact(observation: Observation, x: Array | float) -> Array | float:
     """Measured contact_x (...,) [m] of a true desk contact at `x` (...,)."""
     return (1 + observation.scale) * x + (observation.shift_x + observation.contact_bias)
-
-
-def true_contact(observation: Observation, x: Array | float) -> Array | float:
-    """True desk contact (...,) [m] measured at `x` (...,); inverse of `seen_contact`."""
-    return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
 
 
 def mean_force(t: Array, force: Array) -> Array:

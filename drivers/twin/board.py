@@ -15,7 +15,7 @@ from drivers.types import Array, Frame, Image
 
 SOURCE = "twin board"
 MARGIN = 0.5  # squares of white paper around the pattern
-FINE = 2  # samples per pixel and direction
+SAMPLES_PER_PIXEL = 2  # samples per pixel and direction
 PAPER, INK = 232.0, 26.0  # grey levels of the print
 
 
@@ -49,18 +49,6 @@ def held_before(settings: CameraSettings, board: cv2.aruco.CharucoBoard, held: H
     pose = np.eye(4)
     pose[:3, :3] = optics.rotation.T @ _rotation(held.tilt, held.turn, held.roll)
     pose[:3, 3] = optics.centre + ray / float(ray @ optics.rotation[2]) * distance
-    return pose
-
-
-def facing(centre: Array, tilt: float, turn: float, roll: float) -> Matrix:
-    """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
-
-    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
-    """
-    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-    pose = np.eye(4)
-    pose[:3, :3] = upright @ _rotation(tilt, turn, roll)
-    pose[:3, 3] = centre
     return pose
 
 
@@ -124,11 +112,11 @@ def _show(
 def _on_board(
     optics: Optics, pose: Matrix, box: tuple[int, int, int, int]
 ) -> tuple[Pixels, Pixels]:
-    """Points on the board [m from its centre] that rays meet, FINE to a pixel of `box`."""
+    """Where rays meet the board [m from its centre], SAMPLES_PER_PIXEL to a pixel of `box`."""
     left, top, right, bottom = box
     u, v = np.meshgrid(
-        (np.arange((right - left) * FINE) + 0.5) / FINE - 0.5 + left,
-        (np.arange((bottom - top) * FINE) + 0.5) / FINE - 0.5 + top,
+        (np.arange((right - left) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + left,
+        (np.arange((bottom - top) * SAMPLES_PER_PIXEL) + 0.5) / SAMPLES_PER_PIXEL - 0.5 + top,
     )
     rays = np.stack(optics.rays(u.astype(np.float32), v.astype(np.float32)), axis=-1)
     directions = rays @ pose[:3, :3].astype(np.float32)
@@ -150,7 +138,7 @@ def _sample(
     v = (y + np.float32(rows / 2)) * scale + np.float32(margin - 0.5)
     grey = cv2.remap(print_, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     inside = (u > -0.5) & (u < size[0] - 0.5) & (v > -0.5) & (v < size[1] - 0.5)
-    whole = (x.shape[1] // FINE, x.shape[0] // FINE)
+    whole = (x.shape[1] // SAMPLES_PER_PIXEL, x.shape[0] // SAMPLES_PER_PIXEL)
     share = cv2.resize(inside.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
     grey = cv2.resize(grey.astype(np.float32), whole, interpolation=cv2.INTER_AREA)
     return INK + grey * np.float32((PAPER - INK) / 255), share

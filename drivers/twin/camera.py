@@ -27,7 +27,6 @@ class Visible(Protocol):
 
     def scene(self, stamp: float) -> Scene:
         """The cell at `stamp` [s]."""
-        ...
 
 
 class TwinCamera:

@@ -6,7 +6,7 @@ import threading
 from drivers.clock import WallClock
 from drivers.twin.clock import TwinClock
 
-NEAR = 0.002  # s that the world may be behind the wall
+LATE_AT_MOST = 0.002  # s that the world may be behind the wall
 PIECE = 0.005  # s of the world between two looks at the wall
 
 
@@ -46,7 +46,7 @@ class RealTimeClock:
         self._running().wait_until(time - self._start)
         self._twin.wait_until(time)
         behind = math.inf
-        while NEAR < (lag := self.now() - self._twin.now()) < behind:
+        while LATE_AT_MOST < (lag := self.now() - self._twin.now()) < behind:
             behind = lag  # catching up takes time too, in which the wall goes on
             self._twin.wait_until(self.now())
 
@@ -57,7 +57,7 @@ class RealTimeClock:
 
     def _catch_up(self, end: float) -> None:
         """Advance the world by small pieces to the present, or until the wall says `end` [s]."""
-        while (now := self.now()) < end and now - self._twin.now() > NEAR:
+        while (now := self.now()) < end and now - self._twin.now() > LATE_AT_MOST:
             self._twin.wait_until(min(self._twin.now() + PIECE, now))
 
     def _running(self) -> WallClock:

@@ -25,7 +25,6 @@ class Plant(Stepper, Protocol):
 
     def release(self) -> None:
         """Release the grasped edge; later poses of a step have no effect on it."""
-        ...
 
 
 class World:
@@ -74,7 +73,7 @@ class World:
         self.follow_when_asked(stamp, lambda: pose)
 
     def follow_when_asked(self, stamp: float, pose: Callable[[], Pose]) -> None:
-        """Likewise with a pose that is computed where a step needs it: one in five, of an arm that
+        """Add a pose that is computed only where a step needs it: one in five, of an arm that
         reports every millisecond.
         """
         if stamp > self._path[-1][0]:

@@ -25,9 +25,7 @@ def generator(seed: int, number: int) -> np.random.Generator:
 
 
 def by_hand(length: float, seed: int, number: int) -> Motion:
-    """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor; the
-    same for the same numbers.
-    """
+    """Motion `number` by the hand of `seed` over a strip of `length` [m], without its tremor."""
     line, travel = hand_path(length, generator(seed, number))
     whole = np.linspace(0.0, line.x[-1], PLACES)
     times: Array = STEP * np.arange(len(travel), dtype=float)

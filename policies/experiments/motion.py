@@ -37,9 +37,7 @@ class Shake:
         return self.cycles / self.frequency
 
     def offset(self, time: Array) -> Array:
-        """Displacement (...,) [m] at `time` (...,) [s] after its start; fades in and out within
-        half a cycle.
-        """
+        """Displacement (...,) [m] at `time` (...,) [s] after its start, faded in and out."""
         left = np.minimum(time, self.duration - time)
         swell = np.clip(2.0 * left * self.frequency, 0.0, 1.0)
         return np.asarray(self.amplitude * swell * np.sin(2 * np.pi * self.frequency * time))

@@ -70,7 +70,7 @@ STANDARD: Mapping[str, Standard] = MappingProxyType(
 FIRST = "normal"
 """Folded first and, once more, last: what changed with use shows between the two."""
 TWICE = "taut-lift"
-"""Folded twice in between: slips and stretch show in no other motion, and what one run alone tells
+"""Folded twice in between: slips and stretch show in no other motion, and what one run alone shows
 no other can bear out.
 """
 

@@ -14,14 +14,12 @@ from policies.train.objective import Scores, fold_all, misses, rollout_settings,
 from policies.train.settings import TrainingSettings
 
 PIECE = 12  # candidates a piece; fixed, so that no result depends on the number of workers
-FINE = 100  # segments of the rod that judges
+JUDGING_SEGMENTS = 100  # segments of the rod that judges
 VALIDATION = 8  # strips a side of the grid that picks among generations
 
 
 def evaluate_piece(settings: TrainingSettings, candidates: Array, generation: int) -> Scores:
-    """Scores of `candidates` (p, WEIGHTS) in `generation`: a pure function,
-    callable on any machine.
-    """
+    """Scores of `candidates` (p, WEIGHTS) in `generation`: pure, callable on any machine."""
     torch.set_num_threads(1)
     strips = sample(settings.strips, np.random.default_rng([settings.seed, generation, 0]))
     rng = np.random.default_rng([settings.seed, generation, 1])
@@ -49,7 +47,9 @@ def validate(settings: TrainingSettings, weights: Array) -> float:
     rollout = replace(rollout_settings(settings), substeps=3)
     rng = np.random.default_rng([settings.seed, 2])
     strips = grid(VALIDATION)
-    folds = fold_all(Rod(FINE, strict=False), np.atleast_2d(weights), strips, rollout, rng)
+    folds = fold_all(
+        Rod(JUDGING_SEGMENTS, strict=False), np.atleast_2d(weights), strips, rollout, rng
+    )
     return float(np.sqrt(np.mean(misses(folds, strips[0].length) ** 2)))
 
 

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, append_line, read_text, replace_file, writing
+from drivers.files import MEGABYTE, append_line, read_text, write_file, writing
 from policies.train.settings import TrainingSettings
 
 Line = dict[str, Any]
@@ -56,9 +56,7 @@ class Journal:
         self._lines.append(line)
 
     def _check(self, asked: dict[str, Any]) -> None:
-        """Refuse other settings, except for the number of generations, if it is
-        not below those done.
-        """
+        """Refuse other settings, but for a number of generations not below those done."""
         begun = self._lines[0].get("settings")
         if not isinstance(begun, dict):
             raise self._strange()
@@ -97,8 +95,7 @@ class Journal:
         return lines
 
     def _replace(self, text: str) -> None:
-        with writing(self.path, ELSEWHERE):
-            replace_file(self.path, text.encode())
+        write_file(self.path, text, ELSEWHERE)
 
     def _strange(self) -> ConfigurationError:
         return ConfigurationError(f"{self.path}: is not a training journal; {ELSEWHERE}")

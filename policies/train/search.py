@@ -102,9 +102,7 @@ class Search:
         return done
 
     def _is_judged(self, number: int) -> bool:
-        """Whether to validate now: at intervals and at the end, because only validated weights are
-        kept.
-        """
+        """Whether to validate now: at intervals and at the end; only what is validated is kept."""
         last = number + 1 == self.settings.generations
         return last or (number + 1) % self.settings.validate_every == 0
 

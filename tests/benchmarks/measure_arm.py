@@ -63,7 +63,7 @@ def drive(plant: ArmPlant, length: float, speed: float) -> Array:
     settings = find_configs(None).cell()
     patient = settings.fci.model_copy(update={"start": 60.0, "answer": 60.0})
     settings = settings.model_copy(update={"fci": patient})
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     plan = settings.fold.model_copy(update={"speed": speed, "lay_speed": speed})
     home = settings.twin.arm.home_height
     path, speeds = whole_path(length, home, plan, installation.limits, triangle(length))

@@ -125,7 +125,7 @@ def measure(seconds: float, strip: str, realtime: RealTime) -> tuple[Share, Shar
     bare, cell, ends = Share(), Share(), []
     settings = find_configs(None).cell()
     home, file = settings.twin.arm.home_height, load_strip(find_configs(None).strip_path(strip))
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     joints = list(start_joints(installation, settings.fold, file.length, home))
     with tempfile.TemporaryDirectory() as place, robot_at(joints) as address:
         os.sched_setaffinity(0, PROCESSORS[:-1] or PROCESSORS)

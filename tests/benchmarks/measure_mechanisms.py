@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cell.gap.subject.mechanism.importer import convert_pendulum, write_run
+from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.run_folders import read_table
+from tests.support.pendulum_mechanism import convert_pendulum
 
 CONFIGS = Path(__file__).parents[2] / "configs" / "mechanisms"
 DATA = Path(__file__).parents[3] / "shared" / "data"

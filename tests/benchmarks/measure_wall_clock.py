@@ -38,7 +38,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from calibration.calibration import Calibration
-from cell.arm.arm_settings import suited
+from cell.arm.arm_settings import suit_to_arm
 from cell.calibrating.calibrate import calibration_of
 from cell.config.cell import CellFile
 from cell.config.places import find_configs
@@ -48,7 +48,7 @@ from cell.devices.open import open_cell
 from cell.folding.fold import Request, fold
 from cell.folding.steady import punctual, without_long_collections
 from cell.orchestrator.context import ManualContext
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.steps import pause
 from cell.perception.beside import Seen, StripSight, Subject
@@ -254,7 +254,7 @@ class Bench:
 
     def go_home(self) -> None:
         """Bring the robot to where a fold begins; what is lost on a busy machine is tried again."""
-        fci = suited(self.settings, DeviceSelection(arm="fci"))
+        fci = suit_to_arm(self.settings, DeviceSelection(arm="fci"))
         for _ in range(10):
             try:
                 task = Task(self.address, fci.fci, fci.installation, 0.0)
@@ -332,7 +332,7 @@ def kill_reader(_: threading.Event) -> float:
 def idle(bench: Bench, seconds: float) -> list[Late]:
     """Lateness of the same loop with the robot held still and no image read."""
     clock = TimingClock()
-    settings = suited(bench.settings, DeviceSelection(arm="fci"))
+    settings = suit_to_arm(bench.settings, DeviceSelection(arm="fci"))
     limits = settings.monitors.model_copy(update={"duration": 900.0, "state_duration": 300.0})
     settings = settings.model_copy(update={"monitors": limits})
     devices, _ = bench.devices(settings, find_configs(bench.configs).strip("denim"), clock)
@@ -340,7 +340,7 @@ def idle(bench: Bench, seconds: float) -> list[Late]:
     try:
         devices.connect()
         with without_long_collections(), punctual(True):
-            outcome = Run(devices, context, NullRecorder()).execute()
+            outcome = Run(devices, context, Record()).execute()
     finally:
         devices.close()
     sys.stderr.write(f"idle: {outcome.name}: {outcome.reason}\n")
@@ -404,7 +404,7 @@ def configured(folder: Path, address: str) -> Path:
 @contextmanager
 def bench() -> Iterator[Bench]:
     usual = find_configs(None).cell()
-    installation = usual.fci.installed(usual.installation)
+    installation = usual.fci.limit(usual.installation)
     joints = list(start_joints(installation, usual.fold, LENGTH, usual.twin.arm.home_height))
     memory = Path("/dev/shm")  # noqa: S108  a film on disk would be waited for
     home = memory if memory.is_dir() else None

@@ -213,7 +213,7 @@ def _request(runs: Path, configs: Path | None = None) -> Request:
 def _killed_parent(phase: str, runs: Path) -> Came:
     """A fold in a process of its own, killed in `phase`; the robot lives on in this one."""
     settings = find_configs(None).cell()
-    installation = settings.fci.installed(settings.installation)
+    installation = settings.fci.limit(settings.installation)
     start = start_joints(installation, settings.fold, 0.6, settings.twin.arm.home_height)
     with RobotServer(ServerSettings(), start=frozen(start), between=lambda: 0.001) as server:
         server.hand.width = settings.fci.hand.opening

@@ -100,5 +100,5 @@ class Noted:
     def begin(self, parts, known) -> None:
         self.known = [part.key for part in known]
 
-    def finished(self, part, record) -> None:
+    def finish(self, part, record) -> None:
         self.finished_parts.append(part.key)

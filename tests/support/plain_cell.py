@@ -11,7 +11,7 @@ from cell.config.places import BESIDE, Configs
 from cell.devices.devices import Devices
 from cell.orchestrator.context import FoldContext
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.run import Run
 from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo, OpenHand
 from cell.orchestrator.vision import StripReader
@@ -117,7 +117,7 @@ class Bench:
     arm: PlainArm
     hand: PlainHand
     camera: NoiseCamera
-    record: NullRecorder = field(default_factory=NullRecorder)
+    record: Record = field(default_factory=Record)
     observers: tuple = ()
     interrupted: Callable[[], bool] = lambda: False
     reader: object = None

@@ -1,10 +1,16 @@
 """Strips and gripper motions that the tests of the rod share."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from drivers.strip.describe import describe
 from drivers.strip.file import paper_damping_minimum, paper_strip
 from drivers.strip.model import StripModel
+from drivers.strip.rod import layout as at
+from drivers.strip.rod.batch import laid_flat, midlines
+from drivers.strip.rod.lumping import check
+from drivers.strip.rod.static import settle
 from drivers.types import Array
 from policies.path import Path
 
@@ -41,3 +47,21 @@ def soft_start(path: Path, dt: float, duration: float, speed: float = 0.1) -> Ar
 def for_all(poses: Array, count: int) -> Array:
     """The same poses (k, 3) for each of `count` strips (k, count, 3)."""
     return np.repeat(poses[:, None], count, axis=1)
+
+
+def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
+    """Midlines (n, nodes, 2) [m] of strips clamped flat at x = 0 that hang free from there.
+
+    The cantilever of ASTM D1388 and of heavy-elastica theory; there is no desk.
+    """
+    check(models)
+    batch = laid_flat(models, segments)
+    end = segments + 1
+    batch.nature[:, :, at.DESK] = 0.0
+    bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]
+    rich = [at.QUADRATIC, at.BRANCH, at.LATE_SLIP, at.LATE_STICK]
+    for field in bending if batch.terms is None else [*bending, *rich]:
+        batch.nature[:, end, field] = 0.0
+    free = batch._replace(last=end)
+    settle(free, free.held[None].copy())
+    return midlines(free)

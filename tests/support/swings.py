@@ -10,8 +10,23 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
+from cell.gap.fitting.tasks import Simulate
 from cell.gap.subject.pendulum.file import PendulumFile
+from cell.gap.subject.subject import Request, Residuals
 from drivers.types import Array
+
+
+class Counter:
+    """A simulation that counts: the runs simulated so far are in `total`."""
+
+    def __init__(self, simulate: Simulate) -> None:
+        self._simulate = simulate
+        self.total = 0
+
+    def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
+        self.total += len(requests)
+        return self._simulate(requests)
+
 
 STEP = 0.0005  # s of the plant
 

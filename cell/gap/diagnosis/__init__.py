@@ -1,1 +1,1 @@
-"""Where a fitted model misses the runs, how much, and what would tell more."""
+"""Where a fitted model misses the runs, how much, and what to measure next."""

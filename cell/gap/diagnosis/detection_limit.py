@@ -9,19 +9,19 @@ from cell.gap.selection.likelihood import MARGIN, LikelihoodScale
 from cell.gap.selection.screening import Probed
 from cell.gap.subject.subject import Parameter
 
-SURE = 8.0  # sigma after the base is refitted, at which cross-validation too is sure of it
+DETECTED_SIGMA = 8.0  # after the base is refitted, at which cross-validation too is sure of it
 
 
 def detectable(
     about: Projection, probed: Sequence[Probed], by: LikelihoodScale
 ) -> dict[str, float | None]:
-    """Smallest value of each effect's most telling parameter; None where none would show.
+    """Smallest detectable value of each effect's main parameter; None where none would show.
 
     The response of the probe nearest to SURE, and to what the model's own error may feign on top,
     refitted base projected out, scaled to it. An effect that changes nothing, or whose size would
     lie beyond its bounds, shows at no size.
     """
-    sure = float(np.sqrt(SURE**2 + 2.0 * (by.least - MARGIN)))
+    sure = float(np.sqrt(DETECTED_SIGMA**2 + 2.0 * (by.least - MARGIN)))
     return {p.candidate.name: None if p.dead else _smallest(about, p, by, sure) for p in probed}
 
 

@@ -37,7 +37,7 @@ def rms(estimate: Estimate, quantities: Mapping[str, Quantity]) -> dict[str, flo
     for run, raw in zip(estimate.evidence.runs, estimate.raw, strict=True):
         for name, found in _by_word(run.samples.quantity, raw.square).items():
             squares[name].append(found)
-    return _shown(squares, quantities)
+    return _display_gaps(squares, quantities)
 
 
 def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, float]:
@@ -46,7 +46,7 @@ def floor(evidence: Evidence, quantities: Mapping[str, Quantity]) -> dict[str, f
     for run in evidence.runs:
         for name, found in _by_word(run.samples.quantity, run.samples.reading**2).items():
             squares[name].append(found)
-    return _shown(squares, quantities)
+    return _display_gaps(squares, quantities)
 
 
 def _by_word(words: Words, square: Array) -> dict[str, float]:
@@ -59,7 +59,7 @@ def _by_word(words: Words, square: Array) -> dict[str, float]:
     return found
 
 
-def _shown(
+def _display_gaps(
     squares: Mapping[str, Sequence[float]], quantities: Mapping[str, Quantity]
 ) -> dict[str, float]:
     return {

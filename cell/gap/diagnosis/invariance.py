@@ -1,4 +1,4 @@
-"""One amplitude must serve all conditions and phases: what tells a cause from a proxy."""
+"""One amplitude must serve all conditions and phases: that separates a cause from a proxy."""
 
 from dataclasses import dataclass
 
@@ -97,8 +97,9 @@ def _drift(amounts: Array, errors: Array) -> float:
 
 
 def _scatter(amounts: Array, precision: Array) -> float:
-    """The same of amounts (k,) that depend on one another: `precision` (k, k) is their inverse
-    covariance. What they have in common is free; where an effect does nothing it has no weight.
+    """Scatter of amounts (k,) beyond their errors, where they depend on one another: `precision`
+    (k, k) is their inverse covariance. What they have in common is free; where an effect does
+    nothing it has no weight.
     """
     common = precision.sum(axis=1)
     among = precision - np.outer(common, common) / max(float(common.sum()), 1e-9)

@@ -15,7 +15,7 @@ from cell.gap.fitting.projection import Projection
 from cell.gap.subject.subject import Run
 from drivers.types import Array
 
-SPAN = 0.3  # s of one bin in which repeats are compared
+BIN_TIME = 0.3  # s of one bin in which repeats are compared
 DRAWS = 400
 OTHERS = 6  # runs that a model must describe before one may go another way
 
@@ -32,7 +32,7 @@ def pure_error(
     """
     squares: dict[str, float] = defaultdict(float)
     freedom: dict[str, int] = defaultdict(int)
-    for rows in _repeated(estimate, residuals or estimate.residuals).values():
+    for rows in _group_repeats(estimate, residuals or estimate.residuals).values():
         for channel, values in rows:
             mean, count = values[:, 0], values[:, 1]
             centre = np.average(mean, weights=count)
@@ -46,11 +46,13 @@ def pure_error(
     return factors
 
 
-def _repeated(estimate: Estimate, residuals: Sequence[Array]) -> dict[str, list[tuple[str, Array]]]:
+def _group_repeats(
+    estimate: Estimate, residuals: Sequence[Array]
+) -> dict[str, list[tuple[str, Array]]]:
     """By condition with repeats: channel and (mean, count) of each run in each common bin."""
     bins: dict[tuple[str, str, str, str, int], list[tuple[float, int]]] = defaultdict(list)
     for run, r in zip(estimate.evidence.runs, residuals, strict=True):
-        for key, rows in _binned(run).items():
+        for key, rows in _rows_by_bin(run).items():
             bins[(run.condition, *key)].append((float(r[rows].mean()), len(rows)))
     found: dict[str, list[tuple[str, Array]]] = defaultdict(list)
     for (condition, channel, *_), values in bins.items():
@@ -59,11 +61,11 @@ def _repeated(estimate: Estimate, residuals: Sequence[Array]) -> dict[str, list[
     return found
 
 
-def _binned(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
+def _rows_by_bin(run: Run) -> dict[tuple[str, str, str, int], list[int]]:
     rows: dict[tuple[str, str, str, int], list[int]] = defaultdict(list)
     s = run.samples
     for i in range(len(s)):
-        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / SPAN))
+        key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), int(s.t[i] / BIN_TIME))
         rows[key].append(i)
     return rows
 
@@ -84,7 +86,7 @@ def lack_of_fit(estimate: Estimate, noise: Array, allowed: Array) -> Misfit:
     `noise` (N, DRAWS) are residuals that noise alone would leave (`noise_left`); `allowed` (N,)
     divides the residuals first (`slack`); a wild one counts as much as the fit lets it count.
     """
-    r = robust.clipped(np.concatenate(estimate.residuals) / allowed)
+    r = robust.clip_residuals(np.concatenate(estimate.residuals) / allowed)
     rows = _groups(estimate)
     found = np.array([np.mean(r[i] ** 2) for i in rows.values()])
     drawn = np.array([np.mean(noise[i] ** 2, axis=0) for i in rows.values()])
@@ -107,14 +109,14 @@ def _groups(estimate: Estimate) -> dict[tuple[str, str], NDArray[np.int64]]:
     return {k: np.flatnonzero((channel == k[0]) & (condition == k[1])) for k in keys}
 
 
-def noise_left(about: Projection, rng: np.random.Generator, draws: int = DRAWS) -> Array:
-    """Residuals (N, draws) that unit noise, and what differs from run to run, leave after a fit.
+def noise_left(about: Projection, rng: np.random.Generator) -> Array:
+    """Residuals (N, DRAWS) that unit noise, and what differs from run to run, leave after a fit.
 
     Parametric bootstrap of the linearised model (Davison and Hinkley 1997, section 6.3).
     """
-    noise = rng.standard_normal((len(about.residual), draws))
+    noise = rng.standard_normal((len(about.residual), DRAWS))
     if about.scatter.shape[1]:
-        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], draws))
+        noise += about.scatter @ rng.standard_normal((about.scatter.shape[1], DRAWS))
     return about.left(noise)
 
 
@@ -134,10 +136,8 @@ def slack(
 
 
 def outlying_run(estimate: Estimate) -> tuple[str | None, NDArray[np.bool_]]:
-    """The run that departs most from the model, where OTHERS can bear that out, and which samples
-    (N,) are its.
-    """
-    squares = [float(np.mean(robust.clipped(r) ** 2)) for r in estimate.residuals]
+    """The run that departs most from the model, if OTHERS bear that out, and its samples (N,)."""
+    squares = [float(np.mean(robust.clip_residuals(r) ** 2)) for r in estimate.residuals]
     owner = np.repeat(np.arange(len(squares)), [len(r) for r in estimate.residuals])
     if len(squares) <= OTHERS:
         return None, np.zeros(len(owner), dtype=bool)

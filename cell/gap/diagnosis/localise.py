@@ -10,7 +10,7 @@ from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from drivers.types import Array
 
-LEAST = 4  # samples that make a bin
+FEWEST_SAMPLES = 4  # samples that make a bin
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +38,10 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
     statistic over all bins (Westfall and Young 1993, single-step max-T).
     """
     r = np.concatenate(estimate.residuals) / allowed
-    bins = binned(estimate)
+    bins = rows_by_bin(estimate)
     rows = list(bins.values())
     whole, drawn = _statistics(r, rows, noise)
-    tame, _ = _statistics(robust.clipped(r), rows, noise)
+    tame, _ = _statistics(robust.clip_residuals(r), rows, noise)
     places = []
     for key, z, judged in zip(bins, whole, np.abs(tame), strict=True):
         p = (1.0 + float((drawn >= judged).sum())) / (1.0 + len(drawn))
@@ -51,9 +51,9 @@ def localise(estimate: Estimate, noise: Array, allowed: Array) -> list[Bin]:
 
 def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Array, Array]:
     """Of each bin the stronger statistic, and of each draw the strongest of all bins."""
-    signed = standardised(np.array([r[i].sum() for i in rows]),
+    signed = standardise(np.array([r[i].sum() for i in rows]),
                            np.array([noise[i].sum(axis=0) for i in rows]))  # fmt: skip
-    energy = standardised(
+    energy = standardise(
         np.sqrt([2.0 * (r[i] ** 2).sum() for i in rows]),
         np.sqrt([2.0 * (noise[i] ** 2).sum(axis=0) for i in rows]),
     )
@@ -61,13 +61,13 @@ def _statistics(r: Array, rows: Sequence[list[int]], noise: Array) -> tuple[Arra
     return np.where(np.abs(signed[0]) >= energy[0], signed[0], energy[0]), largest
 
 
-def standardised(found: Array, drawn: Array) -> tuple[Array, Array]:
+def standardise(found: Array, drawn: Array) -> tuple[Array, Array]:
     """Statistics (k,) and draws of them (k, draws), both in standard deviations of the draws."""
     mean, spread = drawn.mean(axis=1), drawn.std(axis=1) + 1e-12
     return (found - mean) / spread, (drawn - mean[:, None]) / spread[:, None]
 
 
-def binned(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
+def rows_by_bin(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
     """Samples of each bin that has enough of them, by channel, phase, zone and condition."""
     bins: dict[tuple[str, str, str, str], list[int]] = defaultdict(list)
     at = 0
@@ -77,4 +77,4 @@ def binned(estimate: Estimate) -> dict[tuple[str, str, str, str], list[int]]:
             key = (str(s.channel[i]), str(s.phase[i]), str(s.zone[i]), run.condition)
             bins[key].append(at + i)
         at += len(s)
-    return {key: rows for key, rows in bins.items() if len(rows) >= LEAST}
+    return {key: rows for key, rows in bins.items() if len(rows) >= FEWEST_SAMPLES}

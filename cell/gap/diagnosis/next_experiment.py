@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import Estimate, linearised
+from cell.gap.fitting.gauss_newton import Estimate, linearise
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -43,7 +43,7 @@ def advise(
     if not experiments:
         return []
     planned = evidence([e.run for e in experiments])
-    raw, jacobians = yield from linearised(
+    raw, jacobians = yield from linearise(
         first.model, planned, Point(first.shared, planned.start())
     )
     model, shared = second

@@ -13,7 +13,8 @@ Level = Literal["bad", "fair"]
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """From where on a recording is worth a word (`some`), and from where on no fit is made of it.
+    """Thresholds of complaints about a recording: of a pair, from the first on worth a remark, from
+    the second on not fitted.
 
     Shares of the rows that were `lost` or hold no number, and of the `images`; a reading that
     stands still for `stuck` [s] while what is commanded moves by `moved` [m or rad]; a limit at
@@ -35,7 +36,8 @@ USUAL = Limits()
 
 @dataclass(frozen=True, slots=True)
 class Complaint:
-    """Something wrong: `bad` where no fit is made of it, `fair` where it costs something.
+    """Something wrong with a recording: `bad` where it is not fitted, `fair` where it costs
+    accuracy.
 
     `what` is the check, `words` say what is seen where, `remedy` what to do.
     """
@@ -47,8 +49,8 @@ class Complaint:
 
 
 def clock(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
-    """Complaints of the times (n,) [s] of rows: lost ones, and steps that are not alike; rows that
-    are out of order are left to who reads them.
+    """Complaints about the times (n,) [s] of rows: rows that are missing, and uneven steps. Rows
+    out of order are the reader's to refuse.
     """
     steps = np.diff(t)
     step = float(np.median(steps))
@@ -73,7 +75,7 @@ def clock(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
 
 
 def images(t: Array, limits: Limits = USUAL) -> Iterator[Complaint]:
-    """Complaints of the stamps (n,) [s] of images, one a point."""
+    """Complaint about images missing among the stamps (n,) [s], one a point of an image."""
     stamps = np.unique(t)
     if len(stamps) < 3:
         return

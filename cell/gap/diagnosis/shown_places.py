@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.diagnosis.localise import Bin, binned, standardised
+from cell.gap.diagnosis.localise import Bin, rows_by_bin, standardise
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
 from drivers.types import Array
@@ -14,8 +14,8 @@ from drivers.types import Array
 def shown_places(
     base: Estimate, fitted: Estimate, others: Sequence[Estimate], noise: Array, allowed: Array
 ) -> list[Bin]:
-    """All bins by how well what the base leaves there goes the way of the model `fitted`, strongest
-    first.
+    """All bins, strongest first, by how well the base's residuals there match what the model
+    `fitted` adds.
 
     Each sample counts by what the model says otherwise than the base (matched filter), against
     `noise` (N, draws), divided by what is `allowed` (N,) beyond it. The model was chosen in sight
@@ -24,13 +24,13 @@ def shown_places(
     """
     r = np.concatenate(base.residuals)
     weight = (r - np.concatenate(fitted.residuals)) / allowed
-    bins = binned(base)
+    bins = rows_by_bin(base)
     rows = list(bins.values())
-    found, drawn = _matched(robust.clipped(r / allowed), weight, rows, noise)
+    found, drawn = _match_sums(robust.clip_residuals(r / allowed), weight, rows, noise)
     largest = np.abs(drawn).max(axis=0)
     for other in others:
         tried = (r - np.concatenate(other.residuals)) / allowed
-        largest = np.maximum(largest, np.abs(_matched(r, tried, rows, noise)[1]).max(axis=0))
+        largest = np.maximum(largest, np.abs(_match_sums(r, tried, rows, noise)[1]).max(axis=0))
     places = []
     for (key, at), z in zip(bins.items(), found, strict=True):
         p = (1.0 + float((largest >= z).sum())) / (1.0 + len(largest))
@@ -39,7 +39,7 @@ def shown_places(
     return sorted(places, key=lambda place: (place.p, -abs(place.z)))
 
 
-def joined(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
+def surer_of_two(by_itself: Sequence[Bin], by_effect: Sequence[Bin]) -> list[Bin]:
     """Each bin by the surer of two tests, strongest first; probabilities allow for both."""
     if not by_effect:
         return list(by_itself)
@@ -53,11 +53,10 @@ def _key(b: Bin) -> tuple[str, str, str, str]:
     return b.channel, b.phase, b.zone, b.condition
 
 
-def _matched(
+def _match_sums(
     r: Array, weight: Array, rows: Sequence[list[int]], noise: Array
 ) -> tuple[Array, Array]:
     """Standardised sums over bins of `r` (N,) and of `noise` (N, draws), both weighted (N,)."""
-    return standardised(
-        np.array([r[i] @ weight[i] for i in rows]),
-        np.array([weight[i] @ noise[i] for i in rows]),
+    return standardise(
+        np.array([r[i] @ weight[i] for i in rows]), np.array([weight[i] @ noise[i] for i in rows])
     )

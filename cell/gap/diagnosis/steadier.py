@@ -28,7 +28,7 @@ class Steadier:
 def steadier(
     first: Estimate, second: tuple[Model, Array], by: LikelihoodScale
 ) -> Task[list[Steadier]]:
-    """Each random quantity of the runs, the most telling first; yields simulations.
+    """Each random quantity of the runs, the one that separates best first; yields simulations.
 
     `second` is a model with its shared values (P,). What the first explanation's unknowns may
     absorb, each within its spread, is projected out (Box and Hill 1967).

@@ -15,7 +15,7 @@ from drivers.types import Array
 
 
 def covariance(estimate: Estimate, inefficiency: float) -> Array:
-    """Covariance (size, size) of all unknowns; `inefficiency` samples are one independent one."""
+    """Covariance (size, size) of all unknowns; `inefficiency` samples count as one independent."""
     inverse = normal_equations.covariance(estimate.normal())
     errors = responses(estimate)
     if not errors.shape[1]:

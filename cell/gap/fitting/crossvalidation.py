@@ -74,7 +74,7 @@ def _fold(estimate: Estimate, fold: Sequence[int]) -> Task[tuple[tuple[Array, ..
     keep = [i for i in range(len(estimate.evidence.runs)) if i not in fold] or list(fold)
     shared, only = on_runs(estimate, keep)
     unseen = _some(estimate.evidence, fold)
-    own = Point(np.zeros(0), tuple(_adapted(estimate, i, shared) for i in fold))
+    own = Point(np.zeros(0), tuple(_own_unknowns(estimate, i, shared) for i in fold))
     raw = yield requests(estimate.model.holding(shared), unseen.runs, own)
     unlikely = [_unlikely(r, v) for r, v in zip(unseen.runs, own.local, strict=True)]
     return residuals(raw, unseen), int(only.sum()), np.array(unlikely)
@@ -117,24 +117,22 @@ def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Norm
     """Normal equations of the runs `keep` at the whole fit."""
     kept = _some(estimate.evidence, keep)
     place = normal_equations.layout(estimate.model, kept)
-    z = _packed(estimate, keep)
+    z = _pack(estimate, keep)
     jacobians = tuple(estimate.jacobians[i] for i in keep)
     r = [estimate.residuals[i] for i in keep]
     data = normal_equations.normal(place, r, jacobians, estimate.scale)
     return normal_equations.with_prior(data, z, normal_equations.bounds(estimate.model, kept))
 
 
-def _packed(estimate: Estimate, keep: Sequence[int]) -> Array:
+def _pack(estimate: Estimate, keep: Sequence[int]) -> Array:
     place = normal_equations.layout(estimate.model, _some(estimate.evidence, keep))
     return place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
 
 
 def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask) -> Point:
-    """One bounded Newton step from the whole fit to the fit of the runs `keep`; shared unknowns
-    that are `held` (P,) stay.
-    """
+    """One bounded Newton step from the whole fit to that of the runs `keep`; `held` (P,) stay."""
     kept = _some(estimate.evidence, keep)
-    limits, z = normal_equations.bounds(estimate.model, kept), _packed(estimate, keep)
+    limits, z = normal_equations.bounds(estimate.model, kept), _pack(estimate, keep)
     fixed = np.concatenate([held, np.zeros(len(z) - len(held), dtype=bool)])
     limits = replace(
         limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
@@ -143,7 +141,7 @@ def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask
     return normal_equations.layout(estimate.model, kept).unpacked(z + step)
 
 
-def _adapted(estimate: Estimate, i: int, shared: Array) -> Array:
+def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:
     """The run's own unknowns, moved linearly with the shared values."""
     count = len(estimate.shared)
     jacobian, own = estimate.jacobians[i], estimate.jacobians[i][:, count:]

@@ -10,14 +10,14 @@ from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
 from drivers.types import Array
 
-STEP = 0.1  # of the logarithm of a spread, by which it is tried
-FEWEST = 5.0  # what is usual in laboratories tells as much of a spread as six runs do
+LOG_STEP = 0.1  # of the logarithm of a spread, by which it is tried
+USUAL_WORTH = 5.0  # what is usual in laboratories says as much of a spread as six runs do
 
-MOST = 1e6  # as good as infinitely many
+INFINITELY_MANY = 1e6  # as good as infinitely many
 
 
 def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequence[Spread]) -> Array:
-    """Degrees of freedom (size,) of the variance of each unknown, FEWEST or more.
+    """Degrees of freedom (size,) of the variance of each unknown, USUAL_WORTH or more.
 
     2 V^2 / var V, by how the variance V goes with the logarithm of each spread and how well that
     is known (Satterthwaite 1946, An approximate distribution of estimates of variance components).
@@ -26,11 +26,11 @@ def degrees_of_freedom(estimate: Estimate, inefficiency: float, scatter: Sequenc
     doubt = np.zeros_like(whole)
     for spread in scatter:
         more, less = (
-            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * STEP))})
+            _variance(estimate, inefficiency, {spread.name: float(np.exp(side * LOG_STEP))})
             for side in (1.0, -1.0)
         )
-        doubt += ((more - less) / (2.0 * STEP) * spread.error) ** 2
-    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), FEWEST, MOST)
+        doubt += ((more - less) / (2.0 * LOG_STEP) * spread.error) ** 2
+    return np.clip(2.0 * whole**2 / np.maximum(doubt, 1e-300), USUAL_WORTH, INFINITELY_MANY)
 
 
 def _variance(estimate: Estimate, inefficiency: float, factors: dict[str, float]) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
-from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whitened
+from cell.gap.fitting.model import Evidence, Model, Point, request, requests, whiten
 from cell.gap.fitting.tasks import Task
 from cell.gap.subject.subject import Parameter, Request, Residuals, Run
 from drivers.types import Array
@@ -88,7 +88,7 @@ def refit(
     z = np.clip(place.packed(start), limits.low, limits.high)
     fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
-        raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+        raw, jacobians = yield from linearise(model, evidence, place.unpacked(z))
     else:
         raw = yield requests(model, evidence.runs, place.unpacked(z))
     for _ in range(steps):
@@ -102,7 +102,7 @@ def refit(
             break
         now = normal_equations.objective(r, z, limits, scale)
         search = _Search(model, evidence, jacobians, equations.curvature, scale, now)
-        trial = yield from _tried(search, z, step, r)
+        trial = yield from _line_search(search, z, step, r)
         won = now - trial.objective
         kept = won / promised
         if won <= 0.0 and fresh:
@@ -112,13 +112,13 @@ def refit(
         mended = not trusted and not mended and STEPPING.mendable[0] < kept < STEPPING.mendable[1]
         fresh = not trusted and not mended
         if mended:
-            jacobians = _mended(search, trial.z - z, raw, trial.raw)
+            jacobians = _broyden_update(search, trial.z - z, raw, trial.raw)
         if won > 0.0:
             z, raw = trial.z, trial.raw
         if stalled > 1:
             break
         if fresh:
-            raw, jacobians = yield from linearised(model, evidence, place.unpacked(z))
+            raw, jacobians = yield from linearise(model, evidence, place.unpacked(z))
     return _estimate(model, evidence, z, raw, jacobians)
 
 
@@ -139,7 +139,7 @@ def _estimate(
 
 def residuals(raw: Sequence[Residuals], evidence: Evidence) -> tuple[Array, ...]:
     """Whitened residuals (n,) of each run."""
-    return tuple(whitened(a, s) for a, s in zip(raw, evidence.scales, strict=True))
+    return tuple(whiten(a, s) for a, s in zip(raw, evidence.scales, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,14 +159,14 @@ class _Trial:
     objective: float
 
 
-def _tried(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
-    """The full step, or where it does not win the best point of a parabola bent by curvature."""
-    full = (yield from _evaluated(search, [z + step]))[0]
+def _line_search(search: _Search, z: Array, step: Array, r: Sequence[Array]) -> Task[_Trial]:
+    """The trial at the full step, or the best along a bent parabola where that does not win."""
+    full = (yield from _evaluate(search, [z + step]))[0]
     if full.objective < search.now:
         return full
     bend = _bend(search, z, step, r, residuals(full.raw, search.evidence))
     points = [z + f * step + f * f * bend for f in STEPPING.parabola]
-    trials = yield from _evaluated(search, [*points, z + STEPPING.parabola[-1] * step])
+    trials = yield from _evaluate(search, [*points, z + STEPPING.parabola[-1] * step])
     return min(trials, key=lambda trial: trial.objective)
 
 
@@ -192,13 +192,13 @@ def _bend(
     return normal_equations.bounded_step(normal_equations.Normal(gradient, damped), inside, limits)
 
 
-def _mended(
+def _broyden_update(
     search: _Search, moved: Array, before: Sequence[Residuals], after: Sequence[Residuals]
 ) -> tuple[Array, ...]:
-    """Jacobians that say what the step `moved` (size,) did, and as before what no step told.
+    """The Jacobians after the step `moved` (size,), by Broyden's update (1965).
 
-    Least change in units of what each unknown does (Broyden 1965); samples that either side lost
-    tell nothing.
+    They give the change of the residuals that was seen, at least change in units of what each
+    unknown does; samples that either side lost change nothing.
     """
     place = normal_equations.layout(search.model, search.evidence)
     found, units = [], np.diag(search.curvature)
@@ -213,7 +213,7 @@ def _mended(
     return tuple(found)
 
 
-def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
+def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
     model, evidence = search.model, search.evidence
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
@@ -227,14 +227,14 @@ def _evaluated(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
     return trials
 
 
-def linearised(
+def linearise(
     model: Model, evidence: Evidence, point: Point
 ) -> Task[tuple[Sequence[Residuals], tuple[Array, ...]]]:
     """Residuals and whitened secants at a point: per run (n, shared + local)."""
     asked: list[Request] = []
     steps: list[Array] = []
     for run, local in zip(evidence.runs, point.local, strict=True):
-        moved, h = _moved(model, run, point.shared, local)
+        moved, h = _secant_requests(model, run, point.shared, local)
         asked += moved
         steps.append(h)
     answers = yield asked
@@ -254,16 +254,18 @@ def secants(here: Residuals, moved: Sequence[Residuals], scale: Array, steps: Ar
     return np.asarray(np.nan_to_num(matrix, nan=0.0, posinf=0.0, neginf=0.0))
 
 
-def _moved(model: Model, run: Run, shared: Array, local: Array) -> tuple[list[Request], Array]:
+def _secant_requests(
+    model: Model, run: Run, shared: Array, local: Array
+) -> tuple[list[Request], Array]:
     asked = [request(model, run, shared, local)]
     steps = []
     for i, p in enumerate(model.parameters):
         h = _inward(p, shared[i])
-        asked.append(request(model, run, _shifted(shared, i, h), local))
+        asked.append(request(model, run, _step_one(shared, i, h), local))
         steps.append(h)
     for i, p in enumerate(run.local):
         h = _inward(p, local[i])
-        asked.append(request(model, run, shared, _shifted(local, i, h)))
+        asked.append(request(model, run, shared, _step_one(local, i, h)))
         steps.append(h)
     return asked, np.array(steps)
 
@@ -272,7 +274,7 @@ def _inward(p: Parameter, value: float) -> float:
     return p.step if value + p.step <= p.high else -p.step
 
 
-def _shifted(values: Array, i: int, h: float) -> Array:
+def _step_one(values: Array, i: int, h: float) -> Array:
     moved = values.copy()
     moved[i] += h
     return moved

@@ -100,11 +100,11 @@ def requests(model: Model, runs: Sequence[Run], point: Point) -> list[Request]:
     return [request(model, r, point.shared, v) for r, v in zip(runs, point.local, strict=True)]
 
 
-def whitened(residuals: Residuals, scale: Array) -> Array:
+def whiten(residuals: Residuals, scale: Array) -> Array:
     """Residuals (n,) in units of `scale` (n,); what the model cannot show counts as LOST."""
     return np.nan_to_num(residuals.mean / scale, nan=LOST, posinf=LOST, neginf=-LOST)
 
 
 def response(there: Residuals, here: Residuals, scale: Array) -> Array:
     """By how many units of `scale` (n,) the residuals `there` exceed those `here` (n,)."""
-    return whitened(there, scale) - whitened(here, scale)
+    return whiten(there, scale) - whiten(here, scale)

@@ -139,7 +139,7 @@ def _within(
     step, free = step.copy(), free.copy()
     while free.any():
         right = gradient[free] + curvature[np.ix_(free, ~free)] @ step[~free]
-        step[free] = -_solved(curvature[np.ix_(free, free)], right)
+        step[free] = -_solve(curvature[np.ix_(free, free)], right)
         over = free & ((step < low) | (step > high))
         if not over.any():
             break
@@ -153,7 +153,7 @@ def _pushed_out(slope: Array, step: Array, low: Array, high: Array) -> Mask:
     return np.asarray((step <= low) & (slope >= 0.0) | (step >= high) & (slope <= 0.0))
 
 
-def _solved(matrix: Array, right: Array) -> Array:
+def _solve(matrix: Array, right: Array) -> Array:
     """Solution of a symmetric positive system, scaled to a unit diagonal first."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * d[:, None] * d[None] + 1e-12 * np.eye(len(d))

@@ -8,7 +8,7 @@ from cell.gap.subject.subject import Run
 from drivers.types import Array
 
 THRESHOLD = 3.0  # in units of the scale, where Huber's loss turns from square to linear
-WILD = 5.0  # beyond which a sample says that the strip went another way, not how far
+OFF_TRACK = 5.0  # beyond which a sample says that the strip went another way, not how far
 
 
 def loss(r: Array) -> Array:
@@ -18,10 +18,10 @@ def loss(r: Array) -> Array:
 
 
 def bounded_loss(r: Array) -> Array:
-    """Huber's loss up to WILD, no more beyond: for judging fits, where no single sample that went
-    another way may decide (Hampel et al. 1986, redescending estimators).
+    """Huber's loss up to OFF_TRACK, no more beyond: for judging fits, where no single sample that
+    went another way may decide (Hampel et al. 1986, redescending estimators).
     """
-    return loss(np.clip(r, -WILD, WILD))
+    return loss(np.clip(r, -OFF_TRACK, OFF_TRACK))
 
 
 def weights(r: Array) -> Array:
@@ -29,7 +29,7 @@ def weights(r: Array) -> Array:
     return np.minimum(1.0, THRESHOLD / np.maximum(np.abs(r), 1e-300))
 
 
-def clipped(r: Array) -> Array:
+def clip_residuals(r: Array) -> Array:
     """psi(r) (n,) of Huber's loss: what a residual weighs in the fit."""
     return np.clip(r, -THRESHOLD, THRESHOLD)
 
@@ -62,7 +62,7 @@ def inefficiency(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Variance of sums of residuals (n,) over their number, in units of their scale squared."""
-    scaled = _scaled(residuals)
+    scaled = _with_common_scale(residuals)
     clipped = [np.clip(r, -THRESHOLD * s, THRESHOLD * s) for r, s in scaled]
     power, products = _autocovariance(runs, clipped)
     if power <= 0.0:
@@ -80,11 +80,13 @@ def long_run_variance(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
 
 def correlation(runs: Sequence[Run], residuals: Sequence[Array]) -> float:
     """Correlation of neighbours in time among residuals (n,) of runs, wild ones bounded."""
-    power, products = _autocovariance(runs, [np.clip(r, -WILD, WILD) for r in residuals], lags=1)
+    power, products = _autocovariance(
+        runs, [np.clip(r, -OFF_TRACK, OFF_TRACK) for r in residuals], lags=1
+    )
     return float(products[0]) / power if power > 0.0 else 0.0
 
 
-def _scaled(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
+def _with_common_scale(residuals: Sequence[Array]) -> list[tuple[Array, float]]:
     s = scale(np.concatenate(residuals)) if residuals else 1.0
     return [(r, s) for r in residuals]
 

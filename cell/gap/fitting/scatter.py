@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearised, refit
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.tasks import Simulate, run_one
@@ -54,7 +54,7 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return estimate
-    opened = _opened(estimate, whole)
+    opened = _with_all_unknowns(estimate, whole)
     known = scattered(opened.evidence, found)
     local = tuple(
         np.array([v for p, v in zip(run.local, own, strict=True) if p.name in kept])
@@ -68,7 +68,7 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
     return replace(opened, evidence=known, point=Point(estimate.shared, local))
 
 
-def estimated(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
+def estimate_spreads(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[Spread, ...]:
     """Spreads of all random unknowns of the runs `whole`, at a fit of the same runs.
 
     The fit may hold some of the unknowns only: it goes on with all of them, so that what is left
@@ -76,13 +76,13 @@ def estimated(simulate: Simulate, estimate: Estimate, whole: Evidence) -> tuple[
     """
     if not any(p.random for run in whole.runs for p in run.local):
         return ()
-    here = _opened(estimate, whole)
-    _, jacobians = run_one(simulate, linearised(here.model, here.evidence, here.point))
+    here = _with_all_unknowns(estimate, whole)
+    _, jacobians = run_one(simulate, linearise(here.model, here.evidence, here.point))
     again = refit(here.model, here.evidence, here.point, jacobians, ROUGHLY)
     return spreads(run_one(simulate, again))
 
 
-def _opened(estimate: Estimate, whole: Evidence) -> Estimate:
+def _with_all_unknowns(estimate: Estimate, whole: Evidence) -> Estimate:
     """The fit with all random unknowns of `whole`; those that it did not have are at rest."""
     usual = {run.name: run.local for run in whole.runs}
     runs, local = [], []

@@ -70,8 +70,8 @@ def spreads(estimate: Estimate) -> tuple[Spread, ...]:
         return ()
     model, parameters = Marginal.of(estimate, known), list(known.values())
     found = _Chosen.of(model, [k for k, p in enumerate(parameters) if p.common])
-    found = _unrefuted(_with_others(found, len(known)), parameters)
-    shares = _averaged(found)
+    found = _drop_refuted(_with_others(found, len(known)), parameters)
+    shares = _mean_shares(found)
     gains = [found.without(i) - found.loss for i in range(len(shares))]
     errors = _errors(model, found.active, shares)
     rows = zip([parameters[k] for k in found.active], shares, errors, gains, strict=True)
@@ -104,8 +104,8 @@ class _Chosen:
 
 
 def _with_others(found: _Chosen, known: int) -> _Chosen:
-    """`found` with those of all `known` quantities that gain enough, in their order where two gain
-    about as much.
+    """`found` with those other quantities of `known` that gain enough; where two gain about as
+    much, the one that comes first in `known`.
     """
     while len(found.active) < known:
         trials = [
@@ -120,7 +120,7 @@ def _with_others(found: _Chosen, known: int) -> _Chosen:
     return found
 
 
-def _unrefuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
+def _drop_refuted(found: _Chosen, parameters: Sequence[Parameter]) -> _Chosen:
     """`found` without the common quantities that the runs speak against.
 
     The spread of such a one, averaged over what laboratories have, explains the runs worse by a
@@ -142,7 +142,7 @@ def _bayes_factor(found: _Chosen, i: int) -> float:
     return float(prior @ likelihood / prior.sum())
 
 
-def _averaged(found: _Chosen) -> Array:
+def _mean_shares(found: _Chosen) -> Array:
     """Mean of each share given the runs, the others at their most likely values.
 
     Of few runs the likelihood of a spread has a long tail to the large ones, so that its peak is

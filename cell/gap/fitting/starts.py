@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cell.gap.fitting import normal_equations
-from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearised, refit
+from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
 from cell.gap.fitting.projection import stacked
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
@@ -26,7 +26,7 @@ def refit_base(
     first = run_one(simulate, refit(model, evidence, Point(nominal, evidence.start())))
     if all(np.mean(r**2) < 1.0 for r in first.residuals):
         return first
-    points = [_drawn(model, rng) for _ in range(STARTS - 1)]
+    points = [_draw_start(model, rng) for _ in range(STARTS - 1)]
     tasks = [refit(model, evidence, Point(p, evidence.start()), None, ROUGHLY, FEW) for p in points]
     begun = best([first, *run_all(simulate, tasks)])
     if begun is first:
@@ -49,7 +49,7 @@ def judged(estimate: Estimate, scale: float) -> float:
     )
 
 
-def _drawn(model: Model, rng: np.random.Generator) -> Array:
+def _draw_start(model: Model, rng: np.random.Generator) -> Array:
     """Values within what was known before, off the bounds."""
     values = []
     for p in model.parameters:
@@ -61,7 +61,7 @@ def _drawn(model: Model, rng: np.random.Generator) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Undetermined:
-    """A direction of the base that the runs tell less about than was known before.
+    """A direction of the base of which the runs say less than was known before.
 
     `gain` is the ratio of prior to posterior standard deviation along it; `words` names it.
     """
@@ -70,7 +70,7 @@ class Undetermined:
     gain: float
 
 
-def undetermined(estimate: Estimate) -> list[Undetermined]:
+def weak_directions(estimate: Estimate) -> list[Undetermined]:
     """Directions of shared parameters with singular values below one, weakest first.
 
     Singular values of the whitened Jacobian, runs' own unknowns projected out, each parameter in
@@ -110,7 +110,7 @@ def refit_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimat
 
 
 def refit_base_fine(subject: Subject, simulate: Simulate, rough: Estimate) -> Estimate:
-    """The same with the scales that the grain at these values leaves: for the base."""
+    """The fit of the base as by `refit_fine`, with the scales that the grain there leaves."""
     runs = refined(subject, rough.model, rough.point, rough.evidence)
     return run_one(simulate, refit(rough.model, runs, rough.point))
 
@@ -121,9 +121,9 @@ def refined(subject: Subject, model: Model, point: Point, known: Evidence) -> Ev
 
 
 def nominal(subject: Subject, simulate: Simulate) -> Estimate:
-    """The base of `subject` where its file has it: what else responds is judged from there."""
+    """The base of `subject` at the values of its file, from which other responses are judged."""
     known, model = evidence(subject.runs), Model(subject.scope.base)
     point = Point(np.array([p.start for p in model.parameters]), known.start())
-    raw, jacobians = run_one(simulate, linearised(model, known, point))
+    raw, jacobians = run_one(simulate, linearise(model, known, point))
     nothing = tuple(np.zeros(len(r.mean)) for r in raw)
     return Estimate(model, known, point, nothing, tuple(raw), jacobians, 1.0, 0.0)

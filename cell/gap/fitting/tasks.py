@@ -15,19 +15,6 @@ Simulate = Callable[[Sequence[Request]], Sequence[Residuals]]
 Task = Generator[list[Request], Sequence[Residuals], T]
 
 
-class Counter:
-    """A simulation that counts: the runs simulated so far are in `total`."""
-
-    def __init__(self, simulate: Simulate) -> None:
-        self._simulate = simulate
-        self.total = 0
-
-    def __call__(self, requests: Sequence[Request]) -> Sequence[Residuals]:
-        """Residuals of `requests`."""
-        self.total += len(requests)
-        return self._simulate(requests)
-
-
 def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
     """One task of many, advanced in lock-step with one request a round; their results."""
     results: dict[int, T] = {}
@@ -45,7 +32,7 @@ def side_by_side(tasks: Sequence[Task[T]]) -> Task[list[T]]:
 
 
 def roughly(task: Task[T]) -> Task[T]:
-    """The task with rough simulations, where a few percent of a response do not matter."""
+    """The task with coarse simulations, for where a few percent of a response do not matter."""
     answer: Sequence[Residuals] | None = None
     while True:
         try:

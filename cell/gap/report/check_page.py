@@ -1,6 +1,6 @@
 """The page of a check: what is wrong with the recordings, and what they cannot say."""
 
-from cell.gap.check import Check, Finding, Level
+from cell.gap.check import Check, Level
 from cell.report.markup import Tone, masthead, page, section, table, verdict_box
 
 TONES: dict[Level, Tone] = {"good": "good", "fair": "fair", "bad": "bad"}
@@ -21,7 +21,10 @@ def check_page(found: Check, subject: str) -> str:
     body = [
         masthead(f"Check of {len(found.runs)} runs", subject),
         verdict_box(TONES[found.level], HEADLINES[found.level], [_summary(found)]),
-        *(section(title, table(HEAD, [_row(f) for f in some])) for title, some in groups.items()),
+        *(
+            section(title, table(HEAD, [(f.what, f.run or "all", f.words, f.remedy) for f in some]))
+            for title, some in groups.items()
+        ),
     ]
     return page(f"{subject}: check of its runs", body)
 
@@ -36,7 +39,3 @@ def _summary(found: Check) -> str:
         f"{len(found.findings)} findings, {bad} of them against a fit. The page holds for inputs "
         f"{found.inputs}: with other files it says nothing."
     )
-
-
-def _row(finding: Finding) -> tuple[str, str, str, str]:
-    return finding.what, finding.run or "all", finding.words, finding.remedy

@@ -5,7 +5,7 @@ from html import escape
 
 from cell.gap.report import figures
 from cell.gap.report.sentence import motion
-from cell.gap.report.units import interval, number, probability, shown, unit
+from cell.gap.report.units import in_small_unit, interval, number, probability, unit
 from cell.gap.selection.choice import MATERIAL
 from cell.gap.verdict.compose import SEEN
 from cell.gap.verdict.findings import Findings
@@ -31,8 +31,8 @@ def where(found: Findings) -> str:
     alone = sum(place.p < SEEN for place in found.fitted.places)
     if found.judged.places and alone < len(strong):
         text += (
-            f" By itself {alone or 'none'} of them would be told from noise and from what differs "
-            f"from run to run; the others are where what is left goes the way of "
+            f" By itself {alone or 'none'} of them would stand out from noise and from what "
+            f"differs from run to run; the others are where what is left goes the way of "
             f"{found.accepted.model.name}."
         )
     return f"<p>{escape(text)}</p>" + figures.heat_map(places)
@@ -105,7 +105,7 @@ def _steps(found: Findings) -> str:
     lines = []
     for count, step in enumerate(found.choice.steps, start=1):
         verb = "taken" if step.accepted else "not taken"
-        over = _told(step.before.model.name)
+        over = name_model(step.before.model.name)
         lines.append(
             f"<li>{count} effect{'s' if count > 1 else ''}: {escape(step.model.model.name)} gains "
             f"{step.gain:.1f} nats over {escape(over)} (p {probability(step.p)}) and removes "
@@ -114,7 +114,8 @@ def _steps(found: Findings) -> str:
     return f"<ul class='note'>{''.join(lines)}</ul>" if lines else ""
 
 
-def _told(model: str) -> str:
+def name_model(model: str) -> str:
+    """A model by name; the one without effects in words."""
     return "the refitted base" if model == "base" else model
 
 
@@ -128,17 +129,15 @@ def base(found: Findings, verdict: Verdict) -> str:
         for name, value in verdict.base.items()
         for of in [stated[name].unit]
     )
-    weak = found.fitted.weak
-    note = _weak([u.words for u in weak]) if weak else "The runs determine all of it."
+    weak = escape("; ".join(u.words for u in found.fitted.weak))
+    note = "The runs determine all of it."
+    if weak:
+        note = f"The runs say less than was known before of: {weak}."
     return (
         "<div class='wide'><table><tr><th>parameter<th class='n'>stated<th class='n'>refitted"
         "<th class='n'>95 %"
         f"<th>unit</tr>{rows}</table></div><p class='note'>{note}</p>"
     )
-
-
-def _weak(words: Sequence[str]) -> str:
-    return "The runs say less than was known before of: " + escape("; ".join(words)) + "."
 
 
 def _ends(low: float | None, high: float | None, of: str) -> str:
@@ -148,4 +147,4 @@ def _ends(low: float | None, high: float | None, of: str) -> str:
 
 
 def _four(value: float, of: str) -> str:
-    return number(shown(value, of), 4)
+    return number(in_small_unit(value, of), 4)

@@ -60,7 +60,7 @@ def heat_map(places: Sequence[Bin]) -> str:
     image = axis.imshow(level, cmap="YlOrRd", aspect="auto", vmin=0.0, vmax=highest)
     axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
     words = [motion(condition) for condition in columns]
-    axis.set_xticks(range(len(words)), words, **_slanted(words, 0.34))
+    axis.set_xticks(range(len(words)), words, **_slant_labels(words, 0.34))
     for i, j in zip(*np.nonzero(sure), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
     bar = figure.colorbar(image, ax=axis, pad=0.01)
@@ -73,7 +73,7 @@ def heat_map(places: Sequence[Bin]) -> str:
     return svg(figure)
 
 
-def _slanted(labels: Sequence[str], width: float) -> dict[str, Any]:
+def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
     """How labels stand below columns of `width` [inches] without running into each other."""
     if CHARACTER * max(map(len, labels), default=0) <= width:
         return {}
@@ -185,7 +185,7 @@ def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
         axis.bar(at - 0.2, before, 0.38, color=BEFORE, label="before")
         axis.bar(at + 0.2, after, 0.38, color=AFTER, label="after")
         _legend_above(figure, axis)
-    axis.set_xticks(at, names, **_slanted(names, 0.7))
+    axis.set_xticks(at, names, **_slant_labels(names, 0.7))
     axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))
     axis.set_ylabel("excess gap [noise]", fontsize=8)
     return svg(figure)

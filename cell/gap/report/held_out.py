@@ -7,7 +7,7 @@ import numpy as np
 
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.report import figures
-from cell.gap.report.replayed import replayed
+from cell.gap.report.replayed import replay
 from cell.gap.report.sentence import capital, change, label, motion, smallest, undetectable
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
@@ -15,7 +15,7 @@ from cell.gap.verdict.schema import Verdict
 from drivers.types import Array
 
 
-def shown(found: Findings, verdict: Verdict) -> str:
+def compare_held_out(found: Findings, verdict: Verdict) -> str:
     """Measured, before and after on held-out runs: pictures, then the table, as HTML."""
     gap, before, after = verdict.gap, found.shown.before, found.shown.after
     words = {q.key: f"{label(q)} [{q.unit}]" for q in found.subject.scope.quantities.values()}
@@ -34,7 +34,7 @@ def shown(found: Findings, verdict: Verdict) -> str:
     quantities = dict(found.subject.scope.quantities)
     run = before.evidence.runs[typical].name
     return (
-        _drawn(found, run, names[typical])
+        _figure(found, run, names[typical])
         + f"<p class='note'>Measured minus simulated, magnified, in {escape(names[typical])}; "
         "the grey band is two sigma of one reading.</p>"
         + figures.residual_traces(before, after, typical, quantities)
@@ -63,9 +63,9 @@ def _excess(names: Sequence[str], was: Array, now: Array) -> str:
     return note + figures.run_bars(names, was, now)
 
 
-def _drawn(found: Findings, run: str, words: str) -> str:
+def _figure(found: Findings, run: str, words: str) -> str:
     """The curve of one held-out run, where the subject has curves."""
-    drawn = next((r for r in replayed(found, held_out_only=True) if r.name == run), None)
+    drawn = next((r for r in replay(found, held_out_only=True) if r.name == run), None)
     figure = "" if drawn is None else figures.midlines(drawn)
     note = f"{words} at four moments; overlay.rrd shows all runs in motion."
     return f"<p class='note'>{escape(note)}</p>{figure}" if figure else ""
@@ -94,7 +94,7 @@ def remains(found: Findings, verdict: Verdict) -> str:
         )
     if verdict.ambiguous:
         groups = "; ".join(" or ".join(group) for group in verdict.ambiguous)
-        parts.append(f"<p>Not told apart by these runs: {escape(groups)}.</p>")
+        parts.append(f"<p>Alike in these runs: {escape(groups)}.</p>")
     if not parts:
         parts.append("<p>Nothing beyond the noise.</p>")
     return "".join(parts) + _detectable(found, verdict)

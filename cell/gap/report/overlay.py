@@ -14,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from cell.gap.report.figures import AFTER, BEFORE
-from cell.gap.report.replayed import Replayed, replayed
+from cell.gap.report.replayed import Replayed, replay
 from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
@@ -33,7 +33,7 @@ RADIUS = 1.2  # mm
 def write_overlay(found: Findings, verdict: Verdict, path: Path) -> None:
     """The recording at `path`, held-out runs first; ConfigurationError if it cannot be written."""
     words = f"{headline(verdict)}. {sentence(found, verdict)}"
-    write_recording(found.subject.name, list(replayed(found)), path, words)
+    write_recording(found.subject.name, list(replay(found)), path, words)
 
 
 def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str) -> None:

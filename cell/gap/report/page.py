@@ -3,15 +3,16 @@
 from html import escape
 from pathlib import Path
 
-from cell.gap.report.evidence import base, candidates, where
-from cell.gap.report.held_out import conditions, remains, shown
+from cell.gap.report.evidence import base, candidates, name_model, where
+from cell.gap.report.held_out import compare_held_out, conditions, remains
 from cell.gap.report.repeats import repeats
 from cell.gap.report.sentence import capital, deviation, headline, sentence
 from cell.gap.subject.subject import EditsModel
 from cell.gap.verdict.findings import Findings
-from cell.gap.verdict.schema import Kind, Verdict, write_text
+from cell.gap.verdict.schema import Kind, Verdict
 from cell.report.markup import Tone, masthead, section, steps, table, verdict_box
 from cell.report.markup import page as document
+from drivers.files import write_file
 
 TONES: dict[Kind, Tone] = {
     "named": "good",
@@ -28,7 +29,7 @@ main svg { height: auto; } .wide table { width: auto; }
 
 def write_report(found: Findings, verdict: Verdict, path: Path) -> None:
     """Write the page at `path`."""
-    write_text(path, page(found, verdict))
+    write_file(path, page(found, verdict))
 
 
 def page(found: Findings, verdict: Verdict) -> str:
@@ -43,7 +44,7 @@ def page(found: Findings, verdict: Verdict) -> str:
         _card(found, verdict),
         _following(found, verdict),
         notes,
-        section("Before and after, on runs that were held out", shown(found, verdict)),
+        section("Before and after, on runs that were held out", compare_held_out(found, verdict)),
         section("Where they disagree", where(found)),
         section("What remains", remains(found, verdict)),
         section("How well the runs repeat", repeats(found)),
@@ -94,22 +95,17 @@ def _following(found: Findings, verdict: Verdict) -> str:
 
 
 def _experiments(verdict: Verdict) -> str:
-    """Planned runs that would tell explanations apart, where any would change something."""
+    """Planned runs that would separate the explanations, where that would change something."""
     if verdict.verdict in ("named", "no_gap") and not verdict.ambiguous:
         return ""
     if not verdict.advice:
-        return "<p>No planned experiment would tell more than these runs do.</p>"
+        return "<p>No planned experiment would separate more than these runs do.</p>"
     rows = [
-        (a.experiment, f"{called(a.separates[0])} from {called(a.separates[1])}",
+        (a.experiment, f"{name_model(a.separates[0])} from {name_model(a.separates[1])}",
          f"{a.expected_sigma:.1f}", f"{a.minutes:.1f}")
         for a in verdict.advice[:5]
     ]  # fmt: skip
-    return table(("experiment", "tells", "sigma", "minutes"), rows)
-
-
-def called(model: str) -> str:
-    """A model by name; the one without effects in words."""
-    return "the refitted base" if model == "base" else model
+    return table(("experiment", "separates", "sigma", "minutes"), rows)
 
 
 def _foot(found: Findings, verdict: Verdict) -> str:

@@ -35,15 +35,15 @@ def headline(verdict: Verdict) -> str:
 def sentence(found: Findings, verdict: Verdict) -> str:
     """What is missing, how sure, and beside what, for a technician; sizes stand elsewhere."""
     words = {
-        "named": _named,
+        "named": _name_effects,
         "ambiguous": _ambiguous,
         "no_gap": _no_gap,
-        "unexplained": _unexplained,
+        "unexplained": _describe_rest,
     }
     return words[verdict.verdict](found, verdict)
 
 
-def _named(found: Findings, verdict: Verdict) -> str:
+def _name_effects(found: Findings, verdict: Verdict) -> str:
     sentences = {c.name: c.sentence for c in found.subject.scope.candidates}
     effects = ", and ".join(
         f"{sentences[e.name]} ({e.name}: {_values(e.parameters)})" for e in verdict.effects
@@ -61,11 +61,11 @@ def _named(found: Findings, verdict: Verdict) -> str:
     if verdict.ambiguous:
         either = "; ".join(" or ".join(group) for group in verdict.ambiguous)
         text += f" Beside it something is missing that these runs cannot tell apart: {either}"
-        text += f" (the numbers are with {' and '.join(sorted(_taken(found)))})."
+        text += f" (the numbers are with {' and '.join(sorted(_class_members(found)))})."
     return capital(text)
 
 
-def _taken(found: Findings) -> frozenset[str]:
+def _class_members(found: Findings) -> frozenset[str]:
     """The effects that stand in the accepted model for a class of their like."""
     return found.accepted.model.names - {e.name for e in found.sure}
 
@@ -90,7 +90,7 @@ def _no_gap(found: Findings, verdict: Verdict) -> str:
     )
 
 
-def _unexplained(found: Findings, verdict: Verdict) -> str:
+def _describe_rest(found: Findings, verdict: Verdict) -> str:
     rest = verdict.unexplained
     description = rest.description if rest is not None else ""
     accepted = found.accepted.model
@@ -123,7 +123,7 @@ def sigmas(found: Findings) -> float:
     over the base where the model without them was not tried.
     """
     fits = found.choice.fits
-    without = fits.of(_taken(found)) or fits.base
+    without = fits.of(_class_members(found)) or fits.base
     gain = margin(found.accepted, without, found.by).gain
     return float(max(0.0, 2.0 * gain) ** 0.5)
 

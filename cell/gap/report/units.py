@@ -7,7 +7,7 @@ SMALL = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "kg": (1e3, "
 """What is shown in thousandths, so that a page has one unit for each kind of quantity."""
 
 
-def shown(value: float, of: str) -> float:
+def in_small_unit(value: float, of: str) -> float:
     """`value` in the unit in which a page shows what is stated in `of`."""
     return value * SMALL.get(of, (1.0, of))[0]
 
@@ -37,12 +37,16 @@ def probability(p: float) -> str:
 
 def quantity(value: float, of: str) -> str:
     """A number in `of` as a page shows it, with its unit."""
-    return f"{number(shown(value, of))}\N{NO-BREAK SPACE}{unit(of)}".rstrip("\N{NO-BREAK SPACE}")
+    return f"{number(in_small_unit(value, of))}\N{NO-BREAK SPACE}{unit(of)}".rstrip(
+        "\N{NO-BREAK SPACE}"
+    )
 
 
 def interval(value: Measured) -> str:
     """An estimate with its interval and unit."""
     if value.low is None or value.high is None:
         return quantity(value.value, value.unit)
-    low, middle, high = (number(shown(v, value.unit)) for v in (value.low, value.value, value.high))
+    low, middle, high = (
+        number(in_small_unit(v, value.unit)) for v in (value.low, value.value, value.high)
+    )
     return f"{middle} [{low}, {high}] {unit(value.unit)}".rstrip()

@@ -129,7 +129,7 @@ def excess(residuals: Sequence[Array], level: float) -> float:
 
 def bounded(residuals: Sequence[Array], scale: float) -> list[Array]:
     """Residuals (n,) up to what is wild: no sample that went another way may decide."""
-    return [np.clip(r, -robust.WILD * scale, robust.WILD * scale) for r in residuals]
+    return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
 
 
 def mean_square(residuals: Sequence[Array]) -> float:

@@ -18,7 +18,7 @@ JOINT_TABLE = JOINTS  # of a robot, tick by tick
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """A folder with a measured run, and the name that tells it from the others."""
+    """A folder with a measured run, and its name, unique among them."""
 
     path: Path
     name: str
@@ -60,7 +60,7 @@ def _unique(paths: Sequence[Path]) -> list[Path]:
 
 
 def _check_heads(folders: Sequence[Path]) -> None:
-    """Refuse measurements that nobody could tell the origin of."""
+    """Refuse measurements of unknown origin."""
     for folder in sorted(folders):
         tables = [name for name in TABLES if (folder / name).is_file()]
         if tables and not (folder / HEAD).is_file():

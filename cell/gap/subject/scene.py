@@ -49,8 +49,6 @@ class Draws(Protocol):
 
     def measured(self, run: Run) -> Scene:
         """The run as it was measured."""
-        ...
 
     def simulated(self, requests: Sequence[Request]) -> Sequence[Scene | None]:
         """Simulations beside what was measured; None where there is no motion."""
-        ...

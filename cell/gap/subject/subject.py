@@ -206,42 +206,34 @@ class Subject(Protocol):
     @property
     def name(self) -> str:
         """Name of the strip or pendulum."""
-        ...
 
     @property
     def runs(self) -> Sequence[Run]:
         """The measured runs, in the order in which they were taken."""
-        ...
 
     @property
     def notes(self) -> Sequence[str]:
         """What the operator must know of the runs: which died, what of them was used."""
-        ...
 
     @property
     def scope(self) -> Scope:
         """Base parameters, candidates, quantities and terms."""
-        ...
 
     def simulate(self, requests: Sequence[Request]) -> Sequence[Residuals]:
         """Residuals of many simulations, each independent of the others in the call."""
-        ...
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs of `requests`, corrected for how coarse their simulation is at these values, and
         with floors that allow for it.
         """
-        ...
 
     def experiments(self) -> Sequence[Experiment]:
         """Runs worth making next, each to be judged by what it would separate."""
-        ...
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The file after acceptance, and the cell's effects where some belong to the cell."""
-        ...
 
 
 @runtime_checkable
@@ -252,7 +244,6 @@ class HasConsequences(Protocol):
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> Sequence[str]:
         """What an operator must know of named effects."""
-        ...
 
 
 @runtime_checkable
@@ -263,4 +254,3 @@ class EditsModel(Protocol):
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
     ) -> str:
         """Text of the model after acceptance; the patch names its file under `model`."""
-        ...

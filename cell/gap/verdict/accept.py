@@ -11,10 +11,9 @@ from typing import Any
 
 from cell.config.settings import CellSettings
 from cell.gap.subject.mechanism.file import MechanismFile
-from cell.gap.verdict.schema import write_text
 from cell.gap.verdict.stored import Acceptance, FitRecord, Patch, read_stored
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, lock_folders, read_bytes, read_text
+from drivers.files import MEGABYTE, lock_folders, read_bytes, read_text, write_file
 from drivers.settings import load, parse, read_yaml
 from drivers.strip.describe import load_strip
 from drivers.strip.effects import check_effects
@@ -78,7 +77,7 @@ def _accept(out: Path, file: Path, cell_file: Path | None, *, law: bool) -> Acce
     before = {_name(p): read_text(p) if p.exists() else ABSENT for p in changes}
     after = {_name(p): _hash(text) for p, text in changes.items()}
     kept = {"schema": 1, "before": before, "after": after}
-    write_text(out / ACCEPTED, json.dumps(kept, indent=1))  # first: from it half a change is undone
+    write_file(out / ACCEPTED, json.dumps(kept, indent=1))  # first: from it half a change is undone
     try:
         _write(changes)
     except ConfigurationError:
@@ -118,9 +117,9 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     if not kept.exists():
         raise ConfigurationError(f"{out}: was not accepted, so there is nothing to undo")
     stored, record = read_stored(kept, Acceptance), _record(out)
-    paths = _named(stored, kept, file, cell_file, _made(out, file))
+    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
     for name, path in paths.items():
-        if _found(path) not in (stored.after.get(name), _hash(stored.before[name])):
+        if _current_hash(path) not in (stored.after.get(name), _hash(stored.before[name])):
             raise ConfigurationError(f"{path}: has changed since the acceptance; edit it by hand")
     _check_writable(list(paths.values()))
     _write({path: stored.before[name] for name, path in paths.items()})
@@ -128,7 +127,7 @@ def _undo(out: Path, file: Path, cell_file: Path | None) -> Accepted:
     return Accepted(tuple(paths.values()), record.effects or record.laws or record.values)
 
 
-def _named(
+def _files_by_name(
     stored: Acceptance, kept: Path, file: Path, cell_file: Path | None, made: Sequence[Path]
 ) -> Mapping[str, Path]:
     """The files of an acceptance by their stored names; ConfigurationError for any but `file`,
@@ -158,8 +157,8 @@ def _take_back_half(out: Path, file: Path, cell_file: Path | None) -> None:
     stored = read_stored(kept, Acceptance)
     if _name(file) not in stored.before:
         return
-    paths = _named(stored, kept, file, cell_file, _made(out, file))
-    found = {name: _found(path) for name, path in paths.items()}
+    paths = _files_by_name(stored, kept, file, cell_file, _models_beside(out, file))
+    found = {name: _current_hash(path) for name, path in paths.items()}
     old = {name for name in paths if found[name] == _hash(stored.before[name])}
     new = {name for name in paths if found[name] == stored.after.get(name)} - old
     if not old or len(old) + len(new) < len(paths):
@@ -174,16 +173,16 @@ def _write(changes: Mapping[Path, str]) -> None:
         if text == ABSENT:
             path.unlink(missing_ok=True)
         else:
-            write_text(path, text)
+            write_file(path, text)
 
 
-def _found(path: Path) -> str:
+def _current_hash(path: Path) -> str:
     """Hash of the file as it is, of ABSENT where there is none."""
     return sha256(path) if path.exists() else _hash(ABSENT)
 
 
 def _folders(*files: Path | None) -> list[Path]:
-    """Folders of the files that are there; what is missing is refused by who reads it."""
+    """Folders of those files that exist; a missing file is refused where it is read."""
     return [p.parent for p in files if p is not None and p.parent.is_dir()]
 
 
@@ -196,7 +195,7 @@ def out_folder(out: Path) -> Path:
     return out
 
 
-def _made(out: Path, file: Path) -> list[Path]:
+def _models_beside(out: Path, file: Path) -> list[Path]:
     """Models that an acceptance of the fit in `out` writes beside `file`."""
     patches = [p for p in (out / PATCH, out / LAW_PATCH, out / BASE_PATCH) if p.exists()]
     kinds = [read_yaml(p) for p in patches]
@@ -230,13 +229,13 @@ def _with_cell(path: Path, patch: Path) -> str:
 
 
 def _check_cell(content: Mapping[str, object], path: Path) -> None:
-    """Refuse what is no cell file; what it says of the twin is nobody's business here."""
+    """Refuse what is no cell file; its section `twin` is not checked."""
     known = {key: value for key, value in content.items() if key != "twin"}
     parse(known, CellSettings, str(path))
 
 
 def _check_writable(paths: Sequence[Path]) -> None:
-    """Refuse before the first of them is written, not between two."""
+    """Refuse paths that cannot be written before the first file is changed."""
     for path in paths:
         for place in (path, path.parent):
             if place.exists() and not os.access(place, os.W_OK):

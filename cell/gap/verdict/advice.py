@@ -1,4 +1,4 @@
-"""What would tell the accepted explanation from the next best one: experiments, better repeats."""
+"""What would separate the accepted explanation from the next best: experiments, better repeats."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from drivers.types import Array
 def advice(
     subject: Subject, screened: Screened, choice: Choice, judged: Judged, simulate: Simulate
 ) -> Advised:
-    """What would separate the accepted explanation from the one that deserves it most.
+    """What would separate the accepted explanation from the rival that most needs it.
 
     In planned runs those quantities differ that were found to differ in the runs so far.
     """
@@ -36,7 +36,7 @@ def advice(
 
 
 def _alternative(screened: Screened, choice: Choice, judged: Judged) -> tuple[Model, Array] | None:
-    """The explanation that most deserves to be told from the accepted one, with its values."""
+    """The explanation to separate first from the accepted one, with its values."""
     if judged.rivals:
         other = judged.rivals[0].model
         return other.model, other.estimate.shared

@@ -1,6 +1,6 @@
 """The verdict as it is written: from findings to the document of `verdict`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import special
@@ -14,10 +14,11 @@ from cell.gap.fitting.spreads import Spread
 from cell.gap.selection.likelihood import bounded, holm, margin, mean_square
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
-from cell.gap.verdict.decide import kind, unexplained
+from cell.gap.verdict.decide import describe_rest, kind
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import (
     Compared,
+    Deviation,
     Gap,
     Interval,
     Measured,
@@ -40,9 +41,9 @@ def verdict(found: Findings, runtime: float, simulations: int) -> Verdict:
     which, sets, gap = kind(found), _posterior(found), _gap(found)
     return Verdict(
         verdict=which,
-        effects=_named(found, confidence(sets, gap)) if which == "named" else [],
+        effects=_name_effects(found, confidence(sets, gap)) if which == "named" else [],
         ambiguous=[] if which == "no_gap" else [list(group) for group in found.judged.classes],
-        unexplained=unexplained(found, which),
+        unexplained=describe_rest(found, which),
         base=_base(found),
         where=_where(found),
         gap=gap,
@@ -62,7 +63,7 @@ def intervals(
     """95 % intervals of the base's parameters (`base`) and of each effect's, in their order.
 
     They hold noise, what differs from run to run, and what measuring errs by in all runs alike;
-    they are wider where few runs tell how much they differ.
+    they are wider where few runs show how much they differ.
     """
     spread = np.sqrt(np.diag(common_errors.covariance(estimate, inefficiency)))
     reach = special.stdtrit(degrees_of_freedom(estimate, inefficiency, scatter), 0.975)
@@ -84,25 +85,30 @@ def _interval(p: Parameter, value: float, half: float) -> Measured:
     return Measured(value=middle if np.isfinite(middle) else 1e12, low=low, high=high, unit=p.unit)
 
 
-def _measured(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
+def _values_by_parameter(candidate: Candidate, values: list[Measured]) -> dict[str, Measured]:
     return {p.name: v for p, v in zip(candidate.parameters, values, strict=True)}
 
 
-def _sized(found: Findings) -> dict[str, list[Measured]]:
+def _intervals_of_effects(found: Findings) -> dict[str, list[Measured]]:
     return intervals(found.judged.sized, found.by.inefficiency, found.judged.scatter)
 
 
-def _named(found: Findings, sure: float) -> list[NamedEffect]:
-    values = _sized(found)
+def _name_effects(found: Findings, sure: float) -> list[NamedEffect]:
+    values = _intervals_of_effects(found)
     return [
-        NamedEffect(name=e.name, of=e.of, parameters=_measured(e, values[e.name]), confidence=sure)
+        NamedEffect(
+            name=e.name,
+            of=e.of,
+            parameters=_values_by_parameter(e, values[e.name]),
+            confidence=sure,
+        )
         for e in found.sure
     ]
 
 
 def _base(found: Findings) -> dict[str, Interval]:
     best = found.judged.sized
-    values = _sized(found)["base"]
+    values = _intervals_of_effects(found)["base"]
     return {
         p.name: Interval(value=v.value, low=v.low, high=v.high)
         for p, v in zip(best.model.base, values, strict=True)
@@ -149,11 +155,13 @@ def _candidates(found: Findings) -> list[Compared]:
     base, others = fits.base, [m for m in fits.models if m.model.effects]
     singles = [m for m in others if len(m.model.effects) == 1]
     family = _family(found, base, singles)
-    rows = [_compared(found, base, m, family) for m in others]
+    rows = [_compare_with_base(found, base, m, family) for m in others]
     done = {m.model.name for m in singles}
     gains = {p.candidate.name: 0.0 for p in found.screened.probed}
     gains |= {score.names[0]: score.gain for score in found.screened.singles}
-    rows += [_screened(found, name, gain) for name, gain in gains.items() if name not in done]
+    rows += [
+        _compare_by_screen(found, name, gain) for name, gain in gains.items() if name not in done
+    ]
     return sorted(rows, key=lambda row: -row.elpd_gain)
 
 
@@ -166,7 +174,7 @@ def _family(found: Findings, base: Validated, singles: list[Validated]) -> dict[
     return dict(zip(names, adjusted, strict=True))
 
 
-def _compared(
+def _compare_with_base(
     found: Findings, base: Validated, model: Validated, family: dict[str, float]
 ) -> Compared:
     by = found.by
@@ -175,7 +183,7 @@ def _compared(
     several = len(model.model.effects) > 1
     parameters = {}
     for e in model.model.effects:
-        for name, value in _measured(e, values[e.name]).items():
+        for name, value in _values_by_parameter(e, values[e.name]).items():
             parameters[f"{e.name}.{name}" if several else name] = value
     tests = found.judged.invariances.get(model.model.name)
     return Compared(
@@ -188,7 +196,7 @@ def _compared(
     )
 
 
-def _screened(found: Findings, name: str, gain: float) -> Compared:
+def _compare_by_screen(found: Findings, name: str, gain: float) -> Compared:
     """A candidate that was not worth a refit: its gain is that of the linear screen."""
     by = found.by
     score = next((s for s in found.screened.singles if s.names == (name,)), None)
@@ -220,3 +228,38 @@ def _advice(found: Findings) -> list[Recommended]:
         for a in found.advised.experiments
         if a.sigma >= TELLING
     ]
+
+
+TOLERATED = 2.0  # standard deviations of what was known before, without a stated range: 95 %
+
+
+def deviations(base: Sequence[Parameter], found: Mapping[str, Interval]) -> list[Deviation]:
+    """The values `found` whose whole 95 % interval lies outside what the file tolerates."""
+    rows = []
+    for p in base:
+        value = found.get(p.name)
+        if value is None:
+            continue
+        low, high = _range_of(p)
+        above = value.low is not None and value.low > high
+        below = value.high is not None and value.high < low
+        if above or below:
+            rows.append(
+                Deviation(
+                    parameter=p.name,
+                    stated=p.shown(p.start),
+                    tolerated=(low, high if np.isfinite(high) else None),
+                    unit=p.unit,
+                    **value.model_dump(include={"value", "low", "high"}),
+                )
+            )
+    return rows
+
+
+def _range_of(p: Parameter) -> tuple[float, float]:
+    """The range that the file allows, as files state the value."""
+    if p.tolerated is not None:
+        return p.tolerated
+    reach = TOLERATED * p.spread
+    ends = p.shown(max(p.start - reach, p.low)), p.shown(p.start + reach)
+    return min(ends), max(ends)

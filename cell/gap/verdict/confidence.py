@@ -43,8 +43,8 @@ class Signs:
 
 
 class Weight(Settings):
-    """How much a sign weighs in the log-odds where it is `high`, in which it is nothing at `low`;
-    between them in proportion to it or, `by_order`, to the logarithm of one more than it.
+    """What a sign adds to the log-odds: nothing at `low`, `weight` at `high`, and between them in
+    proportion to its value or, `by_order`, to the logarithm of one more than its value.
     """
 
     weight: float

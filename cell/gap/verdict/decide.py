@@ -72,8 +72,8 @@ def is_proxy(found: Findings) -> bool:
 
 
 def in_doubt(found: Findings) -> bool:
-    """Whether what was named may imitate another cause: several effects, one that leaves more than
-    noise on any runs, or one that a single run tells.
+    """Whether the named effects may imitate another cause: they are several, leave more than noise
+    on any runs, or rest on a single run.
     """
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
@@ -151,13 +151,11 @@ def lone_run(found: Findings) -> Run | None:
 
 
 def has_unexplained_part(found: Findings, which: Kind) -> bool:
-    """Whether what remains is described: always for `unexplained`, and where a cause was
-    found and more than noise is left.
-    """
+    """Whether what remains is described: if `unexplained`, or if a cause leaves more than noise."""
     return which == "unexplained" or (which != "no_gap" and found.judged.remains)
 
 
-def unexplained(found: Findings, which: Kind) -> Unexplained | None:
+def describe_rest(found: Findings, which: Kind) -> Unexplained | None:
     """What remains, where it is described."""
     judged = found.judged
     if not has_unexplained_part(found, which):

@@ -8,7 +8,7 @@ from cell.gap.diagnosis.invariance import Invariance
 from cell.gap.diagnosis.lack_of_fit import Misfit
 from cell.gap.diagnosis.localise import Bin
 from cell.gap.diagnosis.next_experiment import Advice
-from cell.gap.diagnosis.shown_places import joined
+from cell.gap.diagnosis.shown_places import surer_of_two
 from cell.gap.diagnosis.sparse_law import Law
 from cell.gap.diagnosis.steadier import Steadier
 from cell.gap.fitting.crossvalidation import Validated
@@ -129,8 +129,8 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Advised:
-    """Planned `experiments`, the most telling for its minutes first, and what `steadier` runs
-    would tell more; both empty where nothing would tell.
+    """Planned `experiments`, the one that separates most for its minutes first, and what
+    `steadier` runs would add; both empty where nothing would help.
     """
 
     experiments: tuple[Advice, ...] = ()
@@ -167,7 +167,7 @@ class Findings:
         """Where the base disagrees with the runs, strongest first: by itself, or by what the
         accepted effects would do there.
         """
-        return tuple(joined(self.fitted.places, self.judged.places))
+        return tuple(surer_of_two(self.fitted.places, self.judged.places))
 
     @property
     def by(self) -> LikelihoodScale:

@@ -14,7 +14,7 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Point
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import estimated, with_own_scatter
+from cell.gap.fitting.scatter import estimate_spreads, with_own_scatter
 from cell.gap.fitting.starts import refined, refit_fine
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection.choice import Choice, by_evidence, choose
@@ -47,11 +47,7 @@ def chosen(
 
 
 def judge(
-    subject: Subject,
-    choice: Choice,
-    simulate: Simulate,
-    whole: Evidence,
-    rng: np.random.Generator,
+    subject: Subject, choice: Choice, simulate: Simulate, whole: Evidence, rng: np.random.Generator
 ) -> Judged:
     """Test the accepted model of `choice` for what it leaves, drift and alternatives.
 
@@ -70,7 +66,7 @@ def judge(
     leftover, outlying_run = _leftover(best, noise, kind)
     close = _rivals(choice) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
-    scatter = estimated(simulate, best, whole)
+    scatter = estimate_spreads(simulate, best, whole)
     return Judged(
         invariances,
         misfit,
@@ -94,7 +90,7 @@ def _rivals(choice: Choice) -> list[Alternative]:
     return probable_rivals(choice.accepted, choice.fits, choice.by, choice.sets)
 
 
-def described(
+def fit_rest_law(
     subject: Subject, choice: Choice, simulate: Simulate, rng: np.random.Generator
 ) -> Law | None:
     """Sparse law of what the accepted model of `choice` leaves."""

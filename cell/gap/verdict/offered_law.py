@@ -102,15 +102,15 @@ def offered_law(
     longest = OFFER.longest if names is None else names.longest
     if not longest:
         return None
-    for law in _earned(_fitted(subject, simulate, base, longest)):
+    for law in _laws_by_size(_fit_laws(subject, simulate, base, longest)):
         if (names is None or names.leave_room(law)) and _stable(law.estimate):
-            shrink = _closed(simulate, law.estimate, before, rng)
+            shrink = _share_closed(simulate, law.estimate, before, rng)
             if shrink.value >= OFFER.least:
                 return _offer(law.estimate, shrink.value)
     return None
 
 
-def _fitted(subject: Subject, simulate: Simulate, base: Validated, longest: int) -> Fits:
+def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: int) -> Fits:
     """The base, the most promising laws of one and two terms, and those of three beside them; none
     of more terms than `longest`.
     """
@@ -129,15 +129,13 @@ def _fitted(subject: Subject, simulate: Simulate, base: Validated, longest: int)
     return fits
 
 
-def _earned(fits: Fits) -> Iterator[Validated]:
+def _laws_by_size(fits: Fits) -> Iterator[Validated]:
     """The laws each term of which is earned, the largest first."""
     return (step.model for step in reversed(choose(fits).steps) if step.accepted)
 
 
 def _stable(estimate: Estimate) -> bool:
-    """Whether each term keeps its sign on most halves of the runs (stability selection:
-    Meinshausen and Buehlmann 2010).
-    """
+    """Whether each term keeps its sign on most halves of the runs (Meinshausen, Buehlmann 2010)."""
     first, runs = len(estimate.model.base), len(estimate.residuals)
     signs = np.sign(estimate.shared[first:])
     halves = list(combinations(range(runs), max(1, runs // 2)))
@@ -145,7 +143,7 @@ def _stable(estimate: Estimate) -> bool:
     return bool((np.mean(np.array(again) == signs, axis=0) >= OFFER.often).all())
 
 
-def _closed(
+def _share_closed(
     simulate: Simulate, fit: Estimate, before: Estimate, rng: np.random.Generator
 ) -> held_out_gap.Shrink:
     """Share of the excess gap of `before` that a fit closes on the same runs."""

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.errors import ConfigurationError
-from drivers.files import MEGABYTE, replace_file
+from drivers.files import MEGABYTE
 from drivers.settings import parse, read_json
 
 VERDICT = 8 * MEGABYTE
@@ -156,13 +156,3 @@ def read_verdict(path: Path) -> Verdict:
             f"{path.parent}: no such folder; name the one that `cell gap fit --out` wrote"
         )
     return parse(read_json(path, VERDICT), Verdict, str(path))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or, with ConfigurationError, not at all."""
-    try:
-        replace_file(path, text.encode("utf-8", errors="backslashreplace"))
-    except OSError as error:
-        raise ConfigurationError(
-            f"{path}: cannot be written: {error.strerror}; make room or mend its permissions"
-        ) from None

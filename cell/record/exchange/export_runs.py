@@ -1,14 +1,20 @@
 """Export of recorded runs to the formats of other programs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import pyarrow as pa
+import pyarrow.csv as pc
+
 from cell.extras import require_library
-from cell.record.exchange.outgoing import outgoing
+from cell.record.documents import write_document
+from cell.record.exchange.mapping import MAPPING
+from cell.record.exchange.outgoing import Outgoing, mapping_of, outgoing
 from cell.record.run import read_run
 from drivers.errors import ConfigurationError
-from drivers.files import writing
+from drivers.files import replace_file, writing
+from drivers.types import Array
 
 Format = Literal["csv", "lerobot", "mcap"]
 
@@ -29,9 +35,28 @@ def export_runs(folders: Sequence[Path], kind: Format, out: Path) -> tuple[Path,
         raise ConfigurationError(f"two runs are named {max(names, key=names.count)}; rename one")
     with writing(out):
         if kind == "csv":
-            from cell.record.exchange.csv_tables import write_csv as write
-        elif kind == "mcap":
-            from cell.record.exchange.mcap_file import write_mcap as write
-        else:
-            from cell.record.exchange.lerobot import write_lerobot as write
-        return write(parts, out)
+            return _write_csv(parts, out)
+        if kind == "mcap":
+            from cell.record.exchange.mcap_file import write_mcap
+
+            return write_mcap(parts, out)
+        from cell.record.exchange.lerobot import write_lerobot
+
+        return write_lerobot(parts, out)
+
+
+def _write_csv(parts: Sequence[Outgoing], out: Path) -> tuple[Path, ...]:
+    """A folder of tables for each run in the new folder `out`, and one mapping for all."""
+    for part in parts:
+        (out / part.run.name).mkdir(parents=True)
+        for name, columns in part.tables.items():
+            _write_table(out / part.run.name / f"{name}.csv", columns)
+    names = mapping_of(parts, lambda table, column: (f"{table}.csv", column))
+    write_document(out / MAPPING, names)
+    return tuple(out / part.run.name for part in parts)
+
+
+def _write_table(path: Path, columns: Mapping[str, Array]) -> None:
+    sink = pa.BufferOutputStream()
+    pc.write_csv(pa.table({name: pa.array(values) for name, values in columns.items()}), sink)
+    replace_file(path, sink.getvalue().to_pybytes())

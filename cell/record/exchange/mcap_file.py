@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mcap.records import Channel, Schema
     from mcap.writer import Writer
 
-LARGEST = 1024 * MEGABYTE
+LARGEST_FILE = 1024 * MEGABYTE
 SECOND = 1_000_000_000  # ns
 BEFORE = 3600 * SECOND  # of log time at t = 0: an image from before has a time too
 ATTACHED = (RUN, RESULT, CALIBRATION)
@@ -114,7 +114,7 @@ class McapFile:
         self.name = path.stem
         self._rows: dict[str, list[Row]] = {}
         self.documents: Mapping[str, bytes] = {}
-        self._read(read_bytes(path, LARGEST))
+        self._read(read_bytes(path, LARGEST_FILE))
 
     def table(self, topic: str, _how: object) -> pa.Table:
         """The messages of `topic` as rows, nested fields joined by dots, lists of objects a row an
@@ -139,7 +139,7 @@ class McapFile:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         try:
-            for record in StreamReader(BytesIO(content), record_size_limit=LARGEST).records:
+            for record in StreamReader(BytesIO(content), record_size_limit=LARGEST_FILE).records:
                 if isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):

@@ -17,7 +17,7 @@ from drivers.errors import ConfigurationError, suggestion
 from drivers.files import MEGABYTE, read_bytes
 from drivers.types import Array, frozen
 
-LARGEST = 64 * MEGABYTE
+LARGEST_TABLE = 64 * MEGABYTE
 FILE = re.compile(r"[^/\\]+\.(csv|txt|tsv|parquet)")
 
 
@@ -27,21 +27,17 @@ class Source(Protocol):
     @property
     def path(self) -> Path:
         """The file or folder, for errors."""
-        ...
 
     @property
     def name(self) -> str:
         """What to call the run."""
-        ...
 
     @property
     def documents(self) -> Mapping[str, bytes]:
         """YAML documents that came with the tables, by file name."""
-        ...
 
     def table(self, file: str, how: Table) -> pa.Table:
         """The table that the mapping names `file`; ConfigurationError where there is none."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +88,9 @@ def _csv(path: Path, table: Table) -> pa.Table:
     convert = pc.ConvertOptions(decimal_point=table.decimal, null_values=["", "nan", "NaN", "NA"])
     try:
         return pc.read_csv(
-            io.BytesIO(read_bytes(path, LARGEST)), parse_options=parse, convert_options=convert
+            io.BytesIO(read_bytes(path, LARGEST_TABLE)),
+            parse_options=parse,
+            convert_options=convert,
         )
     except (pa.ArrowException, ValueError) as error:
         reason = (str(error).splitlines() or ["no reason given"])[0]

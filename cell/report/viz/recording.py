@@ -33,7 +33,7 @@ from drivers.strip.file import StripFile
 from drivers.types import Array, Image
 
 ROWS = 20  # ticks that are sent together
-EVERY = 4  # ticks between two poses of gripper and model
+TICKS_BETWEEN_POSES = 4  # ticks between two poses of gripper and model
 VIEWER_MEMORY, SERVER_MEMORY = "2GB", "256MB"
 SEEN, MODEL, HAND, CONTACT, TIP = 0xFFAA32FF, 0x4F8BD6FF, 0xC9CED6FF, 0x2882FFFF, 0x6ED25AFF
 MM = 1e3  # per m: lengths are shown in mm
@@ -74,10 +74,7 @@ def viz_from_run(folder: Path) -> Path:
     stated = run.header.strip_file
     strip = None if stated is None else parse(stated, StripFile, f"{folder / RUN}: strip_file")
     try:
-        with (
-            replacing(folder / name) as scratch,
-            open_recording(folder, scratch.name) as recording,
-        ):
+        with replacing(folder / name) as scratch, open_recording(folder, scratch.name) as recording:
             screen = Screen(recording, run.calibration(), strip)
             for item in moments_of(run):
                 screen.draw(item)
@@ -149,9 +146,7 @@ class Screen:
         calibration: Calibration | None,
         strip: StripFile | None,
     ) -> None:
-        """Without `calibration` nothing is drawn into images, without `strip`
-        no model is simulated.
-        """
+        """Draws into no images without `calibration`, and simulates no model without `strip`."""
         self._to = recording
         self._calibration = calibration
         self._shadow = None if strip is None else Shadow(strip)
@@ -275,7 +270,7 @@ class Screen:
         x, z = float(moment.pose[0]), float(moment.pose[1])
         self._rows.append((moment.t, moment.tick, [x, z]))
         shape = LOST if self._shadow is None else self._shadow.follow(moment.t, moment.pose)
-        if moment.tick % EVERY == 0:
+        if moment.tick % TICKS_BETWEEN_POSES == 0:
             self._track.append(UP * (x, z))
             self._to.log("gripper", rr.Points2D([UP * (x, z)], colors=HAND, radii=6.0))
             self._to.log("strip/twin", _curve(shape, MODEL, 1.2))

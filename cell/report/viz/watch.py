@@ -122,15 +122,9 @@ class Viz:
         self._news.set()
 
     def _work(
-        self,
-        mode: Mode,
-        folder: Path,
-        strip: StripFile,
-        viewer: Callable[[str], None] | None,
+        self, mode: Mode, folder: Path, strip: StripFile, viewer: Callable[[str], None] | None
     ) -> None:
-        """Draw the queue until the run is over. Rerun is imported here, in
-        parallel with the run.
-        """
+        """Draw the queue until the run is over. Rerun is imported here, while the run goes on."""
         from cell.report.viz.recording import Screen, open_recording
 
         path = folder / CALIBRATION

@@ -17,7 +17,7 @@ CORNERS, FITTED, HELD_OUT, WANTED = 0x6ED25AFF, 0x6ED25AFF, 0x2882FFFF, 0xFFAA32
 
 
 @contextmanager
-def watched(
+def wizard_screen(
     folder: Path, *, live: bool = False, viewer: Callable[[str], None] | None = None
 ) -> Iterator["WizardScreen"]:
     """Draws into wizard.rrd of `folder`, which must exist when the first news arrive.

@@ -43,13 +43,13 @@ from cell.studies.benchmark.figures.photograph import photograph
 from cell.studies.benchmark.figures.style import WIDTH, smooth, stiffness_colours
 from cell.studies.benchmark.numbers import newtons, numeral
 from cell.studies.benchmark.results import Laid, Refused, Results
-from cell.studies.benchmark.summary import Row, rows, told_misses
-from drivers.files import replace_file, writing
+from cell.studies.benchmark.summary import Row, misses_text, rows
+from drivers.files import write_file
 
 DPI = 160
 
 
-SHOWN = 130.0  # mm of the fold
+FOLD_WIDTH = 130.0  # mm of the fold
 
 
 def folded_figure(results: Results) -> str:
@@ -63,7 +63,7 @@ def folded_figure(results: Results) -> str:
         for fold, shade in zip(laid, shades, strict=True):
             shape = 1e3 * smooth(np.array(fold.shape))
             shape[:, 0] -= shape[:, 0].max()
-            near = shape[:, 0] > -SHOWN
+            near = shape[:, 0] > -FOLD_WIDTH
             left.plot(*shape[near].T, color=shade, lw=1.8)
             right.plot(1e3 * fold.bending_length, shape[:, 1].max(), "o", color=shade, ms=5)
             h = shape[:, 1].max()
@@ -82,9 +82,9 @@ def folded_figure(results: Results) -> str:
 def write_results(results: Results, folder: Path) -> Path:
     """Write benchmark.json and benchmark.html into `folder`; the path of the page."""
     content = results.model_dump_json(by_alias=True, indent=1)
-    _write(folder / "benchmark.json", content.encode())
+    write_file(folder / "benchmark.json", content)
     page = folder / "benchmark.html"
-    _write(page, page_of(results).encode())
+    write_file(page, page_of(results))
     return page
 
 
@@ -95,22 +95,14 @@ def write_main_picture(results: Results, path: Path) -> None:
     content = io.BytesIO()
     with rc_context({"svg.fonttype": "path"}):
         main_picture(results).savefig(content, format="png", dpi=DPI, facecolor="white")
-    _write(path, content.getvalue())
+    write_file(path, content.getvalue())
 
 
 def lines(results: Results) -> list[dict[str, Any]]:
-    """Objects for a program: one for each policy, then one for each claim; None
-    for unknown values.
-    """
+    """Objects for a program: one for each policy, then one for each claim; None if unknown."""
     summary = [{"kind": "policy", **asdict(row)} for row in rows(results)]
     claimed = [{"kind": "claim", **asdict(claim)} for claim in claims(results)]
     return [plain(line) for line in (*summary, *claimed)]
-
-
-def _write(path: Path, content: bytes) -> None:
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, content)
 
 
 TITLE = "Feedback-based fabric strip folding, from simulation"
@@ -224,7 +216,7 @@ def _hidden_effects(results: Results) -> Iterator[str]:
     if not policies:
         return
     found = {
-        (r.policy, r.effect): told_misses(r) for p in policies for r in results.hidden_folds(p)
+        (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
     }
     effects = dict.fromkeys(effect for _, effect in found)
     misses = [

@@ -1,52 +1,24 @@
 """Runs a whole benchmark: measures the missing parts and collects all results."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
 from cell.calibrating.calibrate import calibration_of
 from cell.campaign.journal import Record
+from cell.campaign.part import Part
 from cell.campaign.run import Engine, Watcher, carry_out
 from cell.config.places import Configs
 from cell.folding.fold import PACKAGES
 from cell.report.words import millimetres
 from cell.studies.benchmark.parts.all_parts import order, weights_digest
-from cell.studies.benchmark.parts.part import Part
 from cell.studies.benchmark.results import AnyResult, Refused, Result, Results
 from cell.studies.benchmark.spec import BenchmarkSpec
 
 JOURNAL = "parts"
 _ANY: TypeAdapter[Result] = TypeAdapter(AnyResult)
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A part of the benchmark as one of a campaign, which keeps plain JSON."""
-
-    part: Part
-
-    @property
-    def key(self) -> str:
-        """Unique key with all parameters of the part."""
-        return self.part.key
-
-    @property
-    def of(self) -> str:
-        """Digest of the files that the result depends on."""
-        return self.part.of
-
-    @property
-    def cost(self) -> float:
-        """Estimated time on one core [s]."""
-        return self.part.cost
-
-    def measure(self) -> Mapping[str, Any]:
-        """Its result; raises CellError where there is none."""
-        return self.part.measure().model_dump(mode="json")
 
 
 def benchmark(
@@ -81,8 +53,7 @@ def measure_parts(
     parts: Sequence[Part], folder: Path, engine: Engine, watcher: Watcher, *, again: bool = False
 ) -> Iterator[tuple[str, Result]]:
     """Every part's key with its result; one that cannot be measured is Refused."""
-    wanted = [Measured(part) for part in parts]
-    for part, record in carry_out(wanted, folder, engine, watcher, again=again):
+    for part, record in carry_out(parts, folder, engine, watcher, again=again):
         yield part.key, _result(record)
 
 

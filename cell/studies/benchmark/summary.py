@@ -97,7 +97,7 @@ def spread(folds: tuple[ImageFold, ...]) -> float:
     return float(np.ptp(d)) if d.size > 1 else NONE
 
 
-def told_misses(folds: EffectFolds) -> str:
+def misses_text(folds: EffectFolds) -> str:
     """|d| of `folds` as text [mm]: mean, 95 % and worst, and how many did not touch."""
     d = np.abs([value for value in folds.displacement if value is not None])
     if d.size == 0:

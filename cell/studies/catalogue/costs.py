@@ -35,7 +35,7 @@ from policies.path import triangular
 from policies.rollout import Rollout, roll_out
 from policies.sensing import IMAGES
 
-EVERY = 6  # images of a fold
+IMAGES_BETWEEN = 6  # images of a fold
 
 
 def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
@@ -55,7 +55,7 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
         return {}
     perception = Perception(cached_calibration(), settings, strip, found.appearance)
     touch, costs = LayerTouch(settings, strip), {"image": [0.0], "reading": [0.0]}
-    for sequence in range(EVERY, int(made.t[-1] * camera.rate), EVERY):
+    for sequence in range(IMAGES_BETWEEN, int(made.t[-1] * camera.rate), IMAGES_BETWEEN):
         pose, begun = made.pose(sequence / camera.rate), time.thread_time()
         frame = twin.frame(made, sequence)
         rendered = time.thread_time()

@@ -51,10 +51,10 @@ def measure(case: Values) -> Values:
             result = fold_strip(str(path), case["policy"], 0, Path(place))
         except CellError as error:
             return {"ended": f"refused: {error}", "untrue": False, "far": False, "folded": False}
-    return judged(result)
+    return judge_fold(result)
 
 
-def judged(result: FoldResult) -> Values:
+def judge_fold(result: FoldResult) -> Values:
     """Whether a fold is true and near."""
     seen, true = result.displacement, result.displacement_true
     touched = result.outcome == "layer_touch"

@@ -22,7 +22,7 @@ from policies.path import triangular
 from policies.profile import profiles, seen_profile
 
 SPEED, EVERY = 0.1, 3  # m/s; images
-WILD = 5.0  # robust standard deviations from which an error is an outlier
+OUTLIER = 5.0  # robust standard deviations from which an error is an outlier
 
 
 def draw(number: int, _rng: np.random.Generator) -> Values:
@@ -64,7 +64,7 @@ def measure(case: Values) -> Values:
         "halves": {name: float(np.mean(values)) for name, values in sorted(halves.items())},
         "curve_bias": _rms(np.mean(curves, axis=0)),
         "curve_noise": spread(np.diff(curves, axis=0).ravel()) / np.sqrt(2.0),
-        "wild": float(np.mean(abs(contact - np.median(contact)) > WILD * spread(contact))),
+        "wild": float(np.mean(abs(contact - np.median(contact)) > OUTLIER * spread(contact))),
         "unseen": unseen / images,
         "late": late[0] if late else None,
         "displacement": late[1] if late else None,

@@ -55,9 +55,7 @@ def fold_unknown(
     checkpoint: Path | None = None,
     opened: DeviceFactory | None = None,
 ) -> FoldResult:
-    """The fold by `adaptive` of `strip`, of which it knows the length and, if `measured`, the
-    thickness.
-    """
+    """The fold by `adaptive` of `strip`, whose length, and thickness if `measured`, it knows."""
     plant = folder / "plant.yaml"
     content = strip.model_dump(mode="json", by_alias=True)
     plant.write_text(yaml.safe_dump(content), encoding="utf-8")

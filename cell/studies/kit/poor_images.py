@@ -45,7 +45,7 @@ class DroppingCamera:
 def dropping(share: float, seed: int) -> DeviceFactory:
     """A cell as configured whose camera loses a `share` of its frames."""
 
-    def opened(
+    def open_poor_cell(
         settings: CellFile, strip: StripFile, choice: DeviceSelection, *, calibrating: bool
     ) -> Devices:
         devices = open_cell(settings, strip, choice, calibrating=calibrating)
@@ -53,4 +53,4 @@ def dropping(share: float, seed: int) -> DeviceFactory:
             return devices
         return replace(devices, camera=DroppingCamera(devices.camera, share, seed))
 
-    return opened
+    return open_poor_cell

@@ -22,9 +22,7 @@ SEGMENTS = 100
 
 @dataclass(frozen=True, slots=True)
 class Resimulation:
-    """Displacement [m] as the camera saw it and as the rod gives it for the same gripper path;
-    None where there was no touch.
-    """
+    """Displacement [m] as the camera saw it and as the rod gives it; None without a touch."""
 
     measured: float | None
     simulated: float | None
@@ -38,7 +36,7 @@ class Resimulation:
         return self.simulated - self.measured
 
 
-def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
+def resimulate(folder: Path) -> Resimulation:
     """Drive the rod with the run's measured poses; the strip is the one the controller knew.
 
     Raises ConfigurationError for a run without ticks or without its strip.
@@ -48,7 +46,7 @@ def resimulate(folder: Path, *, shapes: bool = False) -> Resimulation:
     if len(ticks.t) < 2:
         raise ConfigurationError(f"{folder}: ticks.parquet: holds no motion to simulate")
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    motion = simulate(Rod(SEGMENTS), _model(run), ticks.t, poses, dt=STEP, shapes=shapes)
+    motion = simulate(Rod(SEGMENTS), _model(run), ticks.t, poses, dt=STEP, shapes=False)
     measured = None if run.result is None else run.result.displacement
     simulated = None if motion.touch is None else motion.touch.displacement
     return Resimulation(measured, simulated, motion)

@@ -20,7 +20,7 @@ from drivers.types import Array, Pose
 from policies.path import Path
 
 TAKE_OVER = 0.10  # m of height from which a policy decides
-NEAR = 0.5  # s before the touch, from which on every image counts
+BEFORE_TOUCH = 0.5  # s before the touch, from which on every image counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
     first = float(fold.t[np.argmax(fold.poses[:, 1] >= TAKE_OVER)])
     for sequence in range(int(first * camera.rate) + 1, int(fold.t[-1] * camera.rate)):
         stamp = sequence / camera.rate
-        far = touched is None or stamp < touched.time - NEAR
+        far = touched is None or stamp < touched.time - BEFORE_TOUCH
         if far and sequence % every:
             continue
         pose = fold.pose(stamp)

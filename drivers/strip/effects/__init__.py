@@ -33,7 +33,7 @@ def apply_effects(model: StripModel, effects: Effects) -> StripModel:
 
 
 def _beside(name: str) -> str:
-    """Why a file of that name in a checkout is no effect of the package that runs."""
+    """Why an effect file of that name in a checkout is not one of the package that runs."""
     path = Path("drivers", "strip", "effects", f"{name}.py")
     if not path.is_file():
         return ""

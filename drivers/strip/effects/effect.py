@@ -73,7 +73,7 @@ class Effect:
     gives, for a strip, values of the switch from just visible in ten runs to as large as
     laboratories report, one of the other sign among them where the two sides act unlike;
     `textile` are the spans of its parameters over textiles, in the order in which to draw them;
-    `looks_like` names effects that no run of a fold tells from this one.
+    `looks_like` names effects that no run of a fold separates from this one.
     """
 
     name: str

@@ -135,10 +135,10 @@ class Rod:
         self._time, self._last = 0.0, np.inf
         self._touch: tuple[Touch | None, ...] = (None,) * count
         self._touched: NDArray[np.bool_] = np.zeros(count, dtype=bool)
-        self._shown = np.zeros((count, of.SHOWN))
+        self._shown = np.zeros((count, of.FIELDS_SHOWN))
 
     def _march(self, poses: Array, dt: float, shapes: Array, every: int) -> Array:
-        """Observables of each step, (k, n, SHOWN)."""
+        """Observables of each step, (k, n, FIELDS_SHOWN)."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         if poses.shape[1:] != self._batch.held.shape:
             raise ValueError(f"poses {poses.shape}; expected (k, {len(self._batch.held)}, 3)")

@@ -16,7 +16,7 @@ from drivers.strip.rod.step import Grips, Pace, step
 
 # What a step shows of a strip.
 CONTACT_X, TIP_X, TIP_Z, HOLDING, GRIP_X, GRIP_Z = range(6)
-SHOWN = 6
+FIELDS_SHOWN = 6
 # What is known of a strip: its limits, its smallest gap one step ago, its touch, its failure.
 HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
 GAP, GAP_X, GAP_S = range(4, 7)
@@ -101,7 +101,7 @@ def retire(batch: Any, b: int, lane: int, shown: Any, k: int) -> None:
     put(batch.alive[b], 0, 0, lane, 0.0)
     i = batch.strips[b, lane]
     for later in range(k + 1, len(shown)):
-        for field in range(SHOWN):
+        for field in range(FIELDS_SHOWN):
             shown[later, i, field] = shown[k, i, field]
 
 
@@ -156,8 +156,8 @@ def follow(
 ) -> int:
     """Step the batch along poses (k, n, 3), one step each, from time `start` [s].
 
-    Writes into shown (k, n, SHOWN), and shapes (k // every, n, nodes, 2) unless they are empty;
-    returns the number of strips that ended.
+    Writes into shown (k, n, FIELDS_SHOWN), and shapes (k // every, n, nodes, 2) unless they are
+    empty; returns the number of strips that ended.
     """
     before = alive_lanes(batch)
     for b in range(len(batch.nature)):

@@ -11,7 +11,7 @@ from drivers.strip.rod.terms import air, expect, settling_turn
 
 ITERATIONS = 10
 TOLERANCE = 1e-4  # rad, root mean square of the last turns of the segments, unless asked
-WILD = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
+LARGEST_TURN = 1.0  # rad^2, square of a turn in one correction that no step of ours needs
 SINK = 2e-5  # m over which the desk takes up the weight
 
 
@@ -134,7 +134,7 @@ def solve(block: Any, rate: Any, alive: Any, tolerance: Any) -> Any:
             assemble(block, r, rate)
         substitute(block.band, 2 * at.FIRST, 2 * block.last + 1)
         turned, wildest = correct(block, unsolved)
-        sane = below(turned, WILD) * below(wildest, WILD)
+        sane = below(turned, LARGEST_TURN) * below(wildest, LARGEST_TURN)
         failed = choose(unsolved * (1.0 - sane), unsolved, failed)
         unsolved = unsolved * sane * (1.0 - below(turned, tolerance * tolerance))
         if not anywhere(unsolved):

@@ -1,4 +1,4 @@
-"""Strips at rest: hung from a gripper, or over an edge as in textile laboratories (ASTM D1388)."""
+"""Strips at rest, hung from a gripper."""
 
 from collections.abc import Sequence
 
@@ -9,9 +9,8 @@ from drivers.errors import SimulationNotConverged, Unsupported
 from drivers.strip.model import StripModel
 from drivers.strip.rod import follow as of
 from drivers.strip.rod import layout as at
-from drivers.strip.rod.batch import end_strips, laid_flat, midlines
+from drivers.strip.rod.batch import end_strips
 from drivers.strip.rod.follow import Batch, follow
-from drivers.strip.rod.lumping import check
 from drivers.strip.rod.newton import TOLERANCE
 from drivers.strip.rod.step import Pace
 from drivers.types import Array
@@ -70,26 +69,8 @@ def settle(batch: Batch, path: Array) -> None:
         _euler(batch, path[-1:], longer)
 
 
-def overhang(models: Sequence[StripModel], segments: int = 100) -> Array:
-    """Midlines (n, nodes, 2) [m] of strips clamped flat at x = 0 that hang free from there.
-
-    The cantilever of ASTM D1388 and of heavy-elastica theory; there is no desk.
-    """
-    check(models)
-    batch = laid_flat(models, segments)
-    end = segments + 1
-    batch.nature[:, :, at.DESK] = 0.0
-    bending = [at.BEND, at.DAMP, at.SLIP, at.STICK]
-    rich = [at.QUADRATIC, at.BRANCH, at.LATE_SLIP, at.LATE_STICK]
-    for field in bending if batch.terms is None else [*bending, *rich]:
-        batch.nature[:, end, field] = 0.0
-    free = batch._replace(last=end)
-    settle(free, free.held[None].copy())
-    return midlines(free)
-
-
 def _euler(batch: Batch, poses: Array, dt: float) -> None:
-    shown = np.zeros((len(poses), len(batch.held), of.SHOWN))
+    shown = np.zeros((len(poses), len(batch.held), of.FIELDS_SHOWN))
     pace = Pace(dt, 0.0, 0.0, TOLERANCE)
     follow(batch, poses, shown, np.empty((0, 0, 0, 2)), 1, 0.0, pace)
     failed, touched = (np.isfinite(batch.known[:, field]) for field in (of.FAILED, of.TIME))

@@ -36,7 +36,6 @@ class ExtraForce(Protocol):
 
     def begin(self, parts: Parts) -> ForceFunction:
         """The force for one chain that lies flat and still."""
-        ...
 
 
 class ExtraForces:
@@ -71,7 +70,6 @@ class MomentLaw(Protocol):
 
     def __call__(self, angle: Array, rate: Array, h: float) -> tuple[Array, Array]:
         """Moment (n + 1,) [N m] and its slope (n + 1,) [N m/rad], for a step of `h` [s]."""
-        ...
 
 
 def resistance(parts: Parts, law: MomentLaw) -> ForceFunction:

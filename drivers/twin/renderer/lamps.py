@@ -12,8 +12,8 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.renderer.stage import BACKDROP
 from drivers.types import Array, Image
 
-COARSE = 4  # px: the grid on which a shadow is drawn
-HIDDEN = -0.03  # m of height under which the desk hides the wall
+SHADOW_GRID = 4  # px: the grid on which a shadow is drawn
+WALL_EDGE = -0.03  # m of height under which the desk hides the wall
 Gain = NDArray[np.float32]
 
 
@@ -43,17 +43,17 @@ def arm_shadow(
 
     The desk lies at `floor` [m]. Objects between desk and wall are shaded like the wall.
     """
-    width, height = size[0] // COARSE, size[1] // COARSE
+    width, height = size[0] // SHADOW_GRID, size[1] // SHADOW_GRID
     dark = np.zeros((height, width), dtype=np.uint8)
     for part in parts:
         middle = (part.front + part.back) / 2
         points = np.insert(part.corners, 1, middle, axis=1)
         for seen in (_on_wall(points, lamp), _on_desk(points, lamp, floor)):
             if len(seen) > 2:
-                pixels = np.rint(optics.project(seen) / COARSE * 16)
+                pixels = np.rint(optics.project(seen) / SHADOW_GRID * 16)
                 outline = np.clip(pixels, -(2**20), 2**20).astype(np.int32)
                 cv2.fillPoly(dark, [outline], 255, cv2.LINE_AA, 4)
-    sigma = _softness(lamp, optics) / COARSE
+    sigma = _softness(lamp, optics) / SHADOW_GRID
     soft = cv2.GaussianBlur(dark.astype(np.float32) / 255, (0, 0), sigma)
     return np.asarray(cv2.resize(1 - np.float32(lamp.share) * soft, size), dtype=np.float32)
 
@@ -63,7 +63,7 @@ def _on_wall(points: Array, lamp: Lamp) -> Array:
     place = np.array(lamp.place)
     away = (BACKDROP - place[1]) / (points[:, 1] - place[1])
     met = place + away[:, None] * (points - place)
-    met[:, 2] = np.maximum(met[:, 2], HIDDEN)
+    met[:, 2] = np.maximum(met[:, 2], WALL_EDGE)
     return np.asarray(met)
 
 

@@ -72,12 +72,12 @@ def project(curve: Curve, optics: Optics, look: StripLook) -> Seen:
     near = optics.plane(curve.points)
     by_x, by_z = ((optics.plane(curve.points + step) - near) / PROBE for step in PROBE * np.eye(2))
 
-    def moved(step: Array) -> Array:
+    def offsets(step: Array) -> Array:
         return np.asarray(by_x * step[:, :1] + by_z * step[:, 1:])
 
-    half = moved(curve.normals * (look.thickness / 2))
-    motion = None if curve.motion is None else moved(curve.motion)
-    return Seen(near, moved(curve.steps), half, motion)
+    half = offsets(curve.normals * (look.thickness / 2))
+    motion = None if curve.motion is None else offsets(curve.motion)
+    return Seen(near, offsets(curve.steps), half, motion)
 
 
 def faces(curve: Curve, picture: Seen, optics: Optics, look: StripLook, material: Weave) -> Cloud:

@@ -12,7 +12,7 @@ from drivers.twin.renderer.optics import Optics
 from drivers.twin.settings import CameraSettings
 from drivers.types import Array, Image
 
-SPAN = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
+TABLE_RANGE = (-0.2, 1.2)  # m of x that the table covers, as shares of nothing but generosity
 BINS = 1400
 FADE = 0.03  # m of height over which the shadow fades
 SOFT = 0.004  # m, half of its soft border in y
@@ -46,7 +46,7 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
     """Where the camera sees the desk at the depths that the strip covers."""
     floor = -look.thickness / 2
     depths = (-2 * SOFT, look.width + 2 * SOFT)
-    x = np.linspace(*SPAN, 15)
+    x = np.linspace(*TABLE_RANGE, 15)
     seen = np.concatenate([optics.plane(np.stack([x, 0 * x + floor], -1), y) for y in depths])
     seen = seen[(seen[:, 0] > -50) & (seen[:, 0] < settings.width + 50)]
     top = int(np.clip(seen[:, 1].min() - 1, 0, settings.height - 1))
@@ -55,7 +55,9 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
         np.arange(settings.width, dtype=np.float32), np.arange(top, bottom, dtype=np.float32)
     )
     at_x, at_y = optics.on_level(optics.rays(u, v), floor)
-    bins = np.clip((at_x - SPAN[0]) / (SPAN[1] - SPAN[0]) * BINS, 0, BINS - 1).astype(np.int32)
+    bins = np.clip(
+        (at_x - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS, 0, BINS - 1
+    ).astype(np.int32)
     inside = np.minimum(at_y, look.width - at_y) / SOFT
     weight = np.clip(0.5 + 0.5 * inside, 0, 1) * settings.shadow
     return ShadowBand(top, bins, weight.astype(np.float32))
@@ -63,7 +65,7 @@ def shadow_band(settings: CameraSettings, optics: Optics, look: StripLook) -> Sh
 
 def shadow_profile(curve: Curve) -> Array:
     """(BINS,) depth of the shadow along x, 0 to 1: the deeper, the lower the strip hangs."""
-    place = (curve.points[:, 0] - SPAN[0]) / (SPAN[1] - SPAN[0]) * BINS
+    place = (curve.points[:, 0] - TABLE_RANGE[0]) / (TABLE_RANGE[1] - TABLE_RANGE[0]) * BINS
     bins = np.clip(place, 0, BINS - 1).astype(np.int64)
     profile = np.zeros(BINS)
     np.maximum.at(profile, bins, np.exp(-np.maximum(curve.points[:, 1], 0) / FADE))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cell.arm.real_robot import confirm, is_real, slowed
+from cell.arm.real_robot import confirm, is_real, slow_down
 from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from drivers.errors import PreflightRefused
@@ -32,7 +32,7 @@ def test_nothing_moves_until_the_cell_s_name_is_typed(typed) -> None:
 
 
 def test_first_runs_go_at_a_tenth_of_the_speed_and_have_the_time_for_it() -> None:
-    slow = slowed(CELL)
+    slow = slow_down(CELL)
     assert slow.fold.speed == pytest.approx(0.1 * CELL.fold.speed)
     for axis, full in zip(
         slow.installation.limits.axes, CELL.installation.limits.axes, strict=True

@@ -61,7 +61,7 @@ def test_three_touched_points_give_the_mounting_and_keep_the_old_one(
         asked.append(question[:6])
         return "\n"
 
-    monkeypatch.setattr("cell.cli.arm._ask", touch)
+    monkeypatch.setattr("cell.cli.arm.ask", touch)
     result = CliRunner().invoke(app, ["register", "--configs", str(configs)])
     assert result.exit_code == 0, result.exception
     assert asked == ["1 of 3", "2 of 3", "3 of 3"]
@@ -78,7 +78,7 @@ def test_one_point_touched_three_times_changes_nothing(
     server: RobotServer, configs: Path, monkeypatch
 ) -> None:
     before = (configs / "cell.yaml").read_bytes()
-    monkeypatch.setattr("cell.cli.arm._ask", lambda _: guide(server, (0.3, 0.0)))
+    monkeypatch.setattr("cell.cli.arm.ask", lambda _: guide(server, (0.3, 0.0)))
     result = CliRunner().invoke(app, ["register", "--configs", str(configs)])
     assert "apart" in str(result.exception)
     assert (configs / "cell.yaml").read_bytes() == before

@@ -188,7 +188,7 @@ class Seen(Quiet):
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def finished(self, part: Part, record: Record) -> None:
+    def finish(self, part: Part, record: Record) -> None:
         self.lines.append(part.key + summarise(record))
 
 

@@ -10,7 +10,7 @@ from cell.folding.fold import result_content
 from cell.folding.fold_trace import UNLIKE, FoldTrace
 from cell.folding.result import FoldResult
 from cell.orchestrator.outcome import Outcome
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
@@ -26,7 +26,7 @@ OUTCOME = Outcome("layer_touch", "the layers touch", 0, TOUCH, -0.002, 14.0, BEL
 ANOTHER_LAW = {"quadratic_damping": (("coefficient", 0.02),)}
 
 
-class Notes(NullRecorder):
+class Notes(Record):
     """A record that keeps its events."""
 
     def __init__(self) -> None:
@@ -82,7 +82,7 @@ def finished(outcome: Outcome) -> FoldResult:
 
 def test_fold_of_the_models_law_is_said_to_agree_and_raises_no_event() -> None:
     notes = Notes()
-    outcome = traced(measured()).reviewed(ended(measured()), notes)
+    outcome = traced(measured()).review(ended(measured()), notes)
     assert outcome.agreement is not None
     assert outcome.agreement.like_model
     assert not notes.events
@@ -92,7 +92,7 @@ def test_fold_of_the_models_law_is_said_to_agree_and_raises_no_event() -> None:
 def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None:
     notes = Notes()
     fold = measured(**ANOTHER_LAW)
-    outcome = traced(fold).reviewed(ended(fold), notes)
+    outcome = traced(fold).review(ended(fold), notes)
     ((kind, facts),) = notes.events
     assert kind == UNLIKE
     assert (outcome.name, outcome.exit_code) == (UNLIKE, 1)
@@ -106,8 +106,8 @@ def test_fold_of_another_law_is_flagged_in_event_result_and_final_line() -> None
 def test_fold_without_a_prediction_or_a_touch_claims_nothing() -> None:
     trace, notes = traced(measured()), Notes()
     for outcome in (replace(OUTCOME, predicted=None), replace(OUTCOME, touch=None)):
-        assert trace.reviewed(outcome, notes).agreement is None
-    assert FoldTrace(STRIP).reviewed(OUTCOME, notes).agreement is None
+        assert trace.review(outcome, notes).agreement is None
+    assert FoldTrace(STRIP).review(OUTCOME, notes).agreement is None
     assert not notes.events
 
 
@@ -115,7 +115,7 @@ def test_arm_that_reported_nonsense_claims_nothing() -> None:
     fold = measured()
     poses = fold.poses.copy()
     poses[300:] = np.nan
-    assert traced(fold._replace(poses=poses)).reviewed(OUTCOME, Notes()).agreement is None
+    assert traced(fold._replace(poses=poses)).review(OUTCOME, Notes()).agreement is None
 
 
 def test_printed_line_states_the_laid_edge_and_whether_the_strip_is_like_the_model() -> None:

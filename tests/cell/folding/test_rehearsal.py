@@ -20,7 +20,7 @@ from drivers.types import Pose
 
 CONFIGS = find_configs(None)
 SETTINGS = CONFIGS.cell()
-FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.installed(SETTINGS.installation)})
+FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.limit(SETTINGS.installation)})
 STRIP = CONFIGS.strip("denim")
 LIMITS = FCI.installation.limits
 ELBOW = home_joints(SETTINGS, STRIP)[2]

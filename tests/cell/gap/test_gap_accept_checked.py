@@ -11,8 +11,9 @@ import yaml
 
 from cell.config.places import find_configs
 from cell.gap.verdict.accept import accept, undo
-from cell.gap.verdict.schema import read_verdict, write_text
+from cell.gap.verdict.schema import read_verdict
 from drivers.errors import ConfigurationError
+from drivers.files import write_file
 
 EFFECT = {"bending_hysteresis": {"yield_curvature": 20.0, "stiffness_ratio": 8.0}}
 
@@ -117,7 +118,7 @@ def test_a_place_that_cannot_be_written_is_told_before_the_first_file(fitted, mo
     assert not (fitted.out / "accepted.json").exists()
     assert fitted.file.read_bytes() == before
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        write_text(fitted.out / "no" / "folder", "x")
+        write_file(fitted.file / "no" / "folder", "x")
 
 
 def test_a_folder_whose_name_is_not_utf8_serves_as_any_other(tmp_path) -> None:

@@ -138,7 +138,7 @@ def test_disk_that_fills_between_two_files_changes_nothing(
 ) -> None:
     fit = fitted_both(tmp_path / "fit")
     before = (fit.file.read_bytes(), fit.cell.read_bytes())
-    write, written = acceptance.write_text, []
+    write, written = acceptance.write_file, []
 
     def until_full(path: Path, text: str) -> None:
         written.append(path)
@@ -146,7 +146,7 @@ def test_disk_that_fills_between_two_files_changes_nothing(
             raise ConfigurationError(f"{path}: cannot be written: {os.strerror(errno.ENOSPC)}")
         write(path, text)
 
-    monkeypatch.setattr(acceptance, "write_text", until_full)
+    monkeypatch.setattr(acceptance, "write_file", until_full)
     with pytest.raises(ConfigurationError, match="No space"):
         accept(fit.out, fit.file, fit.cell)
     assert (fit.file.read_bytes(), fit.cell.read_bytes()) == before

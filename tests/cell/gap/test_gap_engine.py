@@ -10,8 +10,8 @@ from cell.gap.diagnosis.lack_of_fit import pure_error
 from cell.gap.fitting.crossvalidation import folds
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence
-from cell.gap.fitting.starts import undetermined
-from cell.gap.fitting.tasks import Counter, run_all, run_one
+from cell.gap.fitting.starts import weak_directions
+from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.investigate import investigate
 from cell.gap.report.sentence import sentence
 from cell.gap.selection.hold_out import held_out
@@ -30,6 +30,7 @@ from cell.gap.verdict.compose import verdict as compose
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
 from drivers.types import Array
+from tests.support.swings import Counter
 
 T = np.linspace(0.0, 1.0, 60)
 SPEEDS = {"slow": 0.5, "medium": 1.0, "fast": 2.0, "faster": 3.0}
@@ -275,7 +276,7 @@ def test_direction_that_the_runs_cannot_determine_is_named() -> None:
     for run in subject.runs:
         shift = Parameter("shift", "m", 0.0, -np.inf, np.inf, 1e-4)
         object.__setattr__(run, "local", (shift,))
-    weak = undetermined(fitted(subject))
+    weak = weak_directions(fitted(subject))
     assert [u.words for u in weak] == ["offset"]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cell.gap.diagnosis.localise import Bin, localise
-from cell.gap.diagnosis.shown_places import joined, shown_places
+from cell.gap.diagnosis.shown_places import shown_places, surer_of_two
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, Point
 from cell.gap.subject.subject import Run, Samples
@@ -24,7 +24,7 @@ def test_an_effect_is_told_in_its_places_where_none_stands_out_alone() -> None:
     alone = localise(base, noise, FLAT)
     assert all(place.p > 0.05 for place in alone)
     told = shown_places(base, fitted, [], noise, FLAT)
-    seen = {place.zone for place in joined(alone, told) if place.p < 0.05}
+    seen = {place.zone for place in surer_of_two(alone, told) if place.p < 0.05}
     assert seen == {"zone 0", "zone 1"}
 
 
@@ -44,8 +44,8 @@ def test_the_best_of_many_models_of_noise_is_told_nowhere() -> None:
 def test_two_tests_of_a_place_count_as_two() -> None:
     weak = Bin("profile", "carry", "middle", "slow", 1.0, 0.4)
     sure = Bin("profile", "carry", "middle", "slow", -5.0, 0.01)
-    assert joined([weak], [sure]) == [Bin("profile", "carry", "middle", "slow", -5.0, 0.02)]
-    assert joined([weak], []) == [weak]
+    assert surer_of_two([weak], [sure]) == [Bin("profile", "carry", "middle", "slow", -5.0, 0.02)]
+    assert surer_of_two([weak], []) == [weak]
 
 
 def _fitted(r: Array, direction: Array) -> Estimate:

@@ -13,7 +13,7 @@ from cell.gap.fitting.crossvalidation import Validated, validate
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Model, Point, evidence, response
 from cell.gap.fitting.starts import refit_base_fine, refit_fine
-from cell.gap.fitting.tasks import Counter, run_one
+from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.choice import is_significant
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import likelihood_scale
@@ -22,15 +22,16 @@ from cell.gap.subject.subject import Request, Residuals, Run
 from cell.gap.verdict.decide import kind, unexplained_part, unseen_remains
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
+from tests.support.swings import Counter
 
 GRAIN = 0.1
 WALL = 0.3
 
 
 def test_loss_is_bounded_where_fits_are_judged() -> None:
-    r = np.array([0.0, 2.0, robust.WILD, 40.0])
+    r = np.array([0.0, 2.0, robust.OFF_TRACK, 40.0])
     assert robust.bounded_loss(r) == pytest.approx([0.0, 2.0, 10.5, 10.5])
-    assert robust.clipped(np.array([-9.0, 1.0])) == pytest.approx([-robust.THRESHOLD, 1.0])
+    assert robust.clip_residuals(np.array([-9.0, 1.0])) == pytest.approx([-robust.THRESHOLD, 1.0])
 
 
 def once(t: Array, _: float, index: int) -> Array:

@@ -13,8 +13,8 @@ from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.scope import scope
 from cell.gap.subject.subject import Parameter
 from cell.gap.verdict.accept import BASE_PATCH, PATCH, accept, undo
+from cell.gap.verdict.compose import deviations
 from cell.gap.verdict.schema import Interval, Verdict
-from cell.gap.verdict.stated import deviations
 from drivers.errors import ConfigurationError
 from drivers.strip.describe import load_strip
 from tests.cell.gap.test_gap_accept_checked import Fitted

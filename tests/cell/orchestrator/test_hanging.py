@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cell.orchestrator.hanging import STILL as AT_REST
+from cell.orchestrator.hanging import RESTING_WAY as AT_REST
 from cell.orchestrator.hanging import hang_still
-from cell.orchestrator.recorder import NullRecorder
+from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Hold, MoveTo, Snapshot
 from cell.orchestrator.states import State
 from cell.orchestrator.vision import View
@@ -19,7 +19,7 @@ HAND = HandState(0.0, 0.0, "made", 0.001, True, False)
 BRAKES = 0.1  # s
 
 
-class Told(NullRecorder):
+class Told(Record):
     """Keeps the facts of the pause."""
 
     def __init__(self) -> None:

@@ -3,9 +3,9 @@
 import pytest
 
 import cell.orchestrator.run as orchestrator
+from cell.orchestrator.run import at_most
 from cell.orchestrator.snapshot import Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
-from cell.orchestrator.watchdog import at_most
 from cell.perception.beside import Seen
 from drivers.errors import Fault
 from drivers.types import Frame, Pose, Velocity

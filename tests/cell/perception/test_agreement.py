@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cell.perception.agreement import Agreement, agreement, agreement_limits
-from cell.perception.measured_fold import BINS, FEWEST, MeasuredFold
+from cell.perception.measured_fold import BINS, FEWEST_IMAGES, MeasuredFold
 from drivers.strip.describe import describe
 from drivers.strip.engine import simulate
 from drivers.strip.file import StripFile
@@ -104,7 +104,7 @@ def test_friction_beyond_the_training_is_flagged() -> None:
     assert "rub" in found.sentence()
 
 
-@pytest.mark.parametrize("count", [0, BINS * FEWEST - 1])
+@pytest.mark.parametrize("count", [0, BINS * FEWEST_IMAGES - 1])
 def test_too_few_images_claim_nothing(count: int) -> None:
     fold = measured()
     few = fold._replace(stamp=fold.stamp[:count], profile=fold.profile[:count])

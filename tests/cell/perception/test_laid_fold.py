@@ -10,7 +10,7 @@ from cell.config.places import find_configs
 from cell.devices.devices import DeviceSelection
 from cell.folding.fold import fold
 from cell.orchestrator.context import FoldContext
-from cell.orchestrator.run import _reached
+from cell.orchestrator.run import _completion
 from cell.perception.laid_fold import FAR, LaidFold
 from cell.record.outcomes import NOT_FOLDED, is_outcome
 from cell.record.run import read_run
@@ -25,7 +25,7 @@ def ending(laid: LaidFold | None) -> tuple[str, str, int]:
     settings = find_configs(None).cell().controller
     context = FoldContext(settings, SimpleNamespace(), SimpleNamespace(), SimpleNamespace())
     context.seen_touch, context.laid = TOUCH, laid
-    return _reached(context)
+    return _completion(context)
 
 
 def test_fold_that_lies_where_it_was_laid_is_a_fold() -> None:

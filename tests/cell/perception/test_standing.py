@@ -6,7 +6,7 @@ import pytest
 
 from cell.perception.preflight import inspect
 from cell.perception.settings import PerceptionSettings
-from cell.perception.standing import LEAST, Standing
+from cell.perception.standing import FEWEST_PATCHES, Standing
 from drivers.strip.describe import load_strip
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.renderer import Renderer
@@ -52,7 +52,7 @@ def moved(image: Image, x: float, z: float) -> Image:
 
 
 def test_a_lifted_strip_and_other_light_move_nothing(standing: Standing, lifted: Image) -> None:
-    assert len(standing.patches) >= LEAST
+    assert len(standing.patches) >= FEWEST_PATCHES
     assert standing.shift(lifted, ABOVE) < 3e-4
     assert standing.shift(lifted // 2, ABOVE) < 3e-4
 

@@ -11,11 +11,12 @@ from typer.testing import CliRunner
 
 from cell.cli.app import app
 from cell.record.catalogue import Catalogue
-from cell.record.listing import list_runs, read_row
+from cell.record.listing import read_row
 from cell.record.scalars import read_scalars
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from tests.cell.conftest import HEADER
+from tests.support.listed_runs import list_runs
 
 RESULT = "outcome: {}\ndisplacement: {}\nedge_offset: {}\nforetold: {{displacement: 1e-3}}\n"
 

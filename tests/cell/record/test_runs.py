@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cell.record.listing import list_runs, remove, to_prune
+import cell
+from cell.record.listing import remove, to_prune
 from cell.record.writer import RunWriter
 from drivers.errors import ConfigurationError
 from tests.cell.conftest import HEADER
+from tests.support.listed_runs import list_runs
 
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
@@ -53,9 +55,9 @@ def test_finished_run_is_listed(finished):
 
 
 def test_listing_nothing_is_empty_and_a_missing_folder_is_refused(tmp_path):
-    assert list_runs(tmp_path) == ()
+    assert cell.list_runs(tmp_path) == ()
     with pytest.raises(ConfigurationError, match="is not a folder"):
-        list_runs(tmp_path / "nowhere")
+        cell.list_runs(tmp_path / "nowhere")
 
 
 @pytest.mark.parametrize(

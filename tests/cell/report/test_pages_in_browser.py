@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from cell.gap.report.page import write_report as write_gap_report
-from cell.record.listing import list_runs
 from cell.report.compare import write_comparison
 from cell.report.page import write_report
 from cell.report.runs_page import write_runs_page
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
 from tests.support.browser import FOUND, LOOKS, Browser, browser
+from tests.support.listed_runs import list_runs
 
 pytestmark = [
     pytest.mark.slow,

@@ -10,8 +10,9 @@ import yaml
 from typer.testing import CliRunner
 
 from cell.cli.app import app
-from cell.record.listing import list_runs, read_row
+from cell.record.listing import read_row
 from cell.report.page import write_report
+from tests.support.listed_runs import list_runs
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from cell.campaign.journal import Journal, Record
 from cell.campaign.statistic import Quantity, Statistic, figure
 from cell.cli.app import app
 from cell.gap.subject.strip.bias import ModelError
-from cell.studies.campaign import Asked, inputs, kept
+from cell.studies.campaign import Asked, inputs, kept_outcomes
 from cell.studies.catalogue import studies, study_of
 from cell.studies.page import write_page
 from cell.studies.table import markdown, rows
@@ -97,7 +97,7 @@ def filled(folder: Path, of: str | None = None, count: int = 4) -> Asked:
 
 
 def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Path) -> None:
-    text = markdown(kept(filled(tmp_path)))
+    text = markdown(kept_outcomes(filled(tmp_path)))
     assert "4 of 6 so far" in text
     assert "1 set aside" in text
     assert r"\|finer - d\|" in text
@@ -105,14 +105,14 @@ def test_the_table_says_how_many_of_how_many_and_what_was_set_aside(tmp_path: Pa
 
 def test_records_of_other_code_are_told_apart(tmp_path: Path) -> None:
     filled(tmp_path, "other", count=4)
-    found = kept(filled(tmp_path, count=2))
+    found = kept_outcomes(filled(tmp_path, count=2))
     assert found.present
     assert len(found.outcomes) == 2
     assert "5 records of other code left out" in markdown(found)
 
 
 def test_a_journal_of_other_code_alone_is_shown_and_says_so(tmp_path: Path) -> None:
-    found = kept(filled(tmp_path, "other"))
+    found = kept_outcomes(filled(tmp_path, "other"))
     assert len(found.outcomes) == 4
     assert "which is other code than this" in markdown(found)
 
@@ -123,7 +123,7 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
         facts = {"schema": 1, "key": case.key, "of": inputs(asked.study), "state": "measured"}
         values = {"damping": damping, "length": 0.0}
         Journal(asked.journal).put(Record(**facts, outcome={"values": values}))
-    write_page(kept(asked))
+    write_page(kept_outcomes(asked))
     found = load(tmp_path / "damping.yaml", ModelError)
     assert found.damping == pytest.approx(0.0354, abs=1e-4)
     assert found.source.startswith("root mean square over blanket, denim; 2 cases")
@@ -132,10 +132,16 @@ def test_a_whole_study_writes_its_data_file_with_its_source(tmp_path: Path) -> N
 
 def test_rows_do_not_depend_on_the_order_in_which_cases_came(tmp_path: Path) -> None:
     asked = filled(tmp_path / "a")
-    before = [(row.group, row.count, [f.text() for f in row.figures]) for row in rows(kept(asked))]
+    before = [
+        (row.group, row.count, [f.text() for f in row.figures])
+        for row in rows(kept_outcomes(asked))
+    ]
     for path in asked.journal.iterdir():
         path.rename(path.with_name("x" + path.name[::-1].removesuffix(".json") + ".json"))
-    after = [(row.group, row.count, [f.text() for f in row.figures]) for row in rows(kept(asked))]
+    after = [
+        (row.group, row.count, [f.text() for f in row.figures])
+        for row in rows(kept_outcomes(asked))
+    ]
     assert after == before
 
 

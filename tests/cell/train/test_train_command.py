@@ -14,7 +14,7 @@ import pytest
 
 from cell.__main__ import main
 from cell.parallel import workers
-from cell.train.evaluation import Engine, Evaluation, evaluate
+from cell.train.evaluation import Engine, Evaluation, evaluate, fold_row
 from drivers.errors import WorkersLost
 from policies.checkpoint import load_checkpoint
 from policies.feedback import COMMITTED
@@ -93,7 +93,7 @@ def test_committed_weights_keep_their_displacement_on_the_chain() -> None:
     heard: list[tuple[int, int]] = []
     with workers(1) as executor:
         rod, chain = evaluate(
-            weights, TrainingSettings(), 3, executor, lambda *done: heard.append(done)
+            fold_row, (weights, TrainingSettings()), 3, executor, lambda *done: heard.append(done)
         )
     assert (rod.engine, chain.engine) == (Engine.ROD, Engine.CHAIN)
     assert rod.untouched == chain.untouched == 0

@@ -50,7 +50,7 @@ def test_what_presses_at_rest_is_not_tared_away(force) -> None:
 
 def test_guards_hold_beyond_the_tare_and_in_every_direction() -> None:
     guard = ForceGuard(15.0, 10.0, TARE)
-    assert guard.felt(state())[:3] == pytest.approx([0.0, 0.0, 0.0])
+    assert guard.beyond_tare(state())[:3] == pytest.approx([0.0, 0.0, 0.0])
     for axis in np.eye(3):
         assert guard.objection(state(14.0 * axis)) == ""
         assert guard.objection(state(-14.0 * axis)) == ""

@@ -18,7 +18,7 @@ from drivers.installation import Installation
 from tests.drivers.arm.fake_robot import FakeRobot
 from tests.drivers.arm.lossy_robot import LossyRobot
 
-INSTALLATION = FciSettings().installed(Installation())
+INSTALLATION = FciSettings().limit(Installation())
 PLANE = INSTALLATION.mounting.transform()
 START = (0.6, 0.15, 0.0)
 PATH = np.array([START, (0.2, 0.2, 0.4)])

@@ -175,10 +175,10 @@ def test_arm_brakes_before_it_comes_where_it_could_not_follow() -> None:
 
 
 def test_speed_of_the_robot_bounds_that_of_the_cell() -> None:
-    found = FciSettings().installed(Installation(limits=MotionLimits()))
+    found = FciSettings().limit(Installation(limits=MotionLimits()))
     assert found.limits.pitch.acceleration == FciSettings().limits.pitch.acceleration
     slow = MotionLimits(x=AxisLimits(velocity=0.01, acceleration=0.1, jerk=1.0))
-    assert FciSettings().installed(Installation(limits=slow)).limits.x == slow.x
+    assert FciSettings().limit(Installation(limits=slow)).limits.x == slow.x
 
 
 def test_share_of_the_speed_bounds_every_joint_on_the_way_home() -> None:

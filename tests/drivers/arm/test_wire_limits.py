@@ -19,7 +19,7 @@ from drivers.twin.clock import TwinClock
 from drivers.types import Pose, Velocity, frozen
 
 CELL = find_configs(None).cell()
-INSTALLATION = CELL.fci.installed(CELL.installation)
+INSTALLATION = CELL.fci.limit(CELL.installation)
 BOX = INSTALLATION.workspace
 SLACK = 1.0 + 1e-3
 ROUNDING = np.array([5e-6, 5e-3, 5.0])  # of velocity, acceleration, jerk: 1e-12 m over 1 ms ticks

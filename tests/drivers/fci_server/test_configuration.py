@@ -84,7 +84,7 @@ def felt(force, torque_limit: float, force_limit: float) -> Contact:
     payload = thresholds(torque_limit, force_limit)
     configuration, _ = configure(Configuration(), Command.SET_COLLISION_BEHAVIOR, payload)
     posture = resting_robot().posture
-    return Contact.felt(posture, configuration, np.array(force))
+    return Contact.of_force(posture, configuration, np.array(force))
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_accelerating_arm_has_the_thresholds_set_for_it(acceleration: float, sto
     q = resting_robot().posture.q
     course = Course(np.zeros(7), np.full(7, acceleration))
     posture = Posture.of(q, configuration.tool, course)
-    contact = Contact.felt(posture, configuration, np.array([0.0, 0.0, 20.0]))
+    contact = Contact.of_force(posture, configuration, np.array([0.0, 0.0, 20.0]))
     assert (contact.reflex is not None) is stops
 
 

@@ -21,7 +21,7 @@ def test_late_machine_still_gives_its_client_a_whole_period(clock) -> None:
     periods = pace.Pace()
     for late in (0.0, 0.0001, 0.003, 0.05, 0.0):
         clock.now += periods.remaining() + late
-        periods.passed()
+        periods.begin_next()
         assert 0.0008 - 1e-9 <= periods.remaining() <= 0.001 + 1e-9
 
 
@@ -30,7 +30,7 @@ def test_small_lateness_is_made_up_for(clock) -> None:
     for late in (0.0001, 0.00015, 0.00005) * 100:
         due = clock.now + periods.remaining()
         clock.now = due + late
-        periods.passed()
+        periods.begin_next()
     assert clock.now - begun == pytest.approx(0.3, abs=0.002)
 
 

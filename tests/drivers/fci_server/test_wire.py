@@ -70,11 +70,11 @@ def test_state_is_1377_bytes_with_every_field_in_its_place() -> None:
     for text in FLOATS.split(", "):
         name, count = text.split()
         packet.fields[name][:] = np.arange(int(count)) + offset
-        found = State(packet.sealed(5, 0.0)).floats(offset, int(count))
+        found = State(packet.seal(5, 0.0)).floats(offset, int(count))
         assert found == tuple(np.arange(int(count)) + offset), name
         offset += 4 * int(count)
     assert offset == 1288
-    assert len(packet.sealed(5, 0.0)) == SIZE == 1377
+    assert len(packet.seal(5, 0.0)) == SIZE == 1377
 
 
 def test_state_of_a_resting_robot_has_the_described_bytes() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.franka.inverse import Unreachable, solve, twist_between
-from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, elbow, forward, jacobian
+from drivers.franka.kinematics import FLANGE_TO_TIP, HOME, forward, jacobian
 from drivers.franka.limits import (
     POSITION_HIGH,
     POSITION_LOW,
@@ -98,11 +98,6 @@ def test_joints_may_only_run_as_fast_as_they_can_brake() -> None:
     assert np.array_equal(fastest, np.zeros(7))
     assert slowest == pytest.approx(-VELOCITY, abs=0.3)
     assert np.array_equal(velocity_bounds(HOME)[1], VELOCITY)
-
-
-def test_elbow_names_redundancy_and_flexion() -> None:
-    assert elbow(HOME) == (0.0, -1.0)
-    assert elbow(HOME + np.array([0, 0, 0.2, 2.2, 0, 0, 0])) == (pytest.approx(0.2), 1.0)
 
 
 def test_tip_hangs_on_the_flange_as_the_hand_is_mounted() -> None:

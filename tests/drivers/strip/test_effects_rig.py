@@ -15,7 +15,6 @@ from drivers.strip.observation import (
     seen_time,
     seen_touch,
     shown_time,
-    true_contact,
     true_points,
 )
 from drivers.strip.shape import Touch
@@ -91,8 +90,6 @@ def test_perception_undoes_what_the_camera_gets_wrong(
     model = replace(bare(), observation=observation, rig=Rig(desk_height=height))
     points = np.array([[0.1, 0.0], [0.55, 0.2]])
     np.testing.assert_allclose(true_points(model, seen_points(model, points)), points, atol=1e-12)
-    back = true_contact(observation, seen_contact(observation, points[:, 0]))
-    np.testing.assert_allclose(back, points[:, 0], atol=1e-12)
     assert shown_time(observation, seen_time(observation, 2.0)) == pytest.approx(2.0, abs=1e-12)
 
 

@@ -15,12 +15,11 @@ from drivers.strip.rod.bending import friction
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.layout import Block
 from drivers.strip.rod.motions import GripperPath, simulate_all
-from drivers.strip.rod.static import overhang
 from drivers.strip.rod.terms import air, lagging, resist, sliding_late
 from drivers.types import Array
 from policies.experiments.standard import STANDARD
 from tests.support.effect_cases import LENGTH, PATHS, affected, bare, denim, folds, way
-from tests.support.rod_cases import paper_model
+from tests.support.rod_cases import overhang, paper_model
 
 RATE = 250.0  # 1/s
 STIFF = denim(length=0.3, bending_length=0.15)  # for a strip that hangs over an edge

@@ -11,10 +11,18 @@ from drivers.strip.rod import layout as at
 from drivers.strip.rod.batch import laid_flat, midlines
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice, nature
-from drivers.strip.rod.static import overhang, settle
+from drivers.strip.rod.static import settle
 from drivers.types import Array
 from policies.path import Path, circular, triangular
-from tests.support.rod_cases import STIFFNESS, for_all, paper_grid, paper_model, soft_start, steady
+from tests.support.rod_cases import (
+    STIFFNESS,
+    for_all,
+    overhang,
+    paper_grid,
+    paper_model,
+    soft_start,
+    steady,
+)
 
 BENDING_LENGTHS = (0.0135, 0.02, 0.0333)
 

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigurationError
 from drivers.settings import parse
-from drivers.twin.board import board_frame, facing
+from drivers.twin.board import Held, board_frame, held_before
 from drivers.twin.renderer.curve import smooth, through_nodes
 from drivers.twin.renderer.look import StripLook
 from drivers.twin.renderer.optics import Optics
@@ -21,6 +21,19 @@ CLEAN = CameraSettings(noise=0.0, texture=0.0, shadow=0.0)
 OPTICS = Optics.of(CLEAN)
 RED = (220, 40, 40)
 SLIVER = 1e-6  # m of width: the cut edge and nothing behind it
+
+
+def facing(centre: np.ndarray, tilt: float, turn: float, roll: float) -> np.ndarray:
+    """Pose (4, 4) of a board at `centre` (x, y, z) [m] that stands upright in the cell frame.
+
+    At zero angles [rad] its face is normal to -y; they lean it as in `Held`.
+    """
+    upright = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    pose = np.eye(4)
+    leaning = held_before(CLEAN, board(), Held(0.5, 0.5, 0.5, tilt, turn, roll))[:3, :3]
+    pose[:3, :3] = upright @ OPTICS.rotation @ leaning
+    pose[:3, 3] = centre
+    return pose
 
 
 def difference(look: StripLook, scenes: list) -> np.ndarray:

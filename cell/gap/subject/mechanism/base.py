@@ -10,7 +10,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Fields
 from cell.gap.subject.mechanism.file import MechanismFile, UncertainSpec
-from cell.gap.subject.mechanism.model import Mechanism, named
+from cell.gap.subject.mechanism.model import Mechanism, number_of
 from cell.gap.subject.subject import Parameter
 from drivers.errors import ConfigurationError
 
@@ -50,7 +50,7 @@ def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Ba
     names: Sequence[str]
     if spec.owner != "*":
         names = [spec.owner]
-        named(model, kind, spec.owner, origin, kind)
+        number_of(model, kind, spec.owner, origin, kind)
     elif kind == "body":
         names = [model.body(i).name for i in range(1, model.nbody) if model.body_mass[i] > 0.0]
         if "" in names:

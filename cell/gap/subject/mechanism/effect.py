@@ -11,7 +11,6 @@ from cell.gap.subject.subject import Candidate, Parameter
 from drivers.types import Array
 
 Of = Literal["model", "rig"]
-Expressed = Literal["field", "signal", "force", "variant"]
 Parameters = Callable[[Mechanism], tuple[Parameter, ...]]
 
 
@@ -20,7 +19,6 @@ class Fields(Protocol):
 
     def __getitem__(self, name: str) -> Array:
         """The field's own array."""
-        ...
 
 
 @dataclass(slots=True)
@@ -54,7 +52,6 @@ class Effect:
     name: str
     sentence: str
     of: Of
-    expressed: Expressed
     source: str
     parameters: Parameters
     revealed_by: str

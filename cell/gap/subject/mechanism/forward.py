@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
+from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.mechanism.case import BatchFields, Case
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import Torques
@@ -16,7 +17,7 @@ from cell.gap.subject.mechanism.variant import Variant
 from drivers.types import Array, frozen
 
 TOGETHER = 256  # simulations of a batch
-WILD = 1e4  # rad or m that no mechanism reaches
+POSITION_LIMIT = 1e4  # rad or m that no mechanism reaches
 CONST = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "dof_armature", "qpos_spring")
 
 
@@ -89,9 +90,9 @@ class Forward:
         if any(batch.expanded(name) is not None for name in CONST):
             batch.set_const()
         states = self._run(batch, cases, control, self._torques)
-        if any(_varied(c) for c in cases):
+        if any(_varies_by_case(c) for c in cases):
             self._vary(cases, control, states)
-        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < WILD)
+        wild = ~(np.abs(states).max(axis=(1, 2, 3)) < POSITION_LIMIT)
         return [
             None if wild[i] else self._read(case, states[i], control[i], batch, i)
             for i, case in enumerate(cases)
@@ -111,7 +112,7 @@ class Forward:
         into = np.arange(q.shape[1]) if embed is None else embed
         batch.bind("qpos")[:, into], batch.bind("qvel")[:, into] = q, v
         lost = np.zeros(len(cases), dtype=bool)
-        with torques.installed(self._laws):
+        with torques.install(self._laws):
             try:
                 out = batch.rollout(control.shape[1], control, record=("qpos", "qvel"))
             except SimulationError as error:
@@ -127,7 +128,7 @@ class Forward:
 
     def _vary(self, cases: Sequence[Case], control: Array, states: Array) -> None:
         """Add what gears that twist or have play change: that model less its rigid twin."""
-        rows = [i for i, c in enumerate(cases) if _varied(c)]
+        rows = [i for i, c in enumerate(cases) if _varies_by_case(c)]
         some, u = [cases[i] for i in rows], control[rows]
         if self._variant is None:
             self._variant = Variant(self._mechanism)
@@ -144,11 +145,11 @@ class Forward:
         """What sensors read (signals, k) of states (steps + 1, 2, joints)."""
         step, readings = self._mechanism.step, case.readings
         t = np.maximum(case.content.cut.t - readings.delay, 0.0)
-        q, v = interpolated(states, t, step)
+        q, v = interpolate(states, t, step)
         rows = np.empty((len(self._signals), len(t)))
         other: dict[str, Array] = {}
         if any(s.kind in ("site", "sensor") for s in self._signals):
-            other = self._sensed(batch.get_model(i), q, v)
+            other = self._read_sensors(batch.get_model(i), q, v)
         for k, signal in enumerate(self._signals):
             if signal.kind == "torque":
                 rows[k] = self._torque(signal.joint, batch, i, q, v, control, t)
@@ -186,7 +187,7 @@ class Forward:
         force = gain[0] * u + bias[0] + bias[1] * gear * q[joint] + bias[2] * gear * v[joint]
         return np.asarray(np.clip(force, low, high))
 
-    def _sensed(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
+    def _read_sensors(self, model: Any, q: Array, v: Array) -> dict[str, Array]:
         """Sites and sensors at states (joints, k), by signal."""
         data, rows = mujoco.MjData(model), []
         for a, b in zip(q.T, v.T, strict=True):
@@ -197,20 +198,6 @@ class Forward:
         return {s.name: whole[s.joint] for s in self._signals if s.kind in ("site", "sensor")}
 
 
-def _varied(case: Case) -> bool:
+def _varies_by_case(case: Case) -> bool:
     r = case.readings
     return any(x is not None and bool(np.any(x)) for x in (r.elastic, r.gap))
-
-
-def interpolated(states: Array, t: Array, step: float) -> tuple[Array, Array]:
-    """Positions and rates (joints, k) at times `t` (k,) [s] of states (steps + 1, 2, joints).
-
-    Positions by cubic Hermite interpolation, rates linearly.
-    """
-    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
-    u = (t / step - k)[:, None]
-    a, b = states[k, 0], states[k + 1, 0]
-    va, vb = step * states[k, 1], step * states[k + 1, 1]
-    rise = b - a
-    q = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return q.T, ((va + u * (vb - va)) / step).T

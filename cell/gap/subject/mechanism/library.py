@@ -16,13 +16,13 @@ from drivers.types import Array
 Accepted = Mapping[str, Mapping[str, float]]
 
 
-def offered(mechanism: Mechanism, accepted: Accepted) -> tuple[Candidate, ...]:
+def candidates(mechanism: Mechanism, accepted: Accepted) -> tuple[Candidate, ...]:
     """Effects that this mechanism can have and its file does not accept yet."""
     return tuple(e.candidate(mechanism) for name, e in registry().items()
                  if name not in accepted and e.applies(mechanism))  # fmt: skip
 
 
-def described(mechanism: Mechanism) -> tuple[Candidate, ...]:
+def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:
     """Terms that describe what stays unexplained."""
     return tuple(t.candidate(mechanism) for t in TERMS if t.applies(mechanism))
 
@@ -79,7 +79,7 @@ def check_effects(accepted: Accepted, mechanism: Mechanism, origin: str) -> None
                 )
 
 
-def grouped(names: Sequence[str], values: Array) -> dict[str, Array]:
+def group_by_effect(names: Sequence[str], values: Array) -> dict[str, Array]:
     """Values (k,) of parameters `effect.parameter` by effect, in their order."""
     found: dict[str, list[float]] = {}
     for name, value in zip(names, values, strict=True):

@@ -16,9 +16,9 @@ from cell.gap.subject.mechanism.model import (
     LIGHT,
     Mechanism,
     check_joints,
-    compiled,
+    compile_model,
     joints_of,
-    named,
+    number_of,
     read_xml,
 )
 from cell.gap.subject.mechanism.runs import Recording, Signal, pace, read_recording, repeat_noise
@@ -65,7 +65,7 @@ def open_file(path: Path) -> tuple[MechanismFile, str, Any]:
             f"{path}: model: {file.model} lies outside {folder}; paths stay in the file's folder"
         )
     xml = read_xml(place, folder)
-    model = compiled(xml, str(place), torques().slots, file.step, folder=folder)
+    model = compile_model(xml, str(place), torques().slots, file.step, folder=folder)
     check_joints(model, str(place))
     _check_names(file, model, str(path))
     return file, xml, model
@@ -76,7 +76,7 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
         for kind in ("joint", "actuator", "site", "sensor"):
             wanted = getattr(spec, kind)
             if wanted is not None:
-                named(model, kind, wanted, origin, f"signals.{name}")
+                number_of(model, kind, wanted, origin, f"signals.{name}")
         if spec.actuator is not None:
             number = model.actuator(spec.actuator).id
             if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
@@ -93,7 +93,9 @@ def _check_names(file: MechanismFile, model: Any, origin: str) -> None:
                 "is given: add it as position"
             )
     for name, is_ in file.inputs.items():
-        named(model, "joint" if is_ == "position" else "actuator", name, origin, f"inputs.{name}")
+        number_of(
+            model, "joint" if is_ == "position" else "actuator", name, origin, f"inputs.{name}"
+        )
 
 
 def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
@@ -106,18 +108,18 @@ def open_all(path: Path, folders: Sequence[RunFolder]) -> Opened:
     check_indices([f.path for f in folders],
                   [read_yaml(f.path / HEAD).get("index") for f in folders])  # fmt: skip
     signals = tuple(_signal(n, s, model, recordings, str(path))
-                    for n, s in _in_order(file) if not _given(s, file))  # fmt: skip
+                    for n, s in _in_order(file) if not _is_given(s, file))  # fmt: skip
     columns = [n for n, k in file.inputs.items() if k == "position"]
     columns += [n for n, s in file.signals.items() if s.is_ not in ("torque", "tracking")]
     mechanism = _mechanism(file, xml, model, recordings, signals)
     check_effects(file.effects, mechanism, str(path))
-    mix = np.array([_mixed(s, file.signals[s.name], model) for s in signals])
+    mix = np.array([_joint_weights(s, file.signals[s.name], model) for s in signals])
     return Opened(file, path, mechanism, base_of(file, mechanism, str(path)), tuple(recordings),
                   signals, pace(recordings, columns), mix, np.zeros(len(signals)))  # fmt: skip
 
 
 def _check_load(recording: Recording, model: Any) -> None:
-    """Refuse a stated load that is none, or on no body."""
+    """Refuse a stated load that is incomplete, or on a body that does not exist."""
     if recording.load is None:
         return
     origin = f"{recording.name}: {HEAD}: load"
@@ -125,7 +127,7 @@ def _check_load(recording: Recording, model: Any) -> None:
     numbers = [recording.load.get("mass"), *(place if isinstance(place, list) else [None])]
     if len(numbers) != 4 or not all(isinstance(x, int | float) for x in numbers):
         raise ConfigurationError(f"{origin}: needs body, mass [kg] and com: [x, y, z] [m]")
-    named(model, "body", str(recording.load.get("body")), origin, "body")
+    number_of(model, "body", str(recording.load.get("body")), origin, "body")
 
 
 def _in_order(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
@@ -133,7 +135,7 @@ def _in_order(file: MechanismFile) -> list[tuple[str, SignalSpec]]:
     return sorted(file.signals.items(), key=lambda item: item[1].is_ == "tracking")
 
 
-def _given(spec: SignalSpec, file: MechanismFile) -> bool:
+def _is_given(spec: SignalSpec, file: MechanismFile) -> bool:
     """Whether a signal is part of the given motion, and nothing to compare with."""
     return file.mode == "prescribed" and spec.is_ not in ("torque", "tracking")
 
@@ -163,7 +165,7 @@ def _signal(name: str, spec: SignalSpec, model: Any,
     return Signal(name, kind, name, float(sigma), zone, joint, floor)
 
 
-def _mixed(signal: Signal, spec: SignalSpec, model: Any) -> Array:
+def _joint_weights(signal: Signal, spec: SignalSpec, model: Any) -> Array:
     """The sum of joint positions (joints,) that a signal is; nothing where it is none."""
     row = np.zeros(model.njnt)
     if signal.kind not in ("position", "velocity"):

@@ -111,8 +111,11 @@ def _check_inside(path: Path, place: str, folder: Path) -> None:
         )
 
 
-def compiled(xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None) -> Any:
-    """The MjModel of `xml`, rooms for compiled torques made, contacts off unless pairs ask.
+def compile_model(
+    xml: str, origin: str, slots: int, step: float, *, folder: Path | None = None
+) -> Any:
+    """The MjModel of `xml` with room for compiled torques; contacts are off unless pairs ask for
+    them.
 
     Geoms that have a mass keep it; joints have `slots` user numbers. Raises ConfigurationError.
     """
@@ -187,7 +190,7 @@ def _weights(model: Any) -> tuple[Array, Array]:
     return weight, inertia
 
 
-def named(model: Any, kind: str, name: str, origin: str, key: str) -> int:
+def number_of(model: Any, kind: str, name: str, origin: str, key: str) -> int:
     """Number of the body, joint, actuator, site or sensor `name`; ConfigurationError lists them."""
     count = {"body": "nbody", "joint": "njnt", "actuator": "nu", "site": "nsite",
              "sensor": "nsensor"}[kind]  # fmt: skip

@@ -26,12 +26,12 @@ TINY_MODEL = (
 )
 
 
-def chained(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
+def chain_laws(laws: Sequence[tuple[Callable[..., Array], int]]) -> Any:
     """One compiled `(q, v, load, p) -> torque` of all `laws`, each with its first place in `p`."""
     if not laws:
         return numba.njit(_nothing)
     law, at = laws[0]
-    rest = chained(laws[1:])
+    rest = chain_laws(laws[1:])
     own = numba.njit(error_model="numpy")(law)
 
     def both(q, v, load, p):  # type: ignore[no-untyped-def]
@@ -70,11 +70,11 @@ class Torques:
         return found
 
     @contextmanager
-    def installed(self, names: frozenset[str]) -> Iterator[None]:
-        """While it lasts, MuJoCo adds these torques; one at a time, for its hook is global."""
+    def install(self, names: frozenset[str]) -> Iterator[None]:
+        """Let MuJoCo add these torques within the block; its hook is global: one at a time."""
         with _LOCK:
             if names not in self._callbacks:
-                law = chained([self._laws[name][:2] for name in sorted(names)])
+                law = chain_laws([self._laws[name][:2] for name in sorted(names)])
                 self._callbacks[names] = _callback(law, *_offsets(), self.slots)
             mujoco.set_mjcb_passive(self._callbacks[names].ctypes)
             try:

@@ -25,7 +25,7 @@ def accepted_name(opened: Opened) -> str:
     return f"{opened.file.name}-accepted.xml"
 
 
-def patched(
+def patch_file(
     opened: Opened, base: Mapping[str, float], effects: Accepted, source: str
 ) -> dict[str, object]:
     """Content of the mechanism file after acceptance; old values stay in its provenance."""
@@ -53,7 +53,7 @@ def _named_values(name: str, mechanism: Mechanism, values: Mapping[str, float]) 
 
 
 def accepted_xml(opened: Opened, base: Mapping[str, float], effects: Accepted) -> str:
-    """MJCF of the model with refitted base and those effects that its fields can say."""
+    """MJCF of the model with the refitted base and the effects that its fields can express."""
     m = opened.mechanism
     edited = copy.copy(m.model)
     fields = ModelFields(edited)

@@ -62,12 +62,12 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     q = np.array([even(name) for name in joints]).T
     every = max(1, width // PER_WIDTH)
     parts = [savgol_filter(q, width, ORDER, deriv=k, delta=dt, axis=0)[::every] for k in range(3)]
-    smooth = np.array([_smoothed(even(name), width)[::every] for name in torques])
+    smooth = np.array([_smooth(even(name), width)[::every] for name in torques])
     at, speed, acceleration = map(frozen, parts)
     return Motion(recording.name, frozen(grid[::every]), at, speed, acceleration, frozen(smooth))
 
 
-def _smoothed(x: Array, width: int) -> Array:
+def _smooth(x: Array, width: int) -> Array:
     """A column filtered as the motion is; absent where a reading within the filter is."""
     some = np.isfinite(x)
     found = savgol_filter(np.where(some, x, 0.0), width, ORDER)
@@ -95,7 +95,7 @@ class Prescribed:
         case.edit(fields)
         fields.finish()
         motion: Motion = case.content.motion
-        q, v, a = _corrected(motion, case, self._mechanism)
+        q, v, a = _undo_encoders(motion, case, self._mechanism)
         inverse = self._inverse(motion, model, q, v, a, case)
         gears = (("elastic", case.readings.elastic), ("gap", case.readings.gap))
         turned = [(kind, values) for kind, values in gears if values is not None and np.any(values)]
@@ -114,7 +114,7 @@ class Prescribed:
         for effect, values in case.paths:
             if effect.path is not None:
                 needed = needed - effect.path(self._mechanism, values, q, v)
-        return self._measured(needed, model, case)
+        return self._sensor_readings(needed, model, case)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
@@ -128,7 +128,7 @@ class Prescribed:
             rows.append(np.interp(case.content.cut.t, motion.t, row))
         return np.array(rows)
 
-    def _measured(self, needed: Array, model: Any, case: Case) -> Array:
+    def _sensor_readings(self, needed: Array, model: Any, case: Case) -> Array:
         """What the sensors of torque read of the torques (m, joints) that are needed."""
         rows = []
         base = self._mechanism.model
@@ -168,7 +168,7 @@ class Prescribed:
         return out
 
 
-def _corrected(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Array, Array, Array]:
+def _undo_encoders(motion: Motion, case: Case, mechanism: Mechanism) -> tuple[Array, Array, Array]:
     """The true motion behind what encoders read."""
     r, (q, v, a) = case.readings, (motion.q, motion.v, motion.a)
     if r.delay != 0.0:

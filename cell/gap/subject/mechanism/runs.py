@@ -23,7 +23,7 @@ from drivers.settings import SCHEMA, read_yaml
 from drivers.types import Array, frozen
 
 ROWS = 5_000_000  # of a table; more is a mistake, or must be thinned
-MOST = 4000  # readings of a run that are used
+MOST_READINGS = 4000  # readings of a run that are used
 JUMP = 50.0  # median steps in one: the clock jumped
 FAST, FAR = 200.0, 100.0  # rad/s and rad that no joint of an arm reaches
 PER_BLOCK = 16
@@ -188,13 +188,14 @@ def _rms(t: Array, x: Array) -> tuple[float, float]:
 
 
 def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Readings in samples of `width` [s] at least, at most PER_BLOCK of a sample and MOST of a run.
+    """Readings in samples of `width` [s] at least.
 
-    Readings in which any column is absent are left out.
+    At most PER_BLOCK of a sample and MOST_READINGS of a run are used. Readings in which any column
+    is absent are left out.
     """
     t = recording.t
     whole = np.array([recording.columns[c] for c in columns])
-    width = max(width, t[-1] * PER_BLOCK / MOST)
+    width = max(width, t[-1] * PER_BLOCK / MOST_READINGS)
     good = np.flatnonzero(np.isfinite(whole).all(axis=0))
     block = np.floor(t[good] / width).astype(np.int64)
     chosen, edges = list[int](), [0]
@@ -231,7 +232,7 @@ def samples(signals: Sequence[Signal], made: Cut, speed: Array) -> Samples:
     )
 
 
-def averaged(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
+def average(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
     """Mean and mean square of `values` (n, k) within samples, each flat (n b,)."""
     counts = np.diff(edges)
     mean = np.add.reduceat(values, edges[:-1], axis=1) / counts

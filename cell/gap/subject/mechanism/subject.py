@@ -17,16 +17,16 @@ from cell.gap.subject.mechanism.forward import Forward, commands_of
 from cell.gap.subject.mechanism.gripper_path import cell_patch, readings_of, sentences, shift
 from cell.gap.subject.mechanism.library import (
     accepted_parameters,
-    described,
+    candidates,
+    describing_terms,
     effect_of,
-    grouped,
-    offered,
+    group_by_effect,
     ordered_values,
     user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, averaged, cut, samples
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -64,7 +64,7 @@ class MechanismSubject:
     """Measured runs of one mechanism, simulated by MuJoCo."""
 
     def __init__(self, opened: Opened, jobs: int = 1, without: Sequence[str] = ()) -> None:
-        self.opened = opened
+        self.opened, self.name = opened, opened.file.name
         self._mechanism = m = opened.mechanism
         self._torques = torques()
         self._engine: Prescribed | Forward
@@ -73,20 +73,10 @@ class MechanismSubject:
         else:
             settle = opened.file.start.settle or 0.0
             self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
-                                   settle, jobs, self._compiled())  # fmt: skip
-        self._scope = self._scoped(without)
+                                   settle, jobs, self._compiled_effects())  # fmt: skip
+        self.scope = self._scope_without(without)
         self._by_run = [b for b in opened.base if b.by_run is not None]
-        self._runs = tuple(self._run(r) for r in opened.recordings)
-
-    @property
-    def name(self) -> str:
-        """The mechanism's name."""
-        return self.opened.file.name
-
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured runs."""
-        return self._runs
+        self.runs = tuple(self._run(r) for r in opened.recordings)
 
     @property
     def notes(self) -> Sequence[str]:
@@ -95,19 +85,14 @@ class MechanismSubject:
             return ()
         return ("torques of the measured motion are compared; the motion itself is not simulated",)
 
-    @property
-    def scope(self) -> Scope:
-        """What it may lack."""
-        return self._scope
-
-    def _compiled(self) -> frozenset[str]:
+    def _compiled_effects(self) -> frozenset[str]:
         """Effects and terms whose laws a simulation must add to MuJoCo's own forces."""
         m = self._mechanism
-        known = [effect_of(c.name) for c in (*self._candidates(), *described(m))]
+        known = [effect_of(c.name) for c in (*self._candidates(), *describing_terms(m))]
         known += [effect_of(name) for name in self.opened.file.effects]
         return frozenset(e.name for e in known if e.law is not None and not e.edits(m))
 
-    def _scoped(self, without: Sequence[str]) -> Scope:
+    def _scope_without(self, without: Sequence[str]) -> Scope:
         accepted, m = self.opened.file.effects, self._mechanism
         base = [b.parameter for b in self.opened.base]
         base += list(accepted_parameters(m, accepted))
@@ -120,10 +105,10 @@ class MechanismSubject:
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
-                     quantities, described(m), tuple(scatter))  # fmt: skip
+                     quantities, describing_terms(m), tuple(scatter))  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
-        return offered(self._mechanism, self.opened.file.effects)
+        return candidates(self._mechanism, self.opened.file.effects)
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         key, factor = KEYS[kind]
@@ -151,7 +136,7 @@ class MechanismSubject:
             content = Content(made, commands=commands, start=start)
             local = self._initial(start)
             speed = np.gradient(made.values[0], made.t)
-        mean_speed, _ = averaged(speed[None], made.edges)
+        mean_speed, _ = average(speed[None], made.edges)
         local += tuple(
             Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
@@ -206,15 +191,15 @@ class MechanismSubject:
         for request, predicted in zip(requests, found, strict=True):
             made = _content(request.run).cut
             difference = made.values - (np.nan if predicted is None else predicted)
-            residuals.append(Residuals(*averaged(difference, made.edges)))
+            residuals.append(Residuals(*average(difference, made.edges)))
         return residuals
 
     def _case(self, request: Request) -> Case:
         """The simulation that a request asks for."""
         o, content = self.opened, _content(request.run)
         joints, count = len(self._mechanism.joints), len(o.base)
-        names = [p.name for p in self._scope.base[count:]]
-        effects = {**grouped(names, request.base[count:]), **request.effects}
+        names = [p.name for p in self.scope.base[count:]]
+        effects = {**group_by_effect(names, request.base[count:]), **request.effects}
         values = np.array(request.base[:count])
         own = {p.name: float(v) for p, v in zip(request.run.local, request.local, strict=True)}
         for i, b in enumerate(o.base):
@@ -286,10 +271,10 @@ class MechanismSubject:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The mechanism file with refitted base and named effects; see `patch`."""
-        from cell.gap.subject.mechanism.patch import patched
+        from cell.gap.subject.mechanism.patch import patch_file
 
         of_cell = cell_patch(self.opened, base, effects) if self.opened.file.cell else None
-        return patched(self.opened, base, effects, source), of_cell
+        return patch_file(self.opened, base, effects, source), of_cell
 
     def consequences(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]]
@@ -300,13 +285,13 @@ class MechanismSubject:
         words = list[str]()
         for name, values in effects.items():
             ordered = ordered_values(effect_of(name), self._mechanism, values)
-            shifts = [self._shift(run, name, ordered, base) for run in self._runs]
+            shifts = [self._shift(run, name, ordered, base) for run in self.runs]
             words += sentences(name, np.concatenate(shifts))
         return words
 
     def _shift(self, run: Run, name: str, values: Array, base: Mapping[str, float]) -> Array:
         """Distance (k,) [m] by which an effect alone moves the gripper, along a run."""
-        about = np.array([base.get(p.name, p.start) for p in self._scope.base])
+        about = np.array([base.get(p.name, p.start) for p in self.scope.base])
         own = np.array([p.start for p in run.local])
         cases = [self._case(Request(run, about, e, own)) for e in ({name: values}, {})]
         having, lacking = self._engine.predict(cases)

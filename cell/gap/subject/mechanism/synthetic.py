@@ -218,17 +218,17 @@ def _move(
     phases = rng.uniform(0.0, 6.3, (2, n))
     reach = 0.5 * 0.85 ** np.arange(n)
 
-    def wanted(t: float) -> Array:
+    def target(t: float) -> Array:
         begin = min(max(t, 0.0) / 0.5, 1.0)
         swing = np.sin(rates[0] * t + phases[0]) + 0.5 * np.sin(1.7 * rates[1] * t + phases[1])
         return np.asarray(reach * begin**3 * (10 - 15 * begin + 6 * begin**2) * swing)
 
     for k in range(round(SPAN / STEP)):
-        data.ctrl[:] = wanted(data.time - late)
+        data.ctrl[:] = target(data.time - late)
         if k % EVERY == 0:
             mujoco.mj_forward(model, data)
             force = data.actuator_force.copy()
-            rows.append(np.concatenate([[data.time], data.qpos, force, wanted(data.time)]))
+            rows.append(np.concatenate([[data.time], data.qpos, force, target(data.time)]))
         mujoco.mj_step(model, data)
     columns = np.array(rows).T
     names = ["t", *(f"{key}{i + 1}" for key in "jtc" for i in range(n))]

@@ -34,7 +34,7 @@ def _term(name: str, sentence: str, law: Callable[..., Array],
     def parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
         return per_joint(mechanism, "torque", "N m", 0.01 * size(mechanism), signed=True)
 
-    return Effect(f"term_{name}", sentence, "model", "force", "a description", parameters, "",
+    return Effect(f"term_{name}", sentence, "model", "a description", parameters, "",
                   keys=1, law=law, modes=modes)  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from cell.gap.subject.mechanism.case import Case, ModelFields
-from cell.gap.subject.mechanism.model import Mechanism, compiled
+from cell.gap.subject.mechanism.model import Mechanism, compile_model
 from drivers.types import Array
 
 FLEX = "__flex"
@@ -26,7 +26,7 @@ class Variant:
     def __init__(self, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         base = mechanism.model
-        self._model = compiled(_split(mechanism), "variant", base.nuser_jnt, mechanism.step)
+        self._model = compile_model(_split(mechanism), "variant", base.nuser_jnt, mechanism.step)
         self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         if hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"):
             self._model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE

@@ -22,7 +22,7 @@ Effects = Mapping[str, Array]
 
 
 def swings(pendulum: PendulumFile, bases: Array, effects: Sequence[Effects]) -> Swings:
-    """Chains of base values (B, 4 n - 1), each with its own effects; see `stated`.
+    """Chains of base values (B, 4 n - 1), each with its own effects; see `base_values`.
 
     An effect that only others of the batch have is at its null, which changes no bit.
     """
@@ -31,7 +31,7 @@ def swings(pendulum: PendulumFile, bases: Array, effects: Sequence[Effects]) -> 
     mass = np.array([link.mass for link in pendulum.links])
     length = np.concatenate([inner, _end(pendulum, com[-1], inertia[-1])])
     lever, moment = _levers(mass, length, com, inertia)
-    stacked = _stacked(effects)
+    stacked = _stack_effects(effects)
     joint = {"viscous": damping}
     for name, law in JOINT_EFFECTS.items():
         if name in stacked:
@@ -52,7 +52,7 @@ def swings(pendulum: PendulumFile, bases: Array, effects: Sequence[Effects]) -> 
     )
 
 
-def _stacked(effects: Sequence[Effects]) -> dict[str, Array]:
+def _stack_effects(effects: Sequence[Effects]) -> dict[str, Array]:
     """Parameters (p, B) by effect, zero where a chain lacks it."""
     sizes = {name: len(values) for e in effects for name, values in e.items()}
     return {
@@ -84,14 +84,14 @@ def _levers(mass: Array, length: Array, com: Array, inertia: Array) -> tuple[Arr
 
 def fastest(pendulum: PendulumFile) -> float:
     """Angular frequency of the fastest small swing about hanging [rad/s]."""
-    base = stated(pendulum)
+    base = base_values(pendulum)
     chain = swings(pendulum, base[None], [{}])
     stiffness = np.diag(chain.moment[:, 0] * pendulum.gravity)
     values = np.linalg.eigvals(np.linalg.solve(chain.lever[:, :, 0], stiffness))
     return float(np.sqrt(values.real.max()))
 
 
-def stated(pendulum: PendulumFile) -> Array:
+def base_values(pendulum: PendulumFile) -> Array:
     """Base values (P,) of the file: damping, com, inertia by link, length of all but the last."""
     links = pendulum.links
     return np.array(

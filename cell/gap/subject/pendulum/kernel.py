@@ -12,7 +12,7 @@ from drivers.strip.rod.compiled import entry, kernel
 from drivers.types import Array
 
 SMOOTH = 0.02  # rad/s over which dry friction changes sign
-REACH = 0.004  # s over which the pivot's acceleration is differenced
+PIVOT_SPAN = 0.004  # s over which the pivot's acceleration is differenced
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
 LAWS = (
     "viscous",
@@ -143,17 +143,17 @@ def _pivot(chain: tuple, compliance: float, y: Array) -> float:  # type: ignore[
     _rigid(chain, y, 0.0, rigid)
     here = _pull(moment, y, rigid)
     around = 0.0
-    for h in (REACH, -REACH):
-        _moved(y, 0.5 * h, rigid, ahead)
+    for h in (PIVOT_SPAN, -PIVOT_SPAN):
+        _advance_state(y, 0.5 * h, rigid, ahead)
         _rigid(chain, ahead, 0.0, rate)
-        _moved(y, h, rate, ahead)
+        _advance_state(y, h, rate, ahead)
         _rigid(chain, ahead, 0.0, rate)
         around += _pull(moment, ahead, rate)
-    return -compliance * (around - 2.0 * here) / REACH**2
+    return -compliance * (around - 2.0 * here) / PIVOT_SPAN**2
 
 
 @kernel
-def _moved(y: Array, h: float, rate: Array, out: Array) -> None:
+def _advance_state(y: Array, h: float, rate: Array, out: Array) -> None:
     """`out` (2, n): the state `y` moved on by `h` [s] at `rate`."""
     for i in range(y.shape[1]):
         out[0, i] = y[0, i] + h * rate[0, i]
@@ -169,11 +169,11 @@ def _advance(  # type: ignore[no-untyped-def]
     """
     half, end = push + 0.5 * rise, push + rise
     _rigid(chain, y, push, k[0])
-    _moved(y, 0.5 * h, k[0], k[4])
+    _advance_state(y, 0.5 * h, k[0], k[4])
     _rigid(chain, k[4], half, k[1])
-    _moved(y, 0.5 * h, k[1], k[4])
+    _advance_state(y, 0.5 * h, k[1], k[4])
     _rigid(chain, k[4], half, k[2])
-    _moved(y, h, k[2], k[4])
+    _advance_state(y, h, k[2], k[4])
     _rigid(chain, k[4], end, k[3])
     for r in range(2):
         for i in range(y.shape[1]):

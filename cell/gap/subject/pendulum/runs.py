@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cell.gap.subject.pendulum.chain import fastest, stated, swings
+from cell.gap.subject.pendulum.chain import base_values, fastest, swings
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.run_folders import check_time, column, read_table
 from cell.gap.subject.subject import Parameter, Run, Samples
@@ -191,7 +191,7 @@ def _samples(pendulum: PendulumFile, swing: Swing, sigma: float) -> Samples:
 
 def _phases(pendulum: PendulumFile, swing: Swing) -> NDArray[np.str_]:
     """`fall` while the pendulum loses height within a sample, else `return` (k,)."""
-    chain = swings(pendulum, stated(pendulum)[None], [{}])
+    chain = swings(pendulum, base_values(pendulum)[None], [{}])
     height = (chain.moment * np.cos(swing.angles)).sum(axis=0)
     last = height[swing.edges[1:] - 1]
     first = height[swing.edges[:-1]]

@@ -19,7 +19,7 @@ def scope(pendulum: PendulumFile) -> Scope:
     """Base parameters, candidates and terms of a pendulum; its accepted effects are base."""
     kept = [c for c in candidates(pendulum) if c.name not in pendulum.effects]
     return Scope(
-        base=(*_base(pendulum), *_accepted(pendulum)),
+        base=(*_base(pendulum), *_accepted_parameters(pendulum)),
         candidates=tuple(kept),
         terms=_terms(pendulum),
         quantities={"angle": Quantity("angle_mrad", 1e3, "mrad", TOLERANCE)},
@@ -42,7 +42,7 @@ def _base(pendulum: PendulumFile) -> list[Parameter]:
     return parameters
 
 
-def _accepted(pendulum: PendulumFile) -> list[Parameter]:
+def _accepted_parameters(pendulum: PendulumFile) -> list[Parameter]:
     parameters = []
     for candidate in candidates(pendulum):
         values = pendulum.effects.get(candidate.name)

@@ -8,22 +8,23 @@ from typing import Any, cast
 
 import numpy as np
 
+from cell.gap.subject.interpolate import interpolate
 from cell.gap.subject.pendulum.chain import fastest, swings
 from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
-from cell.gap.subject.pendulum.runs import Swing, read_run
+from cell.gap.subject.pendulum.runs import Swing, make_run, read_run
 from cell.gap.subject.pendulum.scope import check_effects, scope
 from cell.gap.subject.run_folders import HEAD, RunFolder, check_indices
 from cell.gap.subject.scene import Scene, Signal
-from cell.gap.subject.subject import Experiment, Request, Residuals, Run, Scope
+from cell.gap.subject.subject import Experiment, Request, Residuals, Run
 from drivers.settings import load, read_yaml
 from drivers.types import Array
 
 BATCH = 768  # swings integrated at once: their arrays stay in the cache
-STEP = 0.08  # rad of the fastest small swing in one step
+SWING_STEP = 0.08  # rad of the fastest small swing in one step
 
 
-def patched(
+def patch_file(
     pendulum: PendulumFile,
     base: Mapping[str, float],
     effects: Mapping[str, Mapping[str, float]],
@@ -68,30 +69,11 @@ class Pendulum:
 
     def __init__(self, pendulum: PendulumFile, runs: Sequence[Run], jobs: int = 1) -> None:
         self._jobs = jobs
-        self.file = pendulum
-        self._runs = tuple(runs)
-        self._scope = scope(pendulum)
-        self._step = STEP / fastest(pendulum)
-
-    @property
-    def name(self) -> str:
-        """The pendulum's name."""
-        return self.file.name
-
-    @property
-    def runs(self) -> Sequence[Run]:
-        """The measured swings."""
-        return self._runs
-
-    @property
-    def notes(self) -> Sequence[str]:
-        """Nothing: a swing that stops early is a shorter swing."""
-        return ()
-
-    @property
-    def scope(self) -> Scope:
-        """What it may lack."""
-        return self._scope
+        self.file, self.name = pendulum, pendulum.name
+        self.runs = tuple(runs)
+        self.scope = scope(pendulum)
+        self.notes: Sequence[str] = ()  # a swing that stops early is a shorter swing
+        self._step = SWING_STEP / fastest(pendulum)
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated angles; what starts or ends wild is lost, not an error."""
@@ -112,7 +94,7 @@ class Pendulum:
     def _effects(self, request: Request) -> dict[str, Array]:
         """Effects of a request, those that its file already has among the base included."""
         accepted: dict[str, list[float]] = defaultdict(list)
-        for p, value in zip(self._scope.base, request.base, strict=True):
+        for p, value in zip(self.scope.base, request.base, strict=True):
             if "." in p.name:
                 accepted[p.name.split(".")[0]].append(float(value))
         return {**{k: np.array(v) for k, v in accepted.items()}, **request.effects}
@@ -120,7 +102,7 @@ class Pendulum:
     def _together(self, requests: Sequence[Request]) -> list[Residuals]:
         states, biases = self._swung(requests)
         return [
-            _compared(_content(r.run), states[..., i], self._step, biases[i])
+            _residuals(_content(r.run), states[..., i], self._step, biases[i])
             for i, r in enumerate(requests)
         ]
 
@@ -154,7 +136,7 @@ class Pendulum:
     def _scene(self, request: Request) -> Scene | None:
         states, biases = self._swung([request])
         swing = _content(request.run)
-        angles = _at(states[..., 0], swing.t, self._step) + biases[0][:, None]
+        angles = interpolate(states[..., 0], swing.t, self._step)[0] + biases[0][:, None]
         if not np.isfinite(angles).all():
             return None
         found = []
@@ -171,17 +153,13 @@ class Pendulum:
 
     def experiments(self) -> Sequence[Experiment]:
         """Swings worth measuring next."""
-        from cell.gap.subject.pendulum.experiments import experiments
-
-        return experiments(self.file, self._runs)
+        return experiments(self.file, self.runs)
 
     def patch(
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The pendulum file with refitted base and named effects; a pendulum has no cell."""
-        from cell.gap.subject.pendulum.subject import patched
-
-        return patched(self.file, base, effects, source), None
+        return patch_file(self.file, base, effects, source), None
 
 
 def open_pendulum(path: Path, folders: Sequence[RunFolder], jobs: int = 1) -> Pendulum:
@@ -198,10 +176,10 @@ def _content(run: Run) -> Swing:
     return cast(Swing, run.content)
 
 
-def _compared(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
+def _residuals(measured: Swing, states: Array, step: float, bias: Array) -> Residuals:
     """Residuals of one run against states (steps + 1, 2, n) on a grid of `step` [s]."""
     wild = np.abs(states).max(initial=0.0) > 1e3 or not np.isfinite(states).all()
-    difference = measured.angles - _at(states, measured.t, step) - bias[:, None]
+    difference = measured.angles - interpolate(states, measured.t, step)[0] - bias[:, None]
     counts = np.diff(measured.edges)
     first = measured.edges[:-1]
     mean = np.add.reduceat(difference, first, axis=1) / counts
@@ -211,12 +189,35 @@ def _compared(measured: Swing, states: Array, step: float, bias: Array) -> Resid
     return Residuals(mean.ravel(), square.ravel())
 
 
-def _at(states: Array, t: Array, step: float) -> Array:
-    """Angles (n, m) at times between grid points, by cubic Hermite interpolation."""
-    k = np.minimum((t / step).astype(np.int64), len(states) - 2)
-    u = (t / step - k)[:, None]
-    a, b = states[k, 0], states[k + 1, 0]
-    va, vb = step * states[k, 1], step * states[k + 1, 1]
-    rise = b - a
-    value = a + u * (va + u * (3 * rise - 2 * va - vb + u * (va + vb - 2 * rise)))
-    return np.asarray(value.T)
+SET_UP = 1.0  # minutes to set the pendulum up and let it go
+
+
+def experiments(pendulum: PendulumFile, runs: Sequence[Run]) -> list[Experiment]:
+    """Releases from rest, each as long as the measured runs unless it says otherwise."""
+    n = len(pendulum.links)
+    span = float(np.median([run.samples.t[-1] for run in runs])) if runs else 5.0
+    sigma = float(np.median([run.samples.reading[0] for run in runs])) if runs else 1e-3
+    whole = np.ones(n)
+    last = np.zeros(n)
+    last[-1] = 1.0
+    plans = [
+        ("small swing", "let all links go together 6 degrees from hanging", 0.1 * whole, span),
+        ("medium swing", "let all links go together 30 degrees from hanging", 0.5 * whole, span),
+        ("large swing", "let all links go together 80 degrees from hanging", 1.4 * whole, span),
+        ("long small swing", "the same from 6 degrees, three times as long", 0.1 * whole, 3 * span),
+        ("hang still", "let it hang still and read the angles", 0.0 * whole, span),
+    ]
+    if n > 1:
+        plans.append(("last link alone", "hold the others straight, lift the last link "
+                      "60 degrees, let go", 1.0 * last, span))  # fmt: skip
+    return [_plan_experiment(pendulum, *plan, sigma) for plan in plans]
+
+
+def _plan_experiment(
+    pendulum: PendulumFile, name: str, instruction: str, lift: Array, span: float, sigma: float
+) -> Experiment:
+    step = min(0.02, 0.05 / fastest(pendulum))
+    t = np.arange(0.0, span, step)
+    angles = np.repeat((np.pi + lift)[:, None], len(t), axis=1)
+    run = make_run(pendulum, name, name, t, angles, sigma, np.zeros_like(angles))
+    return Experiment(name, instruction, SET_UP + span / 60.0, run)

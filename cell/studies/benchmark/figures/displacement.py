@@ -71,9 +71,7 @@ def repeats_figure(results: Results) -> str:
 
 
 def range_figure(results: Results) -> str:
-    """Displacement over the simulated range of strips, with the strips folded
-    through images; SVG.
-    """
+    """Displacement over the simulated range of strips, and that of folds through images; SVG."""
     policies = results.asked.policies
     with canvas(WIDTH, 0.42 * len(policies) + 1.1) as figure:
         axes = figure.add_subplot()

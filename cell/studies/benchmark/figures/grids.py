@@ -11,10 +11,10 @@ from cell.studies.benchmark.numbers import numeral
 from cell.studies.benchmark.results import RangeFolds, Results
 from policies.domain import DAMPING, STIFFNESS
 
-REACH = 90.0  # mm, where the colours end
+COLOUR_RANGE = 90.0  # mm, where the colours end
 LINEAR = 8.0  # mm, up to about which they grow evenly
 TICKS = (-80, -20, -5, 5, 20, 80)
-FEWEST = 3  # columns that a map's width is meant for
+FEWEST_COLUMNS = 3  # columns that a map's width is meant for
 
 
 def maps_figure(results: Results) -> str:
@@ -24,7 +24,9 @@ def maps_figure(results: Results) -> str:
     if not measured:
         return ""
     with canvas(WIDTH, 2.35) as figure:
-        panels = figure.subplots(1, max(len(measured), FEWEST), sharey=True, squeeze=False)[0]
+        panels = figure.subplots(1, max(len(measured), FEWEST_COLUMNS), sharey=True, squeeze=False)[
+            0
+        ]
         shown = None
         for axes, folds in zip(panels, measured, strict=False):
             shown = _map(axes, folds)
@@ -71,7 +73,7 @@ def force_figure(results: Results) -> str:
 def _map(axes: Any, folds: RangeFolds) -> Any:
     from matplotlib.colors import AsinhNorm
 
-    norm = AsinhNorm(LINEAR, vmin=-REACH, vmax=REACH)
+    norm = AsinhNorm(LINEAR, vmin=-COLOUR_RANGE, vmax=COLOUR_RANGE)
     side = folds.side
     k = _edges(STIFFNESS[0], STIFFNESS[1], side)
     b = _edges(1.0, DAMPING, side)

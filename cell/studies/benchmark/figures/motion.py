@@ -23,9 +23,7 @@ ARROW = 0.09  # m
 
 
 def level_figure(results: Results) -> str:
-    """The strip while the gripper moves horizontally; the first state with
-    touching layers bold; SVG.
-    """
+    """The strip as the gripper moves horizontally, the first state with a touch bold; SVG."""
     found = evolution(results, LEVEL)
     if found is None:
         return ""

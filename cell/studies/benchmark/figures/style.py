@@ -37,9 +37,7 @@ def dot(policy: str) -> dict[str, Any]:
 
 
 def policy_rows(axes: Any, policies: Sequence[str], foot: float = 0.0) -> None:
-    """One row for each policy, the first one on top, its name in its colour;
-    `foot` free rows below.
-    """
+    """One row for each policy, the first on top, its name in its colour; `foot` free rows below."""
     axes.set_yticks(range(len(policies)), policies)
     axes.set_ylim(len(policies) - 0.5 + foot, -0.5)
     axes.grid(visible=False, axis="y")

@@ -2,28 +2,65 @@
 
 import hashlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import policies
 from cell.campaign.journal import digest
+from cell.campaign.part import Part
 from cell.campaign.versions import code
-from cell.config.places import Configs
+from cell.config.places import Configs, find_configs
 from cell.devices.devices import DeviceSelection
-from cell.folding.fold import Request
+from cell.folding.fold import Request, fold
 from cell.studies.benchmark.parts.adaptation import Adapted
 from cell.studies.benchmark.parts.critical import Critical
 from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
 from cell.studies.benchmark.parts.hidden_effect import HIDDEN, HiddenEffect
-from cell.studies.benchmark.parts.image_fold import ThroughImages
 from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
-from cell.studies.benchmark.parts.part import Part
+from cell.studies.benchmark.results import ImageFold
 from cell.studies.benchmark.spec import BenchmarkSpec
 
-SLOW = 0.02  # m/s, of the level motion
+LEVEL_SPEED = 0.02  # m/s, of the level motion
 LEARNED = "feedback"  # the policy that the paper's figures of paths are about
+COST = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ThroughImages:
+    """The fold of `request`; `of` is the digest of its input files."""
+
+    request: Request
+    of: str
+    cost: float = COST
+
+    @property
+    def key(self) -> str:
+        """Strip, policy and seed."""
+        request = self.request
+        return f"fold {request.strip} by {request.policy}, seed {request.choice.seed}"
+
+    def measure(self) -> ImageFold:
+        """Fold, without a page: `cell report` draws it from the run."""
+        done = fold(self.request, page=False)
+        strip = find_configs(self.request.configs).strip(self.request.strip)
+        return ImageFold(
+            strip=done.strip,
+            bending_length=strip.bending_length,
+            retardation_time=strip.retardation_time,
+            policy=done.policy,
+            seed=done.seed,
+            outcome=done.outcome,
+            reason=done.reason,
+            displacement=done.displacement,
+            displacement_true=done.displacement_true,
+            edge_offset_true=done.edge_offset_true,
+            duration=done.duration,
+            wall=done.wall,
+            run=done.run,
+        )
 
 
 def order(spec: BenchmarkSpec, configs: Configs, runs: Path) -> tuple[Part, ...]:
@@ -48,11 +85,11 @@ def _in_the_model(spec: BenchmarkSpec, speed: float) -> Iterator[Part]:
         for effect in HIDDEN:
             yield HiddenEffect(policy, effect, extent.hidden, speed, of)
     of = digest(code())
-    for pace in (SLOW, speed):
+    for pace in (LEVEL_SPEED, speed):
         yield Critical(pace, extent.heights, extent.stiffnesses, extent.dampings, of)
     for place in np.linspace(0.0, 1.0, extent.laid):
         yield LaidDown(float(place), of)
-    yield Evolved(LEVEL, SLOW, of)
+    yield Evolved(LEVEL, LEVEL_SPEED, of)
     if LEARNED in spec.policies:
         of = digest(code(), weights_digest(LEARNED))
         yield Evolved(LEARNED, speed, of)

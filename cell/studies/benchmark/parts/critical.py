@@ -73,9 +73,7 @@ class Critical:
 
 
 def level_motion(length: float, height: float, speed: float) -> Array:
-    """Poses (k, 3), one each `STEP`: up the triangle's leg to `height`, a rest,
-    horizontally to `END`.
-    """
+    """Poses (k, 3) every `STEP`: up the triangle's leg to `height`, a rest, level to `END`."""
     path = Path.through(np.array([(length, 0.0), (length - height, height), (END, height)]))
     rise = np.sqrt(2) * height
     up = np.arange(STEP, rise / LIFT, STEP) * LIFT

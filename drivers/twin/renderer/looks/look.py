@@ -86,7 +86,7 @@ UNIFORM = Pattern()
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One look: the sentence that it `says` to the operator and its differences from the plain
+    """One look: the sentence that it `says` to the operator, and how it differs from the plain
     green cell.
 
     `colours` are sRGB by key of the twin's surroundings; `things` are static objects around the

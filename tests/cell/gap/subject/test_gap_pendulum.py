@@ -12,7 +12,7 @@ import yaml
 
 from cell.gap.fit import fit
 from cell.gap.fitting.model import Model, Point, evidence, requests
-from cell.gap.subject.pendulum.chain import stated, swings
+from cell.gap.subject.pendulum.chain import base_values, swings
 from cell.gap.subject.pendulum.dynamics import swing
 from cell.gap.subject.pendulum.file import PendulumFile
 from cell.gap.subject.pendulum.runs import make_run
@@ -47,7 +47,7 @@ def released(file: PendulumFile, lift: float = 0.5, **effects: list[float]) -> A
     n = len(file.links)
     values = {name: np.array(v) for name, v in effects.items()}
     angles = np.pi + lift * np.array([1.0, 1.3, -0.7][:n])[:, None]
-    chain = swings(file, stated(file)[None], [values])
+    chain = swings(file, base_values(file)[None], [values])
     return swing(chain, angles, np.zeros((n, 1)), 0.002, 500)[:, :, :, 0]
 
 
@@ -68,7 +68,7 @@ def test_chain_moves_as_an_independent_engine_says(effects: Any, law: Any) -> No
     file, lift = pendulum(3), np.array([0.5, 0.65, -0.35])
     (made,) = make_swings(file, [lift], 0.0, np.random.default_rng(0), law, span=1.0)
     near = made.angles[:, 0]
-    chain = swings(file, stated(file)[None], [{k: np.array(v) for k, v in effects.items()}])
+    chain = swings(file, base_values(file)[None], [{k: np.array(v) for k, v in effects.items()}])
     states = swing(chain, near[:, None], np.zeros((3, 1)), 0.002, 500)[:, 0, :, 0]
     np.testing.assert_allclose(states[::5].T, made.angles, atol=1e-4)
 
@@ -79,7 +79,7 @@ def test_energy_is_kept_without_losses() -> None:
         link["damping"] = 0.0
     file = PendulumFile.model_validate(free)
     states = released(file, 1.5)
-    chain = swings(file, stated(file)[None], [{}])
+    chain = swings(file, base_values(file)[None], [{}])
     lever, moment = chain.lever[:, :, 0], chain.moment[:, 0]
 
     def energy(theta: Array, omega: Array) -> float:

@@ -9,7 +9,7 @@ from rerun.chunk import RrdReader
 from calibration.wizard.coverage import Gate, Sketch, WantedView
 from calibration.wizard.news import Result, Stage, TouchNews, ViewNews
 from calibration.wizard.touches import Touched, TouchSettings, touch_plan
-from cell.report.viz.wizard import WIZARD_RECORDING, watched
+from cell.report.viz.wizard import WIZARD_RECORDING, wizard_screen
 from drivers.types import Frame
 
 FRAME = Frame(0.0, 0.0, "test", 0, np.full((72, 128, 3), 90, np.uint8))
@@ -25,7 +25,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         Touched(k, np.zeros(2), np.array([10.0 * k, 20.0]), held_out=k == 2) for k in range(3)
     )
     refused = Result(4, None, None, "0 corners of the board are seen")
-    with watched(folder) as screen:
+    with wizard_screen(folder) as screen:
         ghost = np.array([(10.0, 10), (33.5, 10), (30, 30), (10, 30)])
         wanted = WantedView(0.2, 0.3, 0.4)
         sketch = Sketch((128, 72), ghost, None)

@@ -13,7 +13,7 @@ from cell.studies.benchmark.parts.evolution import LEVEL, Evolved
 from cell.studies.benchmark.parts.hidden_effect import FRICTION, HiddenEffect
 from cell.studies.benchmark.parts.laid import LaidDown
 from cell.studies.benchmark.parts.paper_range import OverRange
-from cell.studies.benchmark.summary import told_misses
+from cell.studies.benchmark.summary import misses_text
 
 SLOW_X = {0.06: (437, 310), 0.14: (352, 223), 0.22: (268, 140)}  # mm, softest and stiffest
 
@@ -77,5 +77,5 @@ def test_friction_that_nobody_told_of_spoils_a_plan_and_hardly_the_feedback_of_a
     )
     assert np.abs(adaptive.displacement).max() < 0.006
     assert np.abs(planned.displacement).mean() > 0.008
-    assert told_misses(adaptive).count("/") == 2
-    assert told_misses(adaptive.model_copy(update={"displacement": (None,)})) == NO_VALUE
+    assert misses_text(adaptive).count("/") == 2
+    assert misses_text(adaptive.model_copy(update={"displacement": (None,)})) == NO_VALUE

@@ -2,14 +2,9 @@
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, single
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 AIR = 1.2  # kg/m^3
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return single("coefficient", "1", 0.02)
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -22,9 +17,8 @@ EFFECT = Effect(
     name="air_drag",
     sentence="the air brakes the bodies with the square of their speed",
     of="model",
-    expressed="field",
     source="MuJoCo, fluid forces: ellipsoid model on geoms, or boxes of equal inertia",
-    parameters=_parameters,
+    parameters=lambda _: single("coefficient", "1", 0.02),
     edit=_edit,
     revealed_by="large and fast motion against small",
 )

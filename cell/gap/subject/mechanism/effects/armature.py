@@ -2,12 +2,7 @@
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, per_joint
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return per_joint(mechanism, "inertia", "kg m^2", 0.01 * mechanism.inertia, signed=False)
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -20,9 +15,8 @@ EFFECT = Effect(
     name="armature",
     sentence="drives have rotor inertia that the model lacks",
     of="model",
-    expressed="field",
     source="MJCF joint/armature: rotor inertia times the gear ratio squared",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia, signed=False),
     edit=_edit,
     revealed_by="fast starts and stops",
 )

@@ -24,7 +24,6 @@ EFFECT = Effect(
     name="backlash",
     sentence="gears have play",
     of="model",
-    expressed="variant",
     source="Nordin and Gutman 2002, Automatica 38",
     parameters=_parameters,
     read=_read,

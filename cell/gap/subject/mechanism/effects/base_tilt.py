@@ -4,12 +4,7 @@ import numpy as np
 
 from cell.gap.subject.mechanism.effect import Effect, Fields, single
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return tuple(p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0))
 
 
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
@@ -29,9 +24,10 @@ EFFECT = Effect(
     name="base_tilt",
     sentence="the base stands tilted",
     of="rig",
-    expressed="field",
     source="rotation of gravity about x, then y",
-    parameters=_parameters,
+    parameters=lambda _: tuple(
+        p for axis in "xy" for p in single(axis, "rad", 0.002, signed=True, high=150.0)
+    ),
     edit=_edit,
     revealed_by="hold still in several poses, with a level on the base",
 )

@@ -10,10 +10,6 @@ from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return per_joint(mechanism, "stiffness", "N m/rad", 0.01 * mechanism.torque)
-
-
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     size = 0.05 * np.ones(len(mechanism.joints))
     return per_joint(mechanism, "rest", "rad", size, signed=True, shape=True, high=120.0)
@@ -38,9 +34,8 @@ EFFECT = Effect(
     name="cable_spring",
     sentence="cables pull joints back like springs",
     of="model",
-    expressed="force",
     source="Hooke; MJCF joint/stiffness and springref",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.01 * m.torque),
     shape=_shape,
     keys=2,
     law=law,

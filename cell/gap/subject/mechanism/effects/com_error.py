@@ -24,7 +24,6 @@ EFFECT = Effect(
     name="com_error",
     sentence="the last body's centre of mass is not where the model has it",
     of="model",
-    expressed="field",
     source="first moments of a rigid body",
     parameters=_parameters,
     edit=_edit,

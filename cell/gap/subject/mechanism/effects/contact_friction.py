@@ -21,7 +21,6 @@ EFFECT = Effect(
     name="contact_friction",
     sentence="contacts rub more or less than stated",
     of="model",
-    expressed="field",
     source="Coulomb; MJCF pair/friction",
     parameters=_parameters,
     edit=_edit,

@@ -21,7 +21,6 @@ EFFECT = Effect(
     name="control_delay",
     sentence="commands take effect late",
     of="rig",
-    expressed="signal",
     source="transport delay",
     parameters=_parameters,
     read=_read,

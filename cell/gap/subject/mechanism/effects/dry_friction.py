@@ -55,10 +55,6 @@ def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -size * (sign + p[at + 2] * abs(sign))
 
 
-def _native(mechanism: Mechanism) -> bool:
-    return mechanism.native
-
-
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     for joint, torque in zip(mechanism.joints, values, strict=False):  # loads: not in MJCF
         if torque != 0.0:
@@ -69,13 +65,12 @@ EFFECT = Effect(
     name="dry_friction",
     sentence="joints rub like dry friction",
     of="model",
-    expressed="force",
     source="Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30; load: arXiv 2410.08650",
     parameters=_parameters,
     shape=_shape,
     keys=5,
     law=law,
     edit=_edit,
-    native=_native,
+    native=lambda m: m.native,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )

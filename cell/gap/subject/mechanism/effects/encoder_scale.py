@@ -6,12 +6,6 @@ from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return tuple(
-        Parameter(f"scale_{name}", "1", 0.0, -0.2, 0.2, 1e-5, 0.02) for name in mechanism.encoders
-    )
-
-
 def _read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
     for name, value in zip(mechanism.encoders, values, strict=True):
         readings.scale[name] = float(value)
@@ -21,9 +15,10 @@ EFFECT = Effect(
     name="encoder_scale",
     sentence="encoders count too much or too little a turn",
     of="rig",
-    expressed="signal",
     source="scale of an encoder",
-    parameters=_parameters,
+    parameters=lambda m: tuple(
+        Parameter(f"scale_{name}", "1", 0.0, -0.2, 0.2, 1e-5, 0.02) for name in m.encoders
+    ),
     read=_read,
     revealed_by="large motion to both stops",
 )

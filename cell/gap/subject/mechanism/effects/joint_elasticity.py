@@ -22,7 +22,6 @@ EFFECT = Effect(
     name="joint_elasticity",
     sentence="gears twist: links spring on their motors",
     of="model",
-    expressed="variant",
     source="Spong 1987, J. Dyn. Sys. Meas. Control 109",
     parameters=_parameters,
     read=_read,

@@ -26,7 +26,6 @@ EFFECT = Effect(
     name="payload",
     sentence="the last body carries a mass that the model lacks",
     of="model",
-    expressed="field",
     source="point mass at the farthest site or geom of the last body",
     parameters=_parameters,
     edit=_edit,

@@ -9,10 +9,6 @@ from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
 
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return per_joint(mechanism, "stiffness", "N m/rad", 0.1 * mechanism.torque, high=1000.0)
-
-
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(f"torque_{j.name}", "N m", 0.05 * j.torque, 0.001 * j.torque, j.torque,
@@ -45,9 +41,8 @@ EFFECT = Effect(
     name="presliding",
     sentence="joints yield like springs before they slide",
     of="model",
-    expressed="force",
     source="Dahl 1968, TOR-0158; Prandtl's elastic, perfectly plastic element",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "stiffness", "N m/rad", 0.1 * m.torque, high=1000.0),
     shape=_shape,
     path=_path,
     modes=("prescribed",),

@@ -28,7 +28,6 @@ EFFECT = Effect(
     name="quadratic_damping",
     sentence="joints brake with the square of their rate",
     of="model",
-    expressed="force",
     source="fluid damping at high Reynolds numbers; MJCF joint/damping",
     parameters=_parameters,
     keys=1,

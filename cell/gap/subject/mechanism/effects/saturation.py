@@ -27,7 +27,6 @@ EFFECT = Effect(
     name="saturation",
     sentence="a drive gives no more than a largest torque",
     of="rig",
-    expressed="field",
     source="MJCF actuator/forcerange",
     parameters=_parameters,
     edit=_edit,

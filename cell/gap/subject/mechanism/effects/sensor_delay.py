@@ -2,12 +2,7 @@
 
 from cell.gap.subject.mechanism.effect import Effect, Readings, single
 from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return single("time", "s", 0.1 * mechanism.step)
 
 
 def _read(mechanism: Mechanism, values: Array, readings: Readings) -> None:
@@ -18,9 +13,8 @@ EFFECT = Effect(
     name="sensor_delay",
     sentence="readings are stamped late",
     of="rig",
-    expressed="signal",
     source="transport delay",
-    parameters=_parameters,
+    parameters=lambda m: single("time", "s", 0.1 * m.step),
     read=_read,
     revealed_by="fast motion there and back",
 )

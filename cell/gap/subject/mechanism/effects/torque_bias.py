@@ -3,13 +3,7 @@
 from typing import Any
 
 from cell.gap.subject.mechanism.effect import Effect, per_joint
-from cell.gap.subject.mechanism.model import Mechanism
-from cell.gap.subject.subject import Parameter
 from drivers.types import Array
-
-
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return per_joint(mechanism, "torque", "N m", 0.01 * mechanism.torque, signed=True)
 
 
 def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
@@ -21,9 +15,8 @@ EFFECT = Effect(
     name="torque_bias",
     sentence="a drive adds a constant torque, or its sensor reads one",
     of="rig",
-    expressed="force",
     source="offset of a current sensor",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "torque", "N m", 0.01 * m.torque, signed=True),
     keys=1,
     law=law,
     revealed_by="hold still in several poses",

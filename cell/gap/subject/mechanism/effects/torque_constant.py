@@ -23,7 +23,6 @@ EFFECT = Effect(
     name="torque_constant",
     sentence="motors give another torque for their current than stated",
     of="rig",
-    expressed="field",
     source="torque = (1 + error) k i",
     parameters=_parameters,
     edit=_edit,

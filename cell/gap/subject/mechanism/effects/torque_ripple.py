@@ -12,10 +12,6 @@ from drivers.types import Array
 ORDER = 6.0  # periods a turn, where nothing says otherwise
 
 
-def _parameters(mechanism: Mechanism) -> tuple[Parameter, ...]:
-    return per_joint(mechanism, "amplitude", "N m", 0.01 * mechanism.torque)
-
-
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     orders = [Parameter(f"order_{j.name}", "1", ORDER, 1.0, 200.0, 0.01, ORDER, shape=True)
               for j in mechanism.joints]  # fmt: skip
@@ -33,9 +29,8 @@ EFFECT = Effect(
     name="torque_ripple",
     sentence="a drive's torque ripples with its angle",
     of="model",
-    expressed="force",
     source="cogging: Holtz and Springob 1996, IEEE Trans. Ind. Electron. 43",
-    parameters=_parameters,
+    parameters=lambda m: per_joint(m, "amplitude", "N m", 0.01 * m.torque),
     shape=_shape,
     keys=3,
     law=law,

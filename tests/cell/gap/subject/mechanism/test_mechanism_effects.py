@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.mechanism.effects import registry
-from cell.gap.subject.mechanism.library import described, effect_of
+from cell.gap.subject.mechanism.library import describing_terms, effect_of
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request, Residuals
@@ -40,18 +40,16 @@ def test_the_library_has_what_the_contract_names() -> None:
     assert set(registry()) == CONTRACT
 
 
-def test_every_effect_says_by_what_it_is_expressed_and_from_where_it_comes() -> None:
+def test_every_effect_acts_by_a_hook_and_says_from_where_it_comes() -> None:
     for effect in registry().values():
-        hooks = {"field": effect.edit, "signal": effect.read, "variant": effect.read,
-                 "force": effect.law or effect.path}  # fmt: skip
-        assert hooks[effect.expressed] is not None
+        assert effect.edit or effect.read or effect.law or effect.path
         assert effect.source
         assert effect.sentence
 
 
 def test_every_effect_is_null_to_the_bit_and_changes_something_beyond(arm) -> None:
     plain = simulated(arm, {})
-    for candidate in (*arm.scope.candidates, *described(arm.opened.mechanism)):
+    for candidate in (*arm.scope.candidates, *describing_terms(arm.opened.mechanism)):
         for null in (candidate.null, candidate.with_shape().null):
             same = simulated(arm, {candidate.name: null})
             assert np.array_equal(same.mean, plain.mean), candidate.name

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cell.gap.subject.mechanism.importer import drag_unit
 from cell.gap.subject.mechanism.subject import open_mechanism
 from cell.gap.subject.run_folders import find_runs
 from cell.gap.subject.subject import Request
 from tests.benchmarks.measure_mechanisms import DATA, driven, servo, triple
+from tests.support.pendulum_mechanism import drag_unit
 
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured mechanisms in {DATA}")
 
