@@ -14,6 +14,7 @@ from policies.path import Path
 from tests.cell.orchestrator.test_monitors import GOOD
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
+HEIGHT = 0.025  # m
 
 
 def driven(start: tuple[float, float]) -> list[Velocity]:
@@ -48,5 +49,11 @@ def test_grasped_edge_is_laid_over_the_fixed_one_unless_that_pulls_far(
     displacement: float, end: float
 ) -> None:
     touch = SeenTouch(5.0, 0.25, 0.25 + displacement, 0.25, confidence=1.0, distance=0.001)
-    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST)
-    assert path.points[-1] == pytest.approx((end, REST))
+    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST, HEIGHT)
+    assert path.points[-2:] == pytest.approx(np.array([(end, HEIGHT), (end, REST)]))
+
+
+def test_gripper_that_is_lower_than_a_lid_is_laid_straight() -> None:
+    touch = SeenTouch(5.0, 0.25, 0.25, 0.25, confidence=1.0, distance=0.001)
+    path = lay_path(touch, Pose(0.01, 0.8 * HEIGHT, np.pi / 2), REST, HEIGHT)
+    assert path.points[1:] == pytest.approx(np.array([(0.0, REST)]))
