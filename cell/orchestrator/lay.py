@@ -19,9 +19,11 @@ CREEP = 0.005  # m/s
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 
 
-def lay_path(touch: SeenTouch, gripper: Pose, rest: float, height: float) -> Path:
-    """Path from `gripper` straight to `height` [m] above the fixed edge at x = 0, and down to
-    `rest` [m] above the desk.
+def lay_path(
+    touch: SeenTouch, gripper: Pose, rest: float, height: float, place: float = 0.0
+) -> Path:
+    """Path from `gripper` straight to `height` [m] above `place` [m], and down to `rest` [m] above
+    the desk. The fixed edge is at x = 0; where images mislead, the place for the other is not.
 
     From there the upper layer comes down as a lid: lifted nearly to the fold, where no friction
     holds it, so that it slides both ways, and the edge ends where it is let down. Laid by a flat
@@ -30,7 +32,7 @@ def lay_path(touch: SeenTouch, gripper: Pose, rest: float, height: float) -> Pat
     the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
     taut = touch.x - touch.to_grasped
-    end = min(max(0.0, taut - PULL), taut + PULL)
+    end = min(max(place, taut - PULL), taut + PULL)
     points = [(gripper.x, gripper.z), (end, height), (end, rest)]
     return Path.through(np.array(points if gripper.z > height else points[::2]))
 

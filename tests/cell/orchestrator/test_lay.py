@@ -63,6 +63,12 @@ def test_gripper_that_is_lower_than_a_lid_is_laid_straight() -> None:
     assert path.points[1:] == pytest.approx(np.array([(0.0, REST)]))
 
 
+def test_edge_is_laid_aside_by_what_no_image_shows() -> None:
+    touch = SeenTouch(5.0, 0.25, 0.247, 0.25, confidence=1.0, distance=0.001)
+    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST, HEIGHT, 0.0035)
+    assert path.points[-1] == pytest.approx((0.0035, REST))
+
+
 def laid_edges(height: float) -> float:
     """Offset [m] of the edges of a smooth strip whose fold rolls, laid from `height` [m]."""
     strip = strip_at(0.5, 0.2)
