@@ -34,12 +34,11 @@ def whole_path(
     x, z = carry[-1].tolist()
     end = max(x - z, 0.0) if end is None else end
     above = min(fold.lay_height, z)
-    corners = np.array([(x, z), (max(min(end + above, x), end), above), (end, above), (end, 0.001)])
-    share = np.cumsum(np.hypot(*np.diff(corners, axis=0).T))
-    lid = np.column_stack([corners[1:3], HANGING * (1.0 + (share[:2] / share[2]) ** 2)])
+    share = 1.0 - above / (np.hypot(x - end, z - above) + above)
+    lid = [(end, above, HANGING * (1.0 + share**2))]
     goes = [(end, 0.001), (end - away, 0.001), (end - away, 2 * away)]
     poses = np.concatenate([_with_pitch(comes, 0.0), carried[1:], lid, _with_pitch(goes, np.pi)])
-    laid = [fold.lay_speed] * 3
+    laid = [fold.lay_speed] * 2
     speeds = [quick] * len(comes) + [fold.speed] * (len(carry) - 1) + [*laid, quick, quick]
     return poses, np.array(speeds)
 

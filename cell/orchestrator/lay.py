@@ -22,23 +22,19 @@ PULL = 0.01  # m by which an upper layer that is too short is pulled along at mo
 def lay_path(
     touch: SeenTouch, gripper: Pose, rest: float, height: float, place: float = 0.0
 ) -> Path:
-    """Path from `gripper` down to `height` [m], on level to above `place` [m], and down to `rest`
-    [m] above the desk. The fixed edge is at x = 0; where images mislead, the place for the other is
-    not.
+    """Path from `gripper` straight to `height` [m] above `place` [m], and down to `rest` [m] above
+    the desk. The fixed edge is at x = 0; where images mislead, the place for the other is not.
 
-    What hangs stays slack, so that it draws nothing along, until the level lifts the upper layer
-    nearly to the fold. From there it comes down as a lid: no friction holds it, it slides both
-    ways, and the edge ends where it is let down. Laid flat, one that the fold has rolled along is
-    too long, and springs beyond the edge on release. Within `PULL` of the edge of the taut upper
-    layer, which is x = touch.x - l1. No circle about the touch: that starts sideways, pulls the
-    contact along and rolls soft folds by 15 to 40 mm.
+    From there the upper layer comes down as a lid: lifted nearly to the fold, where no friction
+    holds it, so that it slides both ways, and the edge ends where it is let down. Laid by a flat
+    line, one that the fold has rolled along is too long, and springs beyond the edge on release.
+    Within `PULL` of the edge of the taut upper layer, which is x = touch.x - l1. No circle about
+    the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
     taut = touch.x - touch.to_grasped
     end = min(max(place, taut - PULL), taut + PULL)
-    lid = [(end + height, height), (end, height)] if gripper.z > height else []
-    if gripper.x <= end + height:
-        lid = lid[1:]
-    return Path.through(np.array([(gripper.x, gripper.z), *lid, (end, rest)]))
+    points = [(gripper.x, gripper.z), (end, height), (end, rest)]
+    return Path.through(np.array(points if gripper.z > height else points[::2]))
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
