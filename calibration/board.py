@@ -44,6 +44,7 @@ class BoardSettings(Settings):
     tilted_views: int = Field(2, ge=1)  # that must lean to each of the four sides
     covered: float = Field(0.8, gt=0, le=1)  # share of image cells that corners must reach
     rms: float = Field(0.6, gt=0, le=5)  # px allowed
+    focal: float = Field(0.005, gt=0, le=0.1)  # of the focal length, its allowed deviation
     split: float = Field(0.02, gt=0, le=0.2)  # allowed difference in focal length of two halves
     bow_mm: float = Field(0.3, gt=0, le=5)  # by which the board may be bent, peak to peak
     length: float = Field(0.005, gt=0, le=0.05)  # allowed error of the printed length, its share

@@ -123,6 +123,11 @@ def own_file(path: Path) -> None:
     os.close(_open_to_write(path, os.O_WRONLY))
 
 
+def own_stream(path: Path) -> FileIO:
+    """The regular file at `path`, emptied and open for writing; OSError as for `own_file`."""
+    return FileIO(_open_to_write(path, os.O_WRONLY | os.O_TRUNC), "w")
+
+
 def append_line(path: Path, line: bytes) -> None:
     """Add `line` to the file at `path`, on disk on return; OSError where that is not possible, as
     for `own_file`. A line that does not fit is taken back.

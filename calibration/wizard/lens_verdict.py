@@ -194,16 +194,25 @@ def _bow_reasons(found: Bow, settings: BoardSettings) -> tuple[str, ...]:
 
 
 def _lens_reasons(fit: LensFit, split: float, settings: BoardSettings) -> tuple[str, ...]:
-    """Defects of the lens itself."""
+    """Defects of the lens itself.
+
+    Noise of the corners explains a difference of halves with twice the deviation of the whole; what
+    exceeds that, and the tolerance, has another cause.
+    """
     lens = fit.lens
+    deviation = fit.focal_deviation / float(lens.matrix[0, 0])
+    allowed = max(settings.split, SURE * 2.0 * deviation)
     off = np.abs(lens.matrix[:2, 2] / (lens.width, lens.height) - 0.5).max()
     return reasons(
         (fit.rms > settings.rms,
          f"corners are {fit.rms:.2f} px off, allowed {settings.rms:.2f}; "
          "hold the board still and flat"),
-        (split > settings.split,
+        (deviation > settings.focal,
+         f"the focal length is known to {100 * deviation:.1f} % (one sigma), allowed "
+         f"{100 * settings.focal:.1f} %; hold the board still, and tilt it more"),
+        (split > allowed,
          f"two halves of the views differ by {100 * split:.1f} % in focal length, allowed "
-         f"{100 * settings.split:.1f} %; tilt the board more"),
+         f"{100 * allowed:.1f} %; tilt the board more"),
         (off > OFF_CENTRE,
          f"the principal point lies {100 * off:.0f} % of the image off its centre, allowed "
          f"{100 * OFF_CENTRE:.0f} %; check width and height of the images, tilt the board more"),

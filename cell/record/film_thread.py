@@ -1,35 +1,38 @@
-"""Films a run in a thread of its own that gives way to every other."""
+"""Films a run while it goes on, without holding it up."""
 
-import os
 import queue
 import threading
 from contextlib import suppress
 from pathlib import Path
 
 from cell.record.film import FilmWriter
+from cell.record.film_process import FilmProcess
 from drivers.types import Image
 
 QUEUE = 16  # images of 2.8 MB: at most 45 MB wait for the encoder
-POLITE = 10  # nice value of the encoder's threads
 PATIENCE = 20.0  # s of waiting for an image, after which the encoder hangs
 HANGS = "the film breaks off: its encoder hangs"
 
 
 class FilmThread:
-    """Encodes images into the film at `path`; an image that finds no room is left out of it.
+    """Films into the file at `path`; an image that finds no room is left out of it.
 
-    `patient` makes `put` wait for room instead. `failure` says why the film breaks off, if it does:
-    no run waits for an encoder that hangs, as SVT-AV1 now and then does.
+    The encoder has a process of its own, beside a control loop on the wall clock: a thread that
+    lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
+    `patient`, it is a thread, and `put` waits for room. `failure` says why the film breaks off, if
+    it does: no run waits for an encoder that hangs, as SVT-AV1 now and then does.
     """
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:
         self.failure = ""
         self._patient, self._count = patient, 0
+        self._begun = threading.Event()
         self._waiting: queue.Queue[tuple[float, Image] | None] = queue.Queue(QUEUE)
         self._thread = threading.Thread(
             target=self._work, args=(path, encoder), name="film", daemon=True
         )
         self._thread.start()
+        self._begun.wait(PATIENCE)
 
     def put(self, stamp: float, image: Image) -> int | None:
         """Film `image` (h, w, 3), taken at `stamp` [s], later than the last one.
@@ -55,13 +58,14 @@ class FilmThread:
             self.failure = HANGS
 
     def _work(self, path: Path, encoder: str) -> None:
-        # On Linux a thread has a nice value of its own, which those that it starts inherit.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), POLITE)
+        writer = FilmWriter if self._patient else FilmProcess
         try:
-            with FilmWriter(path, encoder) as film:
+            with writer(path, encoder) as film:
+                self._begun.set()
                 while (item := self._waiting.get()) is not None:
                     film.add(*item)
         except Exception as error:  # noqa: BLE001  a film is for eyes: no run ends for its sake
             self.failure = f"the film breaks off: {error}"
+            self._begun.set()
             while self._waiting.get() is not None:
                 pass

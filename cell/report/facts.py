@@ -18,7 +18,7 @@ HIDDEN = frozenset({"config", "preflight", "schema", "provenance", "spread"})
 SHOWN_ELSEWHERE = frozenset({PREFLIGHT, "origin"})
 SIGNED = frozenset({"displacement", "edge_offset"})
 LENGTHS = SIGNED | {"x", "z", "l1", "l2", "length", "width", "thickness", "bending_length"}
-LENGTHS |= {"contact_height", "contact_x", "error"}
+LENGTHS |= {"contact_height", "contact_x", "error", "tip_x", "height"}
 UNITS = {"speed": "m/s", "camera_hz": "Hz", "touch_time": "s", "retardation_time": "s"}
 UNITS |= {"areal_density": "kg/m²", "force": "N"}
 Rows = list[tuple[str, str]]
@@ -170,6 +170,8 @@ def _sentence(event: Event) -> str:
 
 
 def _value(name: str, value: Any) -> str:
+    if isinstance(value, dict):
+        return " ".join(f"{key.replace('_', ' ')} {_value(key, v)}" for key, v in value.items())
     if not isinstance(value, int | float) or isinstance(value, bool):
         text = str(value)
         return text if len(text) <= 160 else f"{text[:157]}..."

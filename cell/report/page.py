@@ -127,7 +127,7 @@ def _outlook(run: Run) -> Iterator[str]:
         yield section("What the policy predicted", definitions(rows, "tiles"))
     if len(outlook.t) > 1:
         yield section(
-            "FoldPrediction over the fold",
+            "The prediction over the fold",
             drawing(outlook_figure(run, outlook), "predictions of the policy over time"),
             note="Bands: one sigma, in which 68 % of the outcomes should lie. The dotted line is "
             "the displacement that the camera measured in the end.",

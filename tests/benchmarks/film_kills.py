@@ -61,11 +61,12 @@ def kill(after: float, root: Path) -> tuple[int, int, float]:
     (folder,) = root.iterdir()
     run = read_run(folder)
     notes = run.frame_index()
+    filmed = [note for note in notes if note.film is not None]
     try:
         shown = sum(1 for _ in Film(folder / FILM).frames())
     except ConfigurationError:
         shown = 0
-    begun = notes[shown - 1].stamp if shown else notes[0].stamp
+    begun = filmed[shown - 1].stamp if shown else notes[0].stamp
     return written[-1], run.ticks.t.size, notes[-1].stamp - begun
 
 

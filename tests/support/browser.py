@@ -72,13 +72,17 @@ class Browser:
         self.ask("Emulation.setDeviceMetricsOverride", **size)
         media = [{"name": "prefers-color-scheme", "value": look.scheme}]
         self.ask("Emulation.setEmulatedMedia", features=media)
-        self.ask("Page.navigate", url=page.resolve().as_uri())
+        opened = self.ask("Page.navigate", url=page.resolve().as_uri())
+        if "errorText" in opened:
+            raise FileNotFoundError(f"{page}: {opened['errorText']}")
         while self._listen().get("method") != "Page.loadEventFired":
             pass
         found = self.ask("Runtime.evaluate", expression=AUDIT, returnByValue=True)
         if "exceptionDetails" in found:
             raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
         if picture is not None:
+            unmoved = "scrollTo(0, 0); document.querySelectorAll('figure, .chart, .wide')"
+            self.ask("Runtime.evaluate", expression=f"{unmoved}.forEach(e => e.scrollLeft = 0)")
             shot = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True)
             picture.write_bytes(base64.b64decode(shot["data"]))
         return [*self.complaints, *found["result"]["value"]]

@@ -1,5 +1,5 @@
 (() => {
-  const LEAST_SIZE = 9, LEAST_CONTRAST = 4.5;
+  const LEAST_SIZE = 9, LEAST_CONTRAST = 4.5, SQUEEZED = { lines: 5, letters: 8 };
   const found = [];
   const channels = (colour) => {
     const m = colour.match(/rgba?\(([^)]+)\)/);
@@ -54,6 +54,13 @@
       (e) => e.getBoundingClientRect().right > window.innerWidth + 1);
     found.push(`overflow: ${root.scrollWidth} px of ${window.innerWidth}: ` +
       wide.slice(0, 3).map((e) => `${e.tagName}.${e.className.baseVal ?? e.className}`).join(", "));
+  }
+  for (const cell of document.querySelectorAll("td, th")) {
+    const range = document.createRange(), said = cell.textContent.trim();
+    range.selectNodeContents(cell);
+    const lines = new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size;
+    if (lines >= SQUEEZED.lines && said.length < SQUEEZED.letters * lines)
+      found.push(`squeezed cell, ${lines} lines: "${said.slice(0, 40)}"`);
   }
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   const seen = new Set();

@@ -19,6 +19,7 @@ from cell.gap.report.sentence import headline, sentence
 from cell.gap.subject.scene import Scene
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Verdict
+from cell.report.viz.saving import saving
 from drivers.errors import ConfigurationError
 from drivers.files import replacing
 from drivers.types import Array
@@ -42,17 +43,13 @@ def write_recording(name: str, runs: Sequence[Replayed], path: Path, words: str)
     """
     recording = rr.RecordingStream("cell gap", recording_id=f"gap-{name}")
     try:
-        with replacing(path) as scratch:
-            recording.set_sinks(rr.FileSink(scratch))
+        with replacing(path) as scratch, saving(recording, scratch):
             recording.send_blueprint(blueprint(runs))
             recording.log("verdict", rr.TextDocument(words), static=True)
             for run in runs:
                 _write(recording, run)
-            recording.disconnect()
     except (OSError, RuntimeError, ValueError) as error:
         raise ConfigurationError(f"{path}: cannot be written: {error}") from None
-    finally:
-        recording.disconnect()
 
 
 def blueprint(runs: Sequence[Replayed]) -> Any:

@@ -54,11 +54,12 @@ class Episode:
         columns = {}
         for name in self.frames.column_names:
             column = self.frames[name].combine_chunks()
-            if not pa.types.is_list(column.type) and not pa.types.is_fixed_size_list(column.type):
-                columns[name] = column
+            said = self.features.get(name, {}).get("names")
+            if not _is_vector(column):
+                only = f"{name}.{said[0]}" if isinstance(said, list) and len(said) == 1 else name
+                columns[only] = column
                 continue
             values = _matrix(column, len(self.frames))
-            said = self.features.get(name, {}).get("names")
             names = said if isinstance(said, list) else range(values.shape[1])
             columns |= {f"{name}.{n}": values[:, k] for k, n in enumerate(names)}
         return pa.table(columns)
@@ -73,9 +74,14 @@ class Episode:
         return pa.table({"t": stamp[row], "i": i, "x": x[row, i], "z": z[row, i]})
 
 
+def _is_vector(column: pa.Array) -> bool:
+    return bool(pa.types.is_list(column.type) or pa.types.is_fixed_size_list(column.type))
+
+
 def _matrix(column: pa.Array, count: int) -> Array:
     """Vectors of one length as (count, m); ConfigurationError where they differ."""
-    values = column.flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+    flat = column.flatten() if _is_vector(column) else column
+    values = flat.to_numpy(zero_copy_only=False).astype(np.float64)
     if count == 0 or len(values) % count:
         raise ConfigurationError(f"a LeRobot feature holds {len(values)} values in {count} frames")
     return np.asarray(values.reshape(count, -1))

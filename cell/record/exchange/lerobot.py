@@ -160,8 +160,8 @@ def _table(columns: Mapping[str, Any], features: Features) -> pa.Table:
         kind, size = features[name]["dtype"], features[name]["shape"][0]
         kind_of = {"float64": pa.float64(), "float32": pa.float32(), "int64": pa.int64()}[kind]
         value = {"dtype": kind, "_type": "Value"}
-        if values.ndim == 1:
-            arrays[name], stated[name] = pa.array(values, kind_of), value
+        if size == 1:  # a number, also where it is a vector's only part
+            arrays[name], stated[name] = pa.array(values.ravel(), kind_of), value
         else:
             flat = pa.array(values.ravel(), kind_of)
             arrays[name] = pa.FixedSizeListArray.from_arrays(flat, size)

@@ -25,8 +25,9 @@ from cell.report.verdict import LINE, verdict_of
 from cell.report.viz.layout import blueprint
 from cell.report.viz.model_view import LOST, Shadow
 from cell.report.viz.playback import LogLine, TickView, moments_of
+from cell.report.viz.saving import saving
 from drivers.errors import ConfigurationError
-from drivers.files import own_file, replacing
+from drivers.files import replacing
 from drivers.settings import parse
 from drivers.strip.file import StripFile
 from drivers.types import Array, Image
@@ -101,21 +102,29 @@ def open_recording(
     `viewer` opens a viewer on the served address. Raises OSError, RuntimeError or ValueError when
     the file cannot be written.
     """
-    own_file(folder / name)
-    recording = rr.RecordingStream("cell", recording_id=ascii(folder.name).strip("'"))
-    sinks: list[Any] = [rr.FileSink(folder / name)]
-    if live:
-        port = free_port()
-        sinks.append(rr.GrpcServerSink("127.0.0.1", port, server_memory_limit=SERVER_MEMORY))
-    recording.set_sinks(*sinks)
-    recording.send_blueprint(blueprint())
-    if live:
-        with suppress(OSError):  # without a viewer the file is still written
-            (viewer or open_viewer)(sinks[1].uri)
-    try:
+    with watched_recording("cell", folder / name, live=live, viewer=viewer) as recording:
+        recording.send_blueprint(blueprint())
         yield recording
-    finally:
-        recording.disconnect()
+
+
+@contextmanager
+def watched_recording(
+    application: str, path: Path, *, live: bool, viewer: Callable[[str], None] | None
+) -> Iterator[rr.RecordingStream]:
+    """A recording of `application` into the file at `path`, named by its folder; else as
+    `open_recording`.
+    """
+    recording = rr.RecordingStream(application, recording_id=ascii(path.parent.name).strip("'"))
+    servers = (
+        [rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)]
+        if live
+        else []
+    )
+    with saving(recording, path, *servers):
+        for server in servers:
+            with suppress(OSError):  # without a viewer the file is still written
+                (viewer or open_viewer)(server.uri)
+        yield recording
 
 
 def open_viewer(address: str) -> None:

@@ -1,7 +1,7 @@
 """A calibration in Rerun: the image with its measurements, the coverage, the next request."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from calibration.wizard.news import News, TouchNews, ViewNews
-from cell.report.viz.recording import SERVER_MEMORY, free_port, jpeg, open_viewer
-from drivers.files import own_file
+from cell.report.viz.recording import jpeg, watched_recording
 
 WIZARD_RECORDING = "wizard.rrd"
 CORNERS, FITTED, HELD_OUT, WANTED = 0x6ED25AFF, 0x6ED25AFF, 0x2882FFFF, 0xFFAA32FF
@@ -25,21 +24,10 @@ def watched(
 
     `live` serves it on loopback too, and `viewer` opens a viewer there.
     """
-    own_file(folder / WIZARD_RECORDING)
-    recording = rr.RecordingStream("cell-wizard", recording_id=folder.name)
-    sinks: list[Any] = [rr.FileSink(folder / WIZARD_RECORDING)]
-    if live:
-        address = rr.GrpcServerSink("127.0.0.1", free_port(), server_memory_limit=SERVER_MEMORY)
-        sinks.append(address)
-    recording.set_sinks(*sinks)
-    recording.send_blueprint(_blueprint())
-    if live:
-        with suppress(OSError):  # without a viewer the file is still written
-            (viewer or open_viewer)(sinks[1].uri)
-    try:
+    path = folder / WIZARD_RECORDING
+    with watched_recording("cell-wizard", path, live=live, viewer=viewer) as recording:
+        recording.send_blueprint(_blueprint())
         yield WizardScreen(recording)
-    finally:
-        recording.disconnect()
 
 
 class WizardScreen:

@@ -67,6 +67,17 @@ def test_a_data_set_has_the_layout_that_lerobot_states(runs, tmp_path: Path) -> 
     assert set(stats) == set(info["features"])
 
 
+def test_a_data_set_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
+    library = pytest.importorskip("lerobot.datasets.lerobot_dataset", exc_type=ImportError)
+    [root] = export_runs(runs, "lerobot", tmp_path / "out")
+    found = library.LeRobotDataset("local/cell", root=root)
+    assert (len(found), found.num_episodes, found.fps) == (600, 2, 100)
+    ticks = read_run(runs[1]).ticks
+    for row in (0, 299):
+        state = found[300 + row]["observation.state"].numpy()
+        assert state == pytest.approx(np.array([ticks.x[row], ticks.z[row]]), rel=1e-6)
+
+
 def test_mcap_is_read_by_its_own_library(runs, tmp_path: Path) -> None:
     from mcap.reader import make_reader
 

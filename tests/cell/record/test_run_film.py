@@ -1,5 +1,6 @@
 """The film of a run: every image at its own time, whatever befalls process or encoder."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
+from cell.record.film_process import FilmProcess
 from cell.record.film_thread import QUEUE, FilmThread
 from cell.record.run import read_run
 from cell.record.writer import RunWriter
@@ -79,16 +81,18 @@ def test_film_has_no_images_that_wait_for_later_ones(tmp_path):
         assert float(film.duration / av.time_base) == pytest.approx(0.03 * IMAGES, abs=0.1)
 
 
-def test_killed_process_leaves_a_film_up_to_its_last_images(tmp_path):
+@pytest.mark.parametrize("patient", [True, False])
+def test_killed_process_leaves_a_film_up_to_its_last_images(tmp_path, patient):
     script = f"""
 import time
 from pathlib import Path
 from cell.record.writer import RunWriter
 from tests.cell.record.test_run_film import frame
 root = Path({str(tmp_path)!r})
-writer = RunWriter.create(root, {HEADER!r}, "none", patient=True, film="libx264")
+writer = RunWriter.create(root, {HEADER!r}, "none", patient={patient}, film="libx264")
 for sequence in range({IMAGES}):
     writer.frame(frame(sequence))
+    time.sleep({0 if patient else 0.02})
 time.sleep(600)
 """
     with subprocess.Popen([sys.executable, "-c", script]) as process:
@@ -108,6 +112,7 @@ def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path
     monkeypatch.setattr(FilmWriter, "add", lambda *arguments: gate.wait() and add(*arguments))
     close = FilmThread.close
     monkeypatch.setattr(FilmThread, "close", lambda film: gate.set() or close(film))
+    monkeypatch.setattr("cell.record.film_thread.FilmProcess", FilmWriter)
     run = filmed(tmp_path, patient=False, count=QUEUE + 12)
     notes = run.frame_index()
     assert all(note.sha256 for note in notes)
@@ -118,6 +123,39 @@ def test_encoder_that_lags_loses_images_of_the_film_and_of_nothing_else(tmp_path
     assert [picture.stamp for picture in pictures] == pytest.approx(
         [note.stamp - kept[0].stamp for note in kept], abs=TICK
     )
+
+
+def test_film_of_another_process_holds_every_image_at_its_own_time(tmp_path):
+    path = tmp_path / FILM
+    with FilmProcess(path, "libx264") as film:
+        for sequence in range(IMAGES):
+            film.add(frame(sequence).stamp, image(sequence))
+    pictures = list(Film(path).frames())
+    stamps = [frame(sequence).stamp - frame(0).stamp for sequence in range(IMAGES)]
+    assert [picture.stamp for picture in pictures] == pytest.approx(stamps, abs=TICK)
+    for sequence, picture in enumerate(pictures):
+        assert abs(picture.image.mean() - image(sequence).mean()) < 4
+
+
+def test_other_process_says_why_its_film_breaks_off(tmp_path):
+    film = FilmProcess(tmp_path / FILM, "no_such_encoder")
+    film.add(0.0, image(0))
+    with pytest.raises(OSError, match="no_such_encoder"):
+        film.__exit__(None, None, None)
+
+
+def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
+    writer = RunWriter.create(tmp_path, HEADER, "none", patient=False, film="libx264")
+    (process,) = [child for child in multiprocessing.active_children() if child.name == "film"]
+    process.kill()
+    process.join()
+    for sequence in range(IMAGES):
+        writer.frame(frame(sequence))
+    writer.finish({"outcome": "path_done"})
+    run = read_run(writer.folder)
+    assert run.result.outcome == "path_done"
+    assert len(run.frame_index()) == IMAGES
+    assert "the film breaks off" in run.header.model_extra["film"]
 
 
 def test_encoder_that_fails_ends_the_film_and_not_the_run(tmp_path, monkeypatch):

@@ -50,8 +50,9 @@ def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:
         "<img src='none.png'><div style='width:3000px'>wide</div><script>nothing()</script>"
         "<svg width=100 height=20><rect width=100 height=20 fill='#222'/>"
         "<text y=14 fill='#111'>hidden</text></svg>"
+        "<table><td style='overflow-wrap:anywhere;width:1px'>one word below the other<td>x</table>"
     )
     found = " ".join(reader.problems(page, LOOKS[0]))
     for word in ("faint text, contrast 2.8", "small text 7.0", "broken picture", "overflow: 3",
-                 "Uncaught", "hidden"):  # fmt: skip
+                 "Uncaught", "hidden", "squeezed cell"):  # fmt: skip
         assert word in found, word

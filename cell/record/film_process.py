@@ -1,0 +1,93 @@
+"""Encodes a film in a process of its own, whose threads hold up no thread of this one."""
+
+import os
+import signal
+import struct
+from contextlib import suppress
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from cell.record.film import FilmWriter
+from drivers.types import Image
+
+HEAD = struct.Struct("<d3I")  # of an image: stamp [s], height, width, channels
+POLITE = 10  # nice value of the encoder
+END = b""  # the message after the last image, and the answer of a film that is whole
+
+
+class FilmProcess:
+    """A `FilmWriter` of another process, which ends its film where this process dies."""
+
+    def __init__(self, path: Path, encoder: str) -> None:
+        """As `FilmWriter`; returns once the first image can be encoded."""
+        context = get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(
+            target=serve, args=(path, encoder, theirs), name="film", daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self._answer()
+
+    def add(self, stamp: float, image: Image) -> None:
+        """Add an `image` (h, w, 3) of even sides, taken at `stamp` [s], later than the last one.
+
+        Raises OSError with the reason where the film has broken off.
+        """
+        try:
+            self._pipe.send_bytes(HEAD.pack(stamp, *image.shape))
+            self._pipe.send_bytes(np.ascontiguousarray(image).data.cast("B"))
+        except OSError:
+            self._answer()
+            raise
+
+    def __enter__(self) -> Self:
+        """The writer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Wait until the film is whole."""
+        try:
+            if kind is None:
+                self._pipe.send_bytes(END)
+                self._answer()
+        finally:
+            self._pipe.close()
+            self._process.join()
+
+    def _answer(self) -> None:
+        """Wait for what the process says; raises OSError where it failed."""
+        try:
+            message = self._pipe.recv_bytes()
+        except (EOFError, OSError):
+            raise OSError("its process has ended") from None
+        if message != END:
+            raise OSError(message.decode())
+
+
+def serve(path: Path, encoder: str, pipe: Connection) -> None:
+    """Encode the images that come through `pipe` until the other end closes it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the cell decides when this ends
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    try:
+        with FilmWriter(path, encoder) as film, suppress(EOFError, ConnectionResetError):
+            pipe.send_bytes(END)
+            os.setpriority(os.PRIO_PROCESS, 0, POLITE)
+            while head := pipe.recv_bytes():
+                stamp, *shape = HEAD.unpack(head)
+                film.add(stamp, np.frombuffer(pipe.recv_bytes(), np.uint8).reshape(shape))
+        answer = END
+    except Exception as error:  # noqa: BLE001  an edge: the cell says why the film breaks off
+        answer = str(error).encode()
+    with suppress(OSError):
+        pipe.send_bytes(answer)

@@ -1,0 +1,53 @@
+"""Saves a Rerun recording in a file, also where its disk is full."""
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import FileIO
+from pathlib import Path
+from typing import Any
+
+import rerun as rr
+
+from drivers.files import own_stream, write_all
+
+MOST = 1 << 20  # bytes that are passed on at once
+
+
+@contextmanager
+def saving(recording: rr.RecordingStream, path: Path, *others: Any) -> Iterator[None]:
+    """Save `recording` in the file at `path`, which is whole when this ends, and send it to the
+    sinks `others`.
+
+    Raises OSError where the file cannot be written. A file that Rerun writes itself makes it wait
+    for good, and the process with it, once the disk is full; so it writes into a pipe, and a thread
+    of ours on.
+    """
+    with own_stream(path) as file:
+        end, begin = os.pipe()
+        failures: list[OSError] = []
+        thread = threading.Thread(
+            target=_pass_on, args=(end, file, failures), name="recording", daemon=True
+        )
+        thread.start()
+        try:
+            recording.set_sinks(rr.FileSink(f"/proc/self/fd/{begin}"), *others)
+            yield
+        finally:
+            recording.disconnect()
+            os.close(begin)
+            thread.join()
+            os.close(end)
+    if failures:
+        raise failures[0]
+
+
+def _pass_on(pipe: int, file: FileIO, failures: list[OSError]) -> None:
+    """Write what comes through `pipe` into `file`; after a failure it is only taken."""
+    while content := os.read(pipe, MOST):
+        try:
+            if not failures:
+                write_all(file, content)
+        except OSError as error:
+            failures.append(error)
