@@ -180,7 +180,8 @@ class _PoseRecorder:
         self.dt = dt
         self._kept.append(poses.copy())
         nothing = np.zeros(self._count)
-        return Observables(0.0, nothing, np.zeros((self._count, 2)), nothing, (None,) * self._count)
+        both = np.zeros((self._count, 2))
+        return Observables(0.0, nothing, both, nothing, both, (None,) * self._count)
 
     def shapes(self) -> Array:
         return np.zeros((self._count, 0, 2))

@@ -30,6 +30,14 @@ Hidden = Annotated[
     Literal["nothing", "single", "pair", "outside"] | None,
     typer.Option(help="Only cases that hide this [default: all kinds, in their shares]."),
 ]
+Force = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0001,
+        max=5.0,
+        help="Noise [N] of the strip's force, with as much left by each tare [default: no force].",
+    ),
+]
 Beside = Annotated[
     list[Path] | None,
     typer.Option(help="Folder or ledger of another exam, for the same page; repeatable."),
@@ -48,6 +56,7 @@ def exam(
         int, typer.Option(min=1, max=8, help="Times that each motion is made, from the state.")
     ] = 1,
     kind: Hidden = None,
+    force: Force = None,
     jobs: Annotated[int, typer.Option(min=1, help="Cases side by side.")] = 1,
     cluster: Cluster = None,
     only_make: Annotated[
@@ -83,7 +92,7 @@ def exam(
     chosen = engine(wide, cluster, LIMIT)
     with _going_on(out), Meter(console, summarise, quiet=as_json) as meter:
         drawn = (lambda *_: None) if as_json else _line
-        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, drawn, wide)
+        wanted = load_or_draw(out, tier, cases, seed, repeats, kind, force, drawn, wide)
         entries = run_exam(
             wanted, out, engine=chosen, watcher=meter, steps=steps, again=again, ledger=ledger
         )
@@ -91,7 +100,7 @@ def exam(
         failed = sum(e.state == "failed" for e in entries)
         sys.stdout.write(f"{len(wanted)} cases, {failed} failed; next: --only-judge\n")
         return
-    command = _command(tier, len(wanted), seed, repeats, kind)
+    command = _command(tier, len(wanted), seed, repeats, kind, force)
     others = [entry for place in beside or () for entry in _kept(place)]
     page, *_ = write_report([*entries, *others], report or out / "exam.md", command)
     _tell(entries, page, as_json=as_json)
@@ -106,10 +115,13 @@ def _steps(*, make: bool, judge: bool) -> "Steps":
     return "make" if make else "judge" if judge else "all"
 
 
-def _command(tier: str, count: int, seed: int, repeats: int, kind: str | None) -> str:
+def _command(
+    tier: str, count: int, seed: int, repeats: int, kind: str | None, force: float | None
+) -> str:
     """What makes the same exam again."""
     again = f" --repeats {repeats}" if repeats > 1 else ""
     again += f" --kind {kind}" if kind else ""
+    again += f" --force {force:g}" if force else ""
     return f"cell gap exam --tier {tier} --cases {count} --seed {seed}{again}"
 
 

@@ -36,7 +36,10 @@ class RecordSettings(Settings):
 
 
 class SigmaSettings(Settings):
-    """One-sigma measurement noise of this cell [m], [s]; measured on the twin, see runbooks."""
+    """One-sigma measurement noise of this cell [m], [s]; measured on the twin, see runbooks.
+
+    `force` [N] of the arm's external wrench: without it recorded forces carry no weight.
+    """
 
     contact_x: Metres = Field(gt=0, le=0.1)
     profile: Metres = Field(gt=0, le=0.1)
@@ -44,6 +47,7 @@ class SigmaSettings(Settings):
     displacement: Metres = Field(gt=0, le=0.1)
     touch_time: Seconds = Field(gt=0, le=1.0)
     edge_offset: Metres = Field(0.0003, gt=0, le=0.1)  # rms of `cell study folds`
+    force: float | None = Field(None, gt=0, le=10.0, exclude_if=lambda force: force is None)
 
 
 class CellSettings(Settings):

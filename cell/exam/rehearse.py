@@ -8,7 +8,7 @@ copies is what it could have said of the runs.
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from statistics import mean
 from tempfile import TemporaryDirectory
@@ -29,11 +29,10 @@ from cell.gap.fitting.model import Model, evidence
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.starts import refit_base
 from cell.gap.subject.run_folders import find_runs
-from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import RUN_EFFECTS
+from cell.gap.subject.strip.runs import Measured, MeasuredRun, read_runs
+from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.subject import Strip
 from cell.gap.subject.strip.synthetic import Instruments, rod_folds, write_fold
-from cell.record.header import Sigma
 from drivers.errors import ConfigurationError
 from drivers.files import replace_file, writing
 from drivers.settings import Settings, parse, read_json
@@ -192,23 +191,23 @@ def write_copy(made: Plan, hidden: Hidden, folder: Path) -> None:
     folds = rod_folds(models, [way(run) for run in runs], SEGMENTS, STEP)
     for number, (run, fold) in enumerate(zip(runs, folds, strict=True)):
         copy = replace(fold, index=run.measured.index, condition=run.condition)
-        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured.sigma), rng)
+        write_fold(folder / f"{number:02d}", strip.name, copy, instruments(run.measured), rng)
 
 
 def differing(
     model: StripModel, scatter: Mapping[str, float], rng: np.random.Generator
 ) -> StripModel:
     """The model of one run, in which everything that differs from run to run is drawn anew."""
-    for effect in RUN_EFFECTS:
+    for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
             model = effect.changed(model, float(rng.normal(0.0, scatter[effect.name])))
     return model
 
 
-def instruments(sigma: Sigma) -> Instruments:
-    """Instruments with the noise that a run states."""
-    stated = {k: v for k, v in sigma.model_dump(exclude_none=True).items() if k != "force"}
-    return Instruments(**stated)
+def instruments(run: Measured) -> Instruments:
+    """Instruments with the noise that a run states; of the force where it was measured."""
+    stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
+    return replace(Instruments(**stated), force=run.sigma.force if run.feels else None)
 
 
 def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:

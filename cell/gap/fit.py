@@ -39,7 +39,7 @@ from drivers.yaml_edit import dump_text
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-VERSION = "28"  # of the engine: another one starts anew
+VERSION = "29"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:

@@ -17,14 +17,16 @@ class Observables:
     """Observable quantities of n strips at one instant `time` [s].
 
     `contact_x` (n,) [m]; `tip` (n, 2) [m], the fold's rightmost point; `holding_force` (n,) [N],
-    the force along x that the fixed edge exerts on the strip, negative when taut; `touch` of each
-    strip, constant once set.
+    the force along x that the fixed edge exerts on the strip, negative when taut; `grip_force`
+    (n, 2) [N] along x and z, that of the strip on the grip; `touch` of each strip, constant once
+    set.
     """
 
     time: float
     contact_x: Array
     tip: Array
     holding_force: Array
+    grip_force: Array
     touch: tuple[Touch | None, ...]
 
 
@@ -57,7 +59,8 @@ class Stepper(Protocol):
 @dataclass(frozen=True, slots=True)
 class StripMotion:
     """A simulated motion: times (k,), gripper poses (k, 3), contact_x (k,), tip (k, 2),
-    holding_force (k,), shapes (k, nodes, 2) or (0, nodes, 2), and the layer_touch if any.
+    holding_force (k,), grip_force (k, 2), shapes (k, nodes, 2) or (0, nodes, 2), and the
+    layer_touch if any.
 
     All values are true ones over the true desk; `observation` converts them to measured ones.
     """
@@ -67,6 +70,7 @@ class StripMotion:
     contact_x: Array
     tip: Array
     holding_force: Array
+    grip_force: Array
     shapes: Array
     touch: Touch | None
 
@@ -104,6 +108,7 @@ def simulate(
         contact_x=np.array([o.contact_x[0] for o in seen]),
         tip=np.array([o.tip[0] for o in seen]),
         holding_force=np.array([o.holding_force[0] for o in seen]),
+        grip_force=np.array([o.grip_force[0] for o in seen]).reshape(-1, 2),
         shapes=np.array(curves) if curves else np.empty((0, nodes, 2)),
         touch=seen[-1].touch[0] if seen else None,
     )

@@ -197,7 +197,8 @@ class Observation:
 
     `contact_height` [m] is the height that defines desk_contact. Images show the world
     `camera_latency` [s] before their stamps. Places in them are 1 + `scale` times true, offset by
-    `shift_x`, `shift_z` [m]; contact_x has the additional offset `contact_bias` [m].
+    `shift_x`, `shift_z` [m]; contact_x has the additional offset `contact_bias` [m]. Force is
+    reported `force_delay` [s] late, with the offsets `force_x`, `force_z` [N].
     """
 
     contact_height: float = CONTACT_HEIGHT
@@ -206,6 +207,9 @@ class Observation:
     shift_x: float = 0.0
     shift_z: float = 0.0
     contact_bias: float = 0.0
+    force_delay: float = 0.0
+    force_x: float = 0.0
+    force_z: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,13 @@ calibration. measured = (1 + scale) true + shift; times are stamps.
 from dataclasses import replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from drivers.strip.model import Observation, StripModel
 from drivers.strip.shape import Touch
 from drivers.types import Array
+
+FELT = 0.02  # s over which an arm averages a force; assumed
 
 
 def seen_time(observation: Observation, t: Array | float) -> Array | float:
@@ -45,6 +48,24 @@ def seen_contact(observation: Observation, x: Array | float) -> Array | float:
 def true_contact(observation: Observation, x: Array | float) -> Array | float:
     """True desk contact (...,) [m] measured at `x` (...,); inverse of `seen_contact`."""
     return (x - (observation.shift_x + observation.contact_bias)) / (1 + observation.scale)
+
+
+def mean_force(t: Array, force: Array) -> Array:
+    """Force (k, 2) [N] at times `t` (k,) [s], each a mean over `FELT` about its time.
+
+    A path that is given in rows has kinks, where a gripper jerks from step to step.
+    """
+    total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
+    ends = [np.clip(t + side * FELT / 2, t[0], t[-1]) for side in (-1, 1)]
+    first, last = (np.stack([np.interp(e, t, c) for c in total.T], axis=1) for e in ends)
+    return np.asarray((last - first) / np.maximum(ends[1] - ends[0], 1e-9)[:, None])
+
+
+def reported_force(observation: Observation, t: Array, true_t: Array, force: Array) -> Array:
+    """Force (m, 2) [N] in reports at `t` (m,) [s] of a true `force` (k, 2) at `true_t` (k,)."""
+    then = t - observation.force_delay
+    seen = np.stack([np.interp(then, true_t, column) for column in force.T], axis=1)
+    return np.asarray(seen + np.array([observation.force_x, observation.force_z]))
 
 
 def seen_touch(model: StripModel, touch: Touch, grip: Array, reported: Array) -> Touch:

@@ -14,11 +14,13 @@ from drivers.motion import TICK, MotionProfile
 from drivers.twin.clock import Turn, TwinClock
 from drivers.twin.settings import ArmSettings
 from drivers.twin.world import World
+from drivers.twin.wrench import ExternalWrench
 from drivers.types import ArmState, Array, Pose, Velocity
 
 SOURCE = "twin arm"
 SETTLED = 1e-5  # m or rad behind the command at which a motion has ended
 NOISE_BLOCK = 1024  # ticks of noise that are drawn at once
+NOT_MEASURED = (float("nan"), float("nan"))
 
 
 class TwinArm:
@@ -26,7 +28,8 @@ class TwinArm:
 
     Commands and measurements pass through the robot's own frame, as on hardware. The servo runs
     from construction and holds the arm still until it is connected. The arm reports a pose `delay`
-    [s] after it was there; with a negative delay the gripper arrives later than reported.
+    [s] after it was there; with a negative delay the gripper arrives later than reported. Force is
+    reported where the settings say so.
     """
 
     def __init__(
@@ -53,6 +56,8 @@ class TwinArm:
         self._actual = [start.x, start.z, start.pitch]
         self._rate = [0.0, 0.0, 0.0]
         self._delay = delay
+        felt = settings.force  # of a generator of its own: nothing else changes with it
+        self._wrench = None if felt is None else ExternalWrench(felt, rng.spawn(1)[0])
         still = (*self._actual, *self._rate)
         self._past = deque([still] * (2 + int(max(delay, 0.0) / TICK)))
         self._connected = False
@@ -77,6 +82,7 @@ class TwinArm:
             commanded=self._profile.pose,
             moving=self._profile.moving or not self._settled,
             expired=self._profile.expired,
+            force=NOT_MEASURED if self._wrench is None else self._wrench.reading,
         )
 
     def move_to(self, pose: Pose) -> None:
@@ -118,6 +124,8 @@ class TwinArm:
         self._ticks += 1
         if self._ticks % NOISE_BLOCK == 0:
             self._noise = self._rng.standard_normal((NOISE_BLOCK, 4))
+        if self._wrench is not None:
+            self._wrench.tick(self._world.grip_force)
         self._trail(self._profile.tick())
         self._past.append((*self._actual, *self._rate))
         self._past.popleft()

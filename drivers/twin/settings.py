@@ -93,12 +93,27 @@ class CameraSettings(Settings):
         return hashlib.sha256(self.model_dump_json().encode()).hexdigest()[:16]
 
 
+class WrenchSettings(Settings):
+    """How the twin's arm reports the strip's force, one sigma [N], `lag` [s].
+
+    Each reading has the `noise`, each session the `bias`, which is what the tare left; it is
+    averaged over `lag`. Source: assumed. Of a Franka at rest a user shows readings some 10 mN apart
+    and 1 to 2 N off, by how much depends on the posture (franka_ros#404): an arm's own wrench
+    needs a tare near where the strip is folded, and more than this model is wrong with it.
+    """
+
+    noise: float = Field(0.01, gt=0, le=5.0)
+    bias: float = Field(0.1, ge=0, le=5.0)
+    lag: float = Field(0.01, ge=0, le=1.0)
+
+
 class ArmSettings(Settings):
     """The twin's arm. Lengths [m], angles [rad], times [s].
 
     It trails its commands by `lag` and measures itself with `noise` and `pitch_noise` (one
     sigma). The emulated robot of arm fci trails by `robot_delay` and `robot_lag` instead; with a
-    `robot_plant` it reports torques of a moving arm, with whatever is wrong with it.
+    `robot_plant` it reports torques of a moving arm, with whatever is wrong with it. It reports
+    no force without `force`.
     """
 
     home_height: float = Field(0.15, ge=0.02, le=0.5)  # over the grasped edge, at rest
@@ -108,6 +123,7 @@ class ArmSettings(Settings):
     robot_plant: ArmPlant | None = Field(None, exclude_if=lambda plant: plant is None)
     noise: float = Field(2e-5, ge=0, le=0.005)
     pitch_noise: float = Field(1e-4, ge=0, le=0.05)
+    force: WrenchSettings | None = Field(None, exclude_if=lambda force: force is None)
 
 
 class HandSettings(Settings):

@@ -146,6 +146,14 @@ class World:
         lifted = max(float(self._arc[-1]) - float(self._seen[-1].contact_x[0]), 0.0)
         return GRAVITY * float(np.mean(self.model.mechanics.linear_density)) * lifted
 
+    @property
+    def grip_force(self) -> tuple[float, float]:
+        """Force [N] along x and z of the strip on the gripper."""
+        if not self.holds_strip or not self._seen:
+            return 0.0, 0.0
+        x, z = self._seen[-1].grip_force[0].tolist()
+        return x, z
+
     def truth(self) -> Truth:
         """The true history since the grasp."""
         count, nodes = len(self._record), len(self._arc)

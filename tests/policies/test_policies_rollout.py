@@ -42,7 +42,8 @@ class Ideal:
             if self.touch[j] is None and pose[0] < self.touch_at:
                 self.touch[j] = Touch(self._time, 0.3, to_grasped=0.31 + 0.001 * j, to_fixed=0.3)
         ones = np.ones(len(poses))
-        return Observables(self._time, poses[:, 0], poses[:, :2], 2.0 * ones, tuple(self.touch))
+        tip = poses[:, :2]
+        return Observables(self._time, poses[:, 0], tip, 2.0 * ones, tip, tuple(self.touch))
 
     def shapes(self) -> Array:
         flat = np.stack([ARC, np.zeros_like(ARC)], axis=1)
@@ -123,7 +124,8 @@ def test_images_are_as_old_as_their_stamps_say() -> None:
 def test_noise_is_drawn_anew_in_each_image_but_alike_in_each_group() -> None:
     rng = np.random.default_rng(0)
     eye = Eye(Sensing(0.001, 0.002, 0.0, (0.0, 0.06)), 1 / 60, count=4, groups=2, rng=rng)
-    seen = Observables(0.0, np.full(4, 0.3), np.full((4, 2), 0.4), np.zeros(4), (None,) * 4)
+    tip = np.full((4, 2), 0.4)
+    seen = Observables(0.0, np.full(4, 0.3), tip, np.zeros(4), tip, (None,) * 4)
     for _ in range(6):
         eye.remember(seen, np.empty((0, 0, 2)), np.empty((0, 0)), np.empty((0, 2)))
     looks = [eye.look(0.1, np.zeros((4, 2))) for _ in range(400)]

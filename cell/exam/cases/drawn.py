@@ -22,15 +22,17 @@ def load_or_draw(
     seed: int,
     repeats: int = 1,
     kind: Kind | None = None,
+    force: float | None = None,
     progress: Progress = quiet,
     jobs: int = 1,
 ) -> tuple[Case, ...]:
     """The cases of a tier: those that `folder` holds for the same request, else drawn now,
     `jobs` at a time.
 
-    From the state each motion is made `repeats` times; with a `kind` all cases are of that. Raises
-    ConfigurationError where the folder holds another exam or cannot be written, for repeats through
-    images and for causes outside the library without images.
+    From the state each motion is made `repeats` times; with a `kind` all cases are of that; with a
+    `force` [N] the arm reports the strip's with that noise, and nothing else of a case changes.
+    Raises ConfigurationError where the folder holds another exam or cannot be written, for repeats
+    through images and for causes outside the library without images.
     """
     if repeats > 1 and tier == "images":
         raise ConfigurationError("--repeats: is for exams from the state; leave it out")
@@ -41,13 +43,14 @@ def load_or_draw(
     asked: dict[str, object] = {"tier": tier, "count": wanted, "seed": seed}
     asked |= {"repeats": repeats} if repeats > 1 else {}
     asked |= {"kind": kind} if kind else {}
+    asked |= {"force": force} if force else {}
     known = _read(path)
     if known is None:
         from cell.exam.cases.draw import cases
 
         of: Tier = "images" if tier == "images" else "state"
         drawn = cases(of, wanted, seed, kind, progress, jobs)
-        found = tuple(c.model_copy(update={"repeats": repeats}) for c in drawn)
+        found = tuple(c.model_copy(update={"repeats": repeats, "force": force}) for c in drawn)
         _keep(path, {**asked, "cases": [case.model_dump(mode="json") for case in found]})
         return found
     held = {key: known.get(key) for key in asked}

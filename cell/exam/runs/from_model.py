@@ -29,6 +29,7 @@ MOTIONS = ("normal", "taut-lift", "fast", "early-shake", "taut-lift", "normal")
 BY = Instruments()
 SEGMENTS, ROD_STEP = 240, 0.002  # finer than either grain of the model
 LINKS, CHAIN_STEP, SHOWN = 200, 0.003, 2  # of which every second shape is kept
+TARED = 78  # of the case's generators, of what tares left
 
 
 class Made(NamedTuple):
@@ -61,16 +62,27 @@ def make_runs(case: Case, folder: Path) -> None:
     made = motions_of(case, plant.length)
     bare = [describe(plant, case.effects, index) for index in range(len(made))]
     models = [
-        RunScatter.draw(case.scatter, case.seed, i).in_rig(model) for i, model in enumerate(bare)
+        after_tare(RunScatter.draw(case.scatter, case.seed, i).in_rig(model), case, i)
+        for i, model in enumerate(bare)
     ]
     ways = [motion.way for motion in made]
     if case.engine == "chain":
         folds = _fold_on_chain(case, models, ways)
     else:
         folds = rod_folds(models, ways, SEGMENTS, ROD_STEP)
+    by = replace(BY, force=case.force)
     for index, (motion, bare_fold) in enumerate(zip(made, folds, strict=True)):
         fold = replace(bare_fold, index=index, condition=motion.condition)
-        write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, BY, rng)
+        write_fold(folder / f"{index:02d}-{motion.name}", case.strip, fold, by, rng)
+
+
+def after_tare(model: StripModel, case: Case, index: int) -> StripModel:
+    """The model of run number `index`, whose force is off by what the arm's tare left."""
+    if case.force is None:
+        return model
+    rng = np.random.default_rng([case.seed, index, TARED])
+    x, z = rng.normal(0.0, case.force, 2).tolist()
+    return replace(model, observation=replace(model.observation, force_x=x, force_z=z))
 
 
 def motions_of(case: Case, length: float) -> list[Made]:

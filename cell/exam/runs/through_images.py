@@ -36,6 +36,7 @@ from drivers.files import writing
 from drivers.settings import read_yaml
 from drivers.strip.file import StripFile
 from drivers.twin.open import PlantOptions
+from drivers.twin.settings import WrenchSettings
 from policies.registry import BY_HAND, MOTION
 
 LINKS = 200
@@ -121,7 +122,7 @@ def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Reque
         (place / "strips").mkdir()
         strip = configs.strip_path(case.strip)
         shutil.copy(strip, place / "strips" / strip.name)
-        settings = exam_cell(configs.cell(), _word(request))
+        settings = exam_cell(configs.cell(), _word(request), case.force)
         _write(place / "cell.yaml", settings.model_dump(mode="json", by_alias=True))
         plant = plant_of(case, configs.strip(case.strip))
         _write(place / "plant.yaml", plant.model_dump(mode="json", by_alias=True))
@@ -129,11 +130,19 @@ def _workplace(case: Case, configs: Configs, request: Request) -> Iterator[Reque
         yield replace(request, choice=choice, runs=place / "runs", configs=place)
 
 
-def exam_cell(settings: CellFile, motion: str) -> CellFile:
-    """The cell with a plant that is finer than the model of any workflow."""
+def exam_cell(settings: CellFile, motion: str, force: float | None = None) -> CellFile:
+    """The cell with a plant that is finer than the model of any workflow; its arm
+    reports the `force` of the strip with so much noise [N], and as much that its tare left.
+    """
     changes = {"links": LINKS, "step": STEPS.get(motion, STEP)}
     world = settings.twin.world.model_copy(update=changes)
-    return settings.model_copy(update={"twin": settings.twin.model_copy(update={"world": world})})
+    twin = settings.twin.model_copy(update={"world": world})
+    if force is None:
+        return settings.model_copy(update={"twin": twin})
+    arm = twin.arm.model_copy(update={"force": WrenchSettings(noise=force, bias=force)})
+    sigma = settings.sigma.model_copy(update={"force": force})
+    twin = twin.model_copy(update={"arm": arm})
+    return settings.model_copy(update={"twin": twin, "sigma": sigma})
 
 
 def plant_of(case: Case, strip: StripFile) -> StripFile:

@@ -4,12 +4,18 @@ from collections.abc import Iterator, Mapping
 
 from cell.gap.fitting.spreads import Spread
 from cell.gap.report.units import number
-from cell.gap.subject.strip.scatter import RUN_EFFECTS
+from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.verdict.findings import Findings
 from cell.report.markup import table
 
 TELLING = 1.0  # sigma that a smaller spread must tell more to be worth a word
-SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "s": (1e3, "ms"), "1": (100.0, "%")}
+SHOWN = {
+    "m": (1e3, "mm"),
+    "rad": (1e3, "mrad"),
+    "s": (1e3, "ms"),
+    "1": (100.0, "%"),
+    "N": (1e3, "mN"),
+}
 
 
 def repeats(found: Findings) -> str:
@@ -37,7 +43,7 @@ def remedies(
     `spreads` are standard deviations with their units; with half of one, the runs would separate
     two explanations by `steadier` sigma more, by name; the best motion `planned` by so many.
     """
-    known = {e.name: e for e in RUN_EFFECTS}
+    known = {e.name: e for e in KNOWN_EFFECTS}
     for name, (value, unit) in spreads.items():
         effect = known.get(name)
         if effect is None:

@@ -56,7 +56,8 @@ class PaperFormulation:
         contact = desk_contact(points, self._strip.observation.contact_height)
         nothing = np.zeros(1)
         tip = np.array([fold_tip(points)])
-        return Observables(self._time, np.array([contact]), tip, nothing, (self._touch,))
+        felt = np.zeros((1, 2))
+        return Observables(self._time, np.array([contact]), tip, nothing, felt, (self._touch,))
 
     def shapes(self) -> Array:
         """The midline (1, nodes, 2) [m]."""

@@ -22,12 +22,13 @@ from drivers.types import Array
 
 class Showing(NamedTuple):
     """Observables of n strips over k steps: `contact_x` (k, n), `tip` (k, n, 2), `holding_force`
-    (k, n), and `shapes` (m, n, nodes, 2), NaN after a strip's end.
+    (k, n), `grip_force` (k, n, 2), and `shapes` (m, n, nodes, 2), NaN after a strip's end.
     """
 
     contact_x: Array
     tip: Array
     holding_force: Array
+    grip_force: Array
     shapes: Array
 
 
@@ -86,6 +87,7 @@ class Rod:
             contact_x=last[:, of.CONTACT_X],
             tip=last[:, of.TIP_X : of.TIP_Z + 1],
             holding_force=last[:, of.HOLDING],
+            grip_force=last[:, of.GRIP_X : of.GRIP_Z + 1],
             touch=self.touch,
         )
 
@@ -97,7 +99,8 @@ class Rod:
         shapes = np.full((count, *self.shapes().shape), np.nan)
         shown = self._march(poses, dt, shapes, max(every, 1))
         tip = shown[:, :, of.TIP_X : of.TIP_Z + 1]
-        return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], shapes)
+        grip = shown[:, :, of.GRIP_X : of.GRIP_Z + 1]
+        return Showing(shown[:, :, of.CONTACT_X], tip, shown[:, :, of.HOLDING], grip, shapes)
 
     def retire(self, gone: NDArray[np.bool_]) -> None:
         """End the strips `gone` (n,): they keep their shape and are no longer computed."""

@@ -15,8 +15,8 @@ from drivers.strip.rod.measures import along, desk_contact, fold_tip, layer_gap,
 from drivers.strip.rod.step import Grips, Pace, step
 
 # What a step shows of a strip.
-CONTACT_X, TIP_X, TIP_Z, HOLDING = range(4)
-SHOWN = 4
+CONTACT_X, TIP_X, TIP_Z, HOLDING, GRIP_X, GRIP_Z = range(6)
+SHOWN = 6
 # What is known of a strip: its limits, its smallest gap one step ago, its touch, its failure.
 HEIGHT, OPENING, TOUCH_GAP, LENGTH = range(4)
 GAP, GAP_X, GAP_S = range(4, 7)
@@ -84,6 +84,8 @@ def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> No
             i = batch.strips[b, lane]
             gather(batch.state[b], lane, x, z)
             shown[k, i, HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
+            for axis in range(2):
+                shown[k, i, GRIP_X + axis] = pick(batch.state[b], nodes + 1, at.FELT_X + axis, lane)
             known = batch.known[i]
             height, index = measure(x, z, known, shown[k, i])
             gap = height, along(x, index), along(batch.arc[i], index)

@@ -12,8 +12,8 @@ from drivers.strip.rod.bending import direction, friction, strain
 from drivers.strip.rod.compiled import kernel
 from drivers.strip.rod.ends import slide
 from drivers.strip.rod.lanes import choose, fma, load, store
-from drivers.strip.rod.newton import solve
-from drivers.strip.rod.terms import predict_terms, remember
+from drivers.strip.rod.newton import desk, pair, solve
+from drivers.strip.rod.terms import air, predict_terms, remember
 
 
 @kernel
@@ -76,6 +76,34 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 
 @kernel
+def feel(block: Any, h: float, rate: Any, alive: Any) -> None:
+    """Store the force of the strip on its grip: all that acts on the free nodes but the grip, less
+    what their momentum gained in the step.
+
+    The last segments are so short that their own shear shows what Newton's method leaves.
+    """
+    state, nature, work = block.state, block.nature, block.work
+    end, ghost = state.shape[0] - 2, state.shape[0] - 1
+    ux, uz, _, _ = direction(state, 1)
+    (turn_x, turn_z), (pull_x, pull_z) = pair(work, 1, at.TURN_X), pair(work, 1, at.PULL_X)
+    tension = load(state, 1, at.TENSION)
+    shear = fma(turn_x, pull_x, turn_z * pull_z) / fma(turn_x, turn_x, turn_z * turn_z)
+    x, z = -fma(shear, turn_x, tension * ux), -fma(shear, turn_z, tension * uz)
+    for r in range(at.FIRST, end + 1):
+        (weight_x, weight_z), (reaction, _) = pair(nature, r, at.LOAD_X), desk(block, r)
+        x, z = x + weight_x, z + (weight_z + reaction)
+    for r in range(at.FIRST, end):
+        push = load(nature, r, at.MASS) * (1.0 / h)
+        x = x - push * (load(state, r, at.VX) - load(state, r, at.VX1))
+        z = z - push * (load(state, r, at.VZ) - load(state, r, at.VZ1))
+        if block.terms is not None:
+            (drag_x, drag_z), _ = air(block, r, rate)
+            x, z = x - drag_x, z - drag_z
+    store(state, ghost, at.FELT_X, choose(alive, x, load(state, ghost, at.FELT_X)))
+    store(state, ghost, at.FELT_Z, choose(alive, z, load(state, ghost, at.FELT_Z)))
+
+
+@kernel
 def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) -> Any:
     """One implicit step of the living lanes; returns those that failed to converge."""
     rate = (1.0 + 2.0 * omega) / ((1.0 + omega) * h)
@@ -85,4 +113,6 @@ def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) ->
         predict_terms(block, rate, weights(omega))
     unsolved = solve(block, rate, alive, tolerance)
     finish(block, rate, alive - unsolved)
+    if block.last < block.state.shape[0] - 2:
+        feel(block, h, rate, alive - unsolved)
     return unsolved

@@ -101,6 +101,7 @@ def _motion(
         contact_x=seen.contact_x[:count, i],
         tip=seen.tip[:count, i],
         holding_force=seen.holding_force[:count, i],
+        grip_force=seen.grip_force[:count, i],
         shapes=shapes,
         touch=touch,
     )

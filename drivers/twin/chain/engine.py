@@ -76,5 +76,6 @@ class Chain:
             contact_x=np.array([desk_contact(strip.points, height) for strip, height in pairs]),
             tip=np.array([fold_tip(strip.points) for strip in self._strips]),
             holding_force=np.array([strip.holding_force() for strip in self._strips]),
+            grip_force=np.array([strip.grip_force() for strip in self._strips]),
             touch=tuple(strip.touch for strip in self._strips),
         )

@@ -85,6 +85,15 @@ class ChainStrip:
         along = self._data.site_xmat[0, :3] @ self._data.sensordata
         return float(along) / self._lumps.scale
 
+    def grip_force(self) -> Array:
+        """Force (2,) [N] along x and z of the strip on the gripper during the last step."""
+        welded = self._data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        rows = np.flatnonzero(welded)[:3]  # the weld is the only one; its first rows are x, y, z
+        if len(rows) < 3:
+            return np.zeros(2)
+        x, _, z = self._data.efc_force[rows]
+        return np.array([x, z]) / self._lumps.scale
+
     def _bring_in(self) -> None:
         """Move an edge that is not at its stated position there, and let the strip come to rest."""
         for pose in brought_in(self._description):

@@ -93,6 +93,16 @@ def test_the_exam_changes_nothing_of_a_cell_but_its_plant() -> None:
         assert changed.twin.camera == settings.twin.camera
 
 
+def test_an_exam_with_force_has_an_arm_that_reports_it() -> None:
+    settings = find_configs(None).cell()
+    changed = exam_cell(settings, "normal", 0.01)
+    assert changed.sigma.force == 0.01
+    assert changed.twin.arm.force is not None
+    assert (changed.twin.arm.force.noise, changed.twin.arm.force.bias) == (0.01, 0.01)
+    assert "force" not in settings.sigma.model_dump()
+    assert "force" not in settings.twin.arm.model_dump()
+
+
 def test_a_touched_lens_leaves_the_camera_its_identity() -> None:
     settings = find_configs(None).cell()
     opened = Open([through_images.cause_of("lens", {"k1": 0.1})], 1)

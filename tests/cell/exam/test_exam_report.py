@@ -206,6 +206,18 @@ def test_repeats_make_another_exam(kept: Path) -> None:
         load_or_draw(kept, "images", 2, 7, repeats=2)
 
 
+def test_force_makes_another_exam_of_the_same_cases(kept: Path) -> None:
+    with pytest.raises(ConfigurationError, match="holds another exam"):
+        load_or_draw(kept, "state", 2, 7, force=0.005)
+
+
+def test_a_case_without_force_says_nothing_of_it() -> None:
+    case = entries()[0].case
+    assert "force" not in case.model_dump()
+    feeling = case.model_copy(update={"force": 0.005})
+    assert case_hash(feeling) != case_hash(case)
+
+
 def test_an_exam_of_one_kind_is_another_one_and_outside_needs_images(kept: Path) -> None:
     with pytest.raises(ConfigurationError, match="holds another exam"):
         load_or_draw(kept, "state", 2, 7, kind="single")

@@ -85,3 +85,13 @@ def test_a_chain_from_the_state_follows_the_law_of_its_cause(
     of = {n: (tmp_path / n / "00-fast" / TICKS).read_bytes() for n in ("plain", "again", "lawful")}
     assert of["plain"] == of["again"]
     assert of["plain"] != of["lawful"]
+
+
+def test_what_a_tare_leaves_differs_from_run_to_run_and_is_none_without_force() -> None:
+    plain, model = case("nothing", "nothing", {}), describe(denim())
+    assert from_model.after_tare(model, plain, 0) is model
+    feeling = plain.model_copy(update={"force": 0.01})
+    left = [from_model.after_tare(model, feeling, i).observation for i in range(40)]
+    offsets = np.array([[seen.force_x, seen.force_z] for seen in left])
+    assert offsets.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.4)
+    assert from_model.after_tare(model, feeling, 3).observation == left[3]

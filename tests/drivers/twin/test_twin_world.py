@@ -51,7 +51,8 @@ class Ruler:
         touched = len(self.steps) >= self.touch_after
         touch = Touch(self.touch_after * dt, 0.2, 0.3, 0.25) if touched else None
         one = np.array([time])
-        return Observables(time, one, np.array([[time, 0.1]]), one, (touch,))
+        felt = np.array([[0.01, -time]])
+        return Observables(time, one, np.array([[time, 0.1]]), one, felt, (touch,))
 
     def shapes(self):
         return self._points[None]

@@ -10,7 +10,14 @@ from cell.gap.subject.strip.simulation import SHAPES, SimulatedMotion
 from cell.gap.subject.subject import Residuals
 from drivers.strip.curve import group_means, signed_distances
 from drivers.strip.model import StripModel
-from drivers.strip.observation import seen_contact, seen_time, seen_touch, shown_time, true_points
+from drivers.strip.observation import (
+    reported_force,
+    seen_contact,
+    seen_time,
+    seen_touch,
+    shown_time,
+    true_points,
+)
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
@@ -34,7 +41,10 @@ class Comparison:
         channels = [
             averaged(self._profile(model, shown), self.layout.profile),
             self._here(*averaged(self._contact(model, shown), self.layout.contact)),
-            averaged(self._force(shown), self.layout.force),
+            *(
+                averaged(self._force(model, shown, axis), self.layout.force[axis])
+                for axis in (0, 1)
+            ),
             self._touch(model, shown),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
@@ -69,10 +79,13 @@ class Comparison:
         here = np.abs(mean) < ELSEWHERE * self.bending_length
         return np.where(here, mean, np.nan), np.where(here, square, np.nan)
 
-    def _force(self, shown: SimulatedMotion) -> Array:
-        order = self.layout.force.order
-        simulated = np.interp(self.run.force_t[order], shown.t, shown.holding)
-        return np.asarray(self.run.force_x[order] - simulated)
+    def _force(self, model: StripModel, shown: SimulatedMotion, axis: int) -> Array:
+        order = self.layout.force[axis].order
+        if not len(order):
+            return np.empty(0)
+        t = self.run.force_t[order]
+        simulated = reported_force(model.observation, t, shown.t, shown.force)
+        return np.asarray((self.run.force[order] - simulated)[:, axis])
 
     def _touch(self, model: StripModel, shown: SimulatedMotion) -> tuple[Array, Array]:
         """Time, mean distance to both edges, displacement (3,), if the run has a touch."""

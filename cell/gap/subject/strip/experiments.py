@@ -11,6 +11,7 @@ from cell.gap.subject.strip.ways import way_of
 from cell.record.header import Sigma
 from drivers.strip.describe import describe
 from drivers.strip.file import StripFile
+from drivers.strip.observation import mean_force, reported_force
 from drivers.strip.rod.motions import GripperPath
 from drivers.strip.shape import desk_contact
 from drivers.types import Array, frozen
@@ -53,13 +54,16 @@ def _measured(fold: Fold, sigma: Sigma, index: int) -> Measured:
     chosen = np.searchsorted(fold.shape_t, np.arange(fold.shape_t[0], end, IMAGES))
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
-    none = frozen([])
+    seen = fold.model.observation
+    felt_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
+    motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
+    felt = reported_force(seen, felt_t, fold.motion.t, motion_force)
     return Measured(
         t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
-        force_t=none, force_x=none, touch=touch, end=end,
+        force_t=felt_t, force=felt, touch=touch, end=end,
     )  # fmt: skip
 
 

@@ -36,8 +36,9 @@ class Measured:
     """What a fold measured, in SI units.
 
     `t` (m,), `poses` (m, 3) the gripper path, smoothed; `travel` (m,) along it. `contact_t`,
-    `contact_x` (k,). `end` [s] is where comparison ends: the touch, or the last row. `seen` says
-    that a cell measured it through its images, whose errors are known.
+    `contact_x` (k,). `force_t` (f,), `force` (f, 2) of the strip on the gripper along x and z, NaN
+    where it was not measured. `end` [s] is where comparison ends: the touch, or the last row.
+    `seen` says that a cell measured it through its images, whose errors are known.
     """
 
     t: Array
@@ -51,10 +52,15 @@ class Measured:
     contact_x: Array
     images: Images
     force_t: Array
-    force_x: Array
+    force: Array
     touch: Touch | None
     end: float
     seen: bool = False
+
+    @property
+    def feels(self) -> bool:
+        """Whether the force of the strip was measured, and how well is known."""
+        return self.sigma.force is not None and len(self.force_t) > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +81,7 @@ class MeasuredRun:
     def shows_strip(self) -> bool:
         """Whether anything but the gripper's path was measured, which says nothing of the strip."""
         m = self.measured
-        seen = len(m.contact_x) + len(m.force_x) + len(m.images.stamps)
+        seen = len(m.contact_x) + len(m.force_t) + len(m.images.stamps)
         return self.usable and (seen > 0 or m.touch is not None)
 
 
@@ -167,7 +173,8 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
     steps = np.hypot(*np.diff(smooth[:, :2], axis=0).T)
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
-    felt = np.isfinite(ticks.f_x)
+    force = np.stack([ticks.f_x, ticks.f_z], axis=1)
+    felt = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
     return Measured(
         t=t,
@@ -181,7 +188,7 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
         contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
         force_t=frozen(ticks.t[felt]),
-        force_x=frozen(ticks.f_x[felt]),
+        force=frozen(force[felt]),
         touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         seen=header.by_cell,
@@ -193,7 +200,7 @@ def _nothing(run: Recorded) -> Measured:
     images = images_of(run.profile, np.empty((0, 2)), 1.0, 1.0, empty=True)
     return Measured(
         none, np.empty((0, 3)), none, False, run.header.index or 0, run.header.contact_height,
-        run.header.sigma, none, none, images, none, none, None, 0.0,
+        run.header.sigma, none, none, images, none, np.empty((0, 2)), None, 0.0,
     )  # fmt: skip
 
 

@@ -82,6 +82,21 @@ def _damping(model: StripModel, value: float) -> StripModel:
     return replace(model, mechanics=changed)
 
 
+def _force_x(model: StripModel, value: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, force_x=seen.force_x + value))
+
+
+def _force_z(model: StripModel, value: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, force_z=seen.force_z + value))
+
+
+def _force_delay(model: StripModel, value: float) -> StripModel:
+    seen = model.observation
+    return replace(model, observation=replace(seen, force_delay=seen.force_delay + value))
+
+
 GRIPPER, AIR, RIG = (
     "a stop against which the strip's edge is laid, or a gripper with firmer fingers",
     "longer rests between runs, and a steady temperature and humidity",
@@ -102,6 +117,19 @@ RUN_EFFECTS = (
     RunEffect("clock_start", "the start of the camera's clock", "s", 0.002, 0.003, _clock, RIG),
 )  # fmt: skip
 """Spreads: grasping by two fingers 0.3 mm, damping 5 %, stiffness 0.5 % of a well kept bench."""
+
+TARE = "a tare in the posture at rest right before the grasp"
+FORCE_EFFECTS = (
+    RunEffect("force_x", "what the tare left of the force along the desk", "N", 0.02, 0.0005,
+              _force_x, TARE, common=True),
+    RunEffect("force_z", "what the tare left of the force upwards", "N", 0.02, 0.0005, _force_z,
+              TARE, common=True),
+    RunEffect("force_delay", "how late the arm reports a force", "s", 0.005, 0.0005, _force_delay,
+              "force and place from one message of the arm"),
+)  # fmt: skip
+"""What runs that measure force differ by besides. Spreads: assumed, for an arm at its best."""
+
+KNOWN_EFFECTS = (*RUN_EFFECTS, *FORCE_EFFECTS)
 
 SLACK = tuple(effect for effect in RUN_EFFECTS if effect.name == "slack")
 """What is allowed for where no runs can tell more: planned runs, and sizes of hidden effects."""

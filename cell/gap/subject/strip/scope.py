@@ -8,7 +8,7 @@ import numpy as np
 
 from cell.gap.subject.strip.layout import Floors
 from cell.gap.subject.strip.probes import places
-from cell.gap.subject.strip.scatter import RUN_EFFECTS
+from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Candidate, Parameter, Quantity, Scattering, Scope
 from drivers.errors import Unsupported
@@ -28,23 +28,30 @@ UNTRUE = 0.2  # of a law of cloth, which is never quite that of another: of yarn
 SPECIMEN = 0.15  # of a bending length: how far the exam's specimens of one fabric lie apart
 EXACT = 0.02  # of where something is: lengths, offsets, delays
 SECANT = 0.1  # of the smallest probe: the step of secants
+WEIGHED = 0.05  # of an areal density: the spread of what a laboratory's scale and ruler say
 
 
 def scope(
-    strip: StripFile, floors: Floors, lifted: float = 0.0, without: Sequence[str] = ()
+    strip: StripFile,
+    floors: Floors,
+    lifted: float = 0.0,
+    without: Sequence[str] = (),
+    *,
+    feels: bool = False,
 ) -> Scope:
     """Base parameters, candidates and quantities of `strip`; its own effects are base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
-    Effects `without` are withheld from the candidates.
+    Effects `without` are withheld from the candidates. Where force is measured (`feels`), it weighs
+    the strip.
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(*_base(strip), *_accepted(strip)),
+        base=(*_base(strip), *(_weight(strip) if feels else ()), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=candidates(),
         left=LEFT,
-        scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in RUN_EFFECTS),
+        scatter=tuple(Scattering(e.name, e.sentence, e.remedy) for e in KNOWN_EFFECTS),
         quantities={
             "profile": Quantity("profile_mm", 1e3, "mm", 2 * floors.profile),
             "contact_x": Quantity("contact_x_mm", 1e3, "mm", 2 * floors.contact_x),
@@ -75,6 +82,15 @@ def _base(strip: StripFile) -> list[Parameter]:
                   tolerated=strip.spread.get("bending_length", near)),
         Parameter("retardation_time", "s", b, 0.1 * b, min(10.0, 30 * b), 0.02 * b, 2 * b,
                   tolerated=strip.spread.get("retardation_time")),
+    ]  # fmt: skip
+
+
+def _weight(strip: StripFile) -> list[Parameter]:
+    """Areal density: at one bending length it moves nothing but the force, and the air's drag."""
+    m = strip.areal_density
+    return [
+        Parameter("areal_density", "kg/m^2", m, m / 3, 3 * m, 0.02 * m, WEIGHED * m,
+                  tolerated=strip.spread.get("areal_density")),
     ]  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from drivers.errors import Fault
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import Observation, StripModel
+from drivers.strip.observation import mean_force
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice, needs_terms
 from drivers.strip.rod.motions import GripperPath, simulate_all
@@ -95,15 +96,15 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedMotion:
-    """What truly happens along a drive: at times `t` (k,) [s] `contact_x`, `holding` (k,) and
-    `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on every SHAPES
-    seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
+    """What truly happens along a drive: at times `t` (k,) [s] `contact_x` (k,), `force` (k, 2) on
+    the gripper and `poses` (k, 3); `shapes` (m, nodes, 2), in single precision, from `begin` [s] on
+    every SHAPES seconds, nodes at the shares `arc` (nodes,) of the length; the touch, if any.
     """
 
     t: Array
     poses: Array
     contact_x: Array
-    holding: Array
+    force: Array
     begin: float
     shapes: NDArray[np.float32]
     arc: Array
@@ -112,7 +113,7 @@ class SimulatedMotion:
     @property
     def size(self) -> int:
         """Bytes."""
-        return int(self.shapes.nbytes + 6 * self.t.nbytes)
+        return int(self.shapes.nbytes + 7 * self.t.nbytes)
 
 
 class Simulation:
@@ -182,7 +183,7 @@ class Simulation:
             flat = np.stack([arc * motion.poses[0, 0], np.zeros_like(arc)], axis=1)
             shapes = flat[None].astype(np.float32)
         begin = float(motion.t[0]) - self.grain.dt + SHAPES
-        force = motion.holding_force
+        force = mean_force(motion.t, motion.grip_force)
         return SimulatedMotion(
             motion.t, motion.poses, motion.contact_x, force, begin, shapes, arc, motion.touch
         )

@@ -17,7 +17,7 @@ from cell.gap.subject.strip.patch import patched
 from cell.gap.subject.strip.prepare import Fold, corrected, prepared, surroundings
 from cell.gap.subject.strip.replicates import replicated
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
-from cell.gap.subject.strip.scatter import RUN_EFFECTS, RunEffect
+from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
 from cell.gap.subject.strip.scope import file_values, scope
 from cell.gap.subject.strip.simulation import (
@@ -65,7 +65,10 @@ class Strip:
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        self._scope = scope(strip, self._floors, _lifted(self._measured), without)
+        feels = any(run.measured.feels for run in self._measured)
+        scatter = (*scatter, *FORCE_EFFECTS) if feels else scatter
+        lifted = _lifted(self._measured)
+        self._scope = scope(strip, self._floors, lifted, without, feels=feels)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)

@@ -15,7 +15,14 @@ from cell.record.tables import place_contacts, write_parquet
 from drivers.settings import SCHEMA
 from drivers.strip.engine import StripMotion
 from drivers.strip.model import StripModel
-from drivers.strip.observation import seen_contact, seen_points, seen_touch, shown_time
+from drivers.strip.observation import (
+    mean_force,
+    reported_force,
+    seen_contact,
+    seen_points,
+    seen_touch,
+    shown_time,
+)
 from drivers.strip.rod.engine import Rod
 from drivers.strip.rod.lumping import lattice
 from drivers.strip.rod.motions import GripperPath, simulate_all
@@ -29,7 +36,8 @@ CLEARANCE = 0.004  # m of the strip before the grip that the fingers hide
 @dataclass(frozen=True, slots=True)
 class Instruments:
     """How a cell measures: one-sigma noise [m, s], images at `rate` [Hz] with points `spacing`
-    [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images `lost`.
+    [m] apart, shares of points that are `wild` (by up to `astray` [m]) and of images `lost`;
+    `force` [N] of an arm that reports it.
     """
 
     contact_x: float = 0.0015
@@ -42,11 +50,13 @@ class Instruments:
     wild: float = 0.005
     astray: float = 0.05
     lost: float = 0.02
+    force: float | None = None
 
     def sigma(self) -> dict[str, float]:
         """As run.yaml states it."""
         keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
-        return {key: getattr(self, key) for key in keys}
+        felt = {} if self.force is None else {"force": self.force}
+        return {key: getattr(self, key) for key in keys} | felt
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +175,16 @@ def _ticks(
     noisy = places[:, :2] + rng.normal(0.0, by.gripper, (len(t), 2))
     columns = {"t": t, "x": noisy[:, 0], "z": noisy[:, 1], "pitch": places[:, 2]}
     columns |= {"x_cmd": places[:, 0], "z_cmd": places[:, 1]}
+    columns |= {} if by.force is None else _forces(fold, t, by.force, rng)
     return pa.table(columns | {"contact_x": contact_x, "contact_t": contact_t})
+
+
+def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
+    """Reported force at `t` (m,), with noise of its own: nothing else of a run changes with it."""
+    felt = mean_force(fold.motion.t, fold.motion.grip_force)
+    force = reported_force(fold.model.observation, t, fold.motion.t, felt)
+    noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)
+    return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
 
 
 def _contact(fold: Fold, stamp: float) -> float:

@@ -37,7 +37,8 @@ def hanging(fold: Fold, begin: float) -> Fold:
     """What is measured of a fold from `begin` [s] on."""
     motion, way, touch = fold.motion, fold.way, fold.motion.touch
     rows, moved, shown = way.t >= begin, motion.t > begin, fold.shape_t > begin
-    kept = {n: getattr(motion, n)[moved] for n in ("poses", "contact_x", "tip", "holding_force")}
+    series = ("poses", "contact_x", "tip", "holding_force", "grip_force")
+    kept = {n: getattr(motion, n)[moved] for n in series}
     kept |= {"t": motion.t[moved] - begin, "shapes": motion.shapes[shown]}
     kept["touch"] = None if touch is None else replace(touch, time=touch.time - begin)
     return replace(
