@@ -19,26 +19,31 @@ CREEP = 0.005  # m/s
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 
 
-def lay_path(touch: SeenTouch, gripper: Pose, rest: float) -> Path:
-    """Path from `gripper` straight to the fixed edge at x = 0, `rest` [m] above the desk.
+def lay_path(
+    touch: SeenTouch, gripper: Pose, rest: float, height: float, place: float = 0.0
+) -> Path:
+    """Path from `gripper` straight to `height` [m] above `place` [m], and down to `rest` [m] above
+    the desk. The fixed edge is at x = 0; where images mislead, the place for the other is not.
 
-    A layer that is too short is pulled along; the edge of one that is too long springs to the same
-    place from wherever it is laid. Within `PULL` of the edge of the taut upper layer, which is
-    x = touch.x - l1. A straight line, not the circle about the touch: the circle starts sideways,
-    pulls the contact along and rolls soft folds by 15 to 40 mm.
+    From there the upper layer comes down as a lid: lifted nearly to the fold, where no friction
+    holds it, so that it slides both ways, and the edge ends where it is let down. Laid by a flat
+    line, one that the fold has rolled along is too long, and springs beyond the edge on release.
+    Within `PULL` of the edge of the taut upper layer, which is x = touch.x - l1. No circle about
+    the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
     """
     taut = touch.x - touch.to_grasped
-    end = min(max(0.0, taut - PULL), taut + PULL)
-    return Path.through(np.array([(gripper.x, gripper.z), (end, rest)]))
+    end = min(max(place, taut - PULL), taut + PULL)
+    points = [(gripper.x, gripper.z), (end, height), (end, rest)]
+    return Path.through(np.array(points if gripper.z > height else points[::2]))
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
-    """Follow the lay path, turning the pitch uniformly from hanging to lying backward.
+    """Follow the lay path, turning the pitch from hanging to lying backward, most of it at the end:
+    an edge that lies back early pushes what hangs from it.
 
     It slows down in time: a gripper that brakes at the end of the path only meets the desk.
     """
     follower = Follower(path, 1)
-    speed = min(speed, TURNING * path.length / HANGING)
     snapshot, pace = (yield Drive(begin.velocity)), speed
     while True:
         pose = snapshot.arm.pose
@@ -46,10 +51,12 @@ def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:
         if decision.done[0]:
             break
         progress = float(follower.progress[0])
-        wanted = HANGING + progress / path.length * HANGING
-        rate = HANGING * pace / path.length + TURN_GAIN * (wanted - pose.pitch)
+        share = progress / path.length
+        turning = 2.0 * HANGING * share / path.length  # rad/m
+        rate = turning * pace + TURN_GAIN * (HANGING * (1.0 + share**2) - pose.pitch)
         rate = min(max(rate, -TURNING), TURNING)
-        pace = min(speed, max(CREEP, sqrt(2 * BRAKING * max(path.length - progress, 0.0))))
+        stopping = max(CREEP, sqrt(2 * BRAKING * max(path.length - progress, 0.0)))
+        pace = min(speed, stopping, TURNING / max(turning, 1.0))
         snapshot = yield drive(decision, rate)
     end = path.points[-1]
     return (yield from move(Pose(float(end[0]), float(end[1]), np.pi)))

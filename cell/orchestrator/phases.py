@@ -162,9 +162,10 @@ def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phas
 
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk without pulling the contact of the layers along."""
-    touch = _seen_touch(cell)
-    path = lay_path(touch, begin.arm.pose, max(cell.strip.thickness, touch.distance))
-    snapshot = yield from follow_lay(path, cell.settings.fold.lay_speed, begin)
+    touch, settings = _seen_touch(cell), cell.settings.fold
+    rest = max(cell.strip.thickness, touch.distance)
+    path = lay_path(touch, begin.arm.pose, rest, settings.lay_height, cell.unseen)
+    snapshot = yield from follow_lay(path, settings.lay_speed, begin)
     record.event(snapshot.time, "laid", x=snapshot.arm.pose.x, z=snapshot.arm.pose.z)
     return Event.LAID
 

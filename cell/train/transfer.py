@@ -25,7 +25,6 @@ SECONDS = 10.0  # of processor, a fold
 TIME_LIMIT = 900.0  # s of wall time, after which a fold is set aside
 SOURCES = {
     "displacement": "true",
-    "edges": "edges",
     "predicted": "predicted",
     "sigma": "sigma",
     "log_length": "believed_length",
@@ -56,7 +55,7 @@ class FoldPart:
         with TemporaryDirectory() as place:
             result = fold_unknown(strip, self.number, Path(place), checkpoint=self.checkpoint)
             found = compare(result)
-        if result.exit_code != 0 or "predicted" not in found or found["edges"] is None:
+        if result.exit_code != 0 or "predicted" not in found:
             return {}
         known = {name: found[source] for name, source in SOURCES.items()}
         return {**known, "thickness": strip.thickness}

@@ -123,10 +123,9 @@ class Adaptive:
         return self.judgement
 
     def _smooth_rise(self, judgement: Judgement, time: Array) -> Array:
-        """The rises (n,) at which d is as wanted, approached smoothly."""
+        """The rises (n,) at which d = 0 is expected, approached smoothly."""
         bias = self.transfer.bias.of(judgement.belief, self._thickness)
-        aim = self.transfer.roll.aim(judgement.belief) - self._seen - self._unseen
-        missing = aim + bias - judgement.displacement
+        missing = bias - self._seen - self._unseen - judgement.displacement
         rise = self.rise + missing / judgement.slope
         rise = np.where(self.blind, UNKNOWING * self._length, rise)
         rise = np.clip(rise, 0.0, self._steering.highest)

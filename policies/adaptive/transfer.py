@@ -4,24 +4,21 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Self
 
-import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from policies.adaptive.bias import Bias
-from policies.adaptive.roll import TERMS, Roll
 
 LARGEST = 100.0  # of any number: none is near it
 
 
 @dataclass(frozen=True, slots=True)
 class Transfer:
-    """`bias` of the displacement that the critic predicts, and the `roll` after the touch.
+    """`bias` of the displacement that the critic predicts.
 
-    The default is that of folds like those of the training: no bias, and an aim at d = 0.
+    The default is that of folds like those of the training: none.
     """
 
     bias: Bias = field(default_factory=Bias)
-    roll: Roll = field(default_factory=Roll)
 
     def facts(self) -> dict[str, Any]:
         """Plain values, for the checkpoint."""
@@ -34,7 +31,6 @@ class Transfer:
             found = TypeAdapter(cls).validate_python(facts)
         except ValidationError as error:
             raise ValueError(str(error.errors()[0]["msg"])) from None
-        numbers = np.array([*asdict(found.bias).values(), *found.roll.weights])
-        if len(found.roll.weights) != TERMS or not (np.abs(numbers) < LARGEST).all():
-            raise ValueError(f"needs {TERMS} weights of the roll, all numbers below {LARGEST:g}")
+        if not all(abs(number) < LARGEST for number in asdict(found.bias).values()):
+            raise ValueError(f"needs all numbers below {LARGEST:g}")
         return found

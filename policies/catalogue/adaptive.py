@@ -15,11 +15,9 @@ def _make(checkpoint: Path | None) -> Policy:
 
 def _in_rod(checkpoint: Path | None) -> Policy:
     from policies.adaptive.adaptive import Adaptive
-    from policies.adaptive.checkpoint import load_critic, load_transfer
-    from policies.adaptive.transfer import Transfer
+    from policies.adaptive.checkpoint import load_critic
 
-    roll = load_transfer(checkpoint).roll
-    return Adaptive(load_critic(checkpoint), Transfer(roll=roll))
+    return Adaptive(load_critic(checkpoint))
 
 
 ENTRY = Entry(rank=6, make=_make, learned=True, in_rod=_in_rod, look=Look("#c2352b", "P"))

@@ -108,15 +108,14 @@ def started(name: str, root: Path) -> subprocess.Popen[str]:
     environment = os.environ | {"OMP_NUM_THREADS": "1", "TMPDIR": str(root)}
     return subprocess.Popen(
         [*CELL, *COMMANDS[name].words(root)], env=environment, start_new_session=True, text=True,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, str]:
-    """Exit code of the command, and the last line that it wrote to stderr."""
-    _, said = process.communicate(timeout=LONGEST)
-    lines = [line for line in said.splitlines() if line.strip()]
-    return process.returncode, lines[-1] if lines else ""
+    """Exit code of the command, and all that it wrote."""
+    said, _ = process.communicate(timeout=LONGEST)
+    return process.returncode, said.strip()
 
 
 def faults(root: Path, before: dict[Path, bytes]) -> Iterator[str]:

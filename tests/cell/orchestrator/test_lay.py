@@ -9,11 +9,16 @@ import pytest
 from cell.orchestrator.lay import BRAKING, PULL, TURNING, follow_lay, lay_path
 from cell.orchestrator.snapshot import Drive
 from cell.perception.measurement import SeenTouch
+from drivers.strip.describe import describe
+from drivers.twin.chain.engine import Chain
 from drivers.types import Pose, Velocity
-from policies.path import Path
+from policies.domain import strip_at
+from policies.path import Path, triangular
 from tests.cell.orchestrator.test_monitors import GOOD
+from tests.support.chain_moves import settle
 
 TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
+HEIGHT, RISE = 0.025, 0.034  # m
 
 
 def driven(start: tuple[float, float]) -> list[Velocity]:
@@ -48,5 +53,49 @@ def test_grasped_edge_is_laid_over_the_fixed_one_unless_that_pulls_far(
     displacement: float, end: float
 ) -> None:
     touch = SeenTouch(5.0, 0.25, 0.25 + displacement, 0.25, confidence=1.0, distance=0.001)
-    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST)
-    assert path.points[-1] == pytest.approx((end, REST))
+    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST, HEIGHT)
+    assert path.points[-2:] == pytest.approx(np.array([(end, HEIGHT), (end, REST)]))
+
+
+def test_gripper_that_is_lower_than_a_lid_is_laid_straight() -> None:
+    touch = SeenTouch(5.0, 0.25, 0.25, 0.25, confidence=1.0, distance=0.001)
+    path = lay_path(touch, Pose(0.01, 0.8 * HEIGHT, np.pi / 2), REST, HEIGHT)
+    assert path.points[1:] == pytest.approx(np.array([(0.0, REST)]))
+
+
+def test_edge_is_laid_aside_by_what_no_image_shows() -> None:
+    touch = SeenTouch(5.0, 0.25, 0.247, 0.25, confidence=1.0, distance=0.001)
+    path = lay_path(touch, Pose(0.2, 0.22, np.pi / 2), REST, HEIGHT, 0.0035)
+    assert path.points[-1] == pytest.approx((0.0035, REST))
+
+
+def laid_edges(height: float) -> float:
+    """Offset [m] of the edges of a smooth strip whose fold rolls, laid from `height` [m]."""
+    strip = strip_at(0.5, 0.2)
+    chain, pose = Chain(60), np.array([strip.length, 0.0, 0.0])
+    chain.reset([describe(strip)])
+    for pose in triangular(strip.length, RISE).poses(np.arange(0.0, 1.0, SPEED * TICK)):
+        touch = chain.step(pose[None], TICK).touch[0]
+        if touch is not None:
+            break
+    assert touch is not None
+    seen = SeenTouch(touch.time, touch.x, touch.to_grasped, touch.to_fixed, 1.0, 0.001)
+    snapshot = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*pose.tolist())))
+    lay = follow_lay(lay_path(seen, snapshot.arm.pose, REST, height), SPEED, snapshot)
+    command = next(lay)
+    while isinstance(command, Drive):
+        rate = command.velocity
+        pose = pose + TICK * np.array([rate.vx, rate.vz, rate.pitch_rate])
+        chain.step(pose[None], TICK)
+        snapshot = replace(snapshot, arm=replace(snapshot.arm, pose=Pose(*pose.tolist())))
+        command = lay.send(snapshot)
+    last = command.pose.as_array()
+    settle(chain, last, 0.3)
+    chain.release()
+    points = settle(chain, last, 1.0)
+    return float(points[0, 0] - points[-1, 0])
+
+
+def test_lid_takes_back_what_the_fold_has_rolled_on() -> None:
+    assert laid_edges(2.0 * REST) > 1.5e-3
+    assert abs(laid_edges(HEIGHT)) < 0.5e-3
