@@ -33,7 +33,7 @@ def whole_path(
     end = max(x - z, 0.0) if end is None else end
     above = min(fold.lay_height, z)
     share = 1.0 - above / (np.hypot(x - end, z - above) + above)
-    lid = [(end, above, HANGING * (1.0 + share**2))]
+    lid = [(end, above, np.pi / 2 * (1.0 + share**2))]
     goes = [(end, 0.001), (end - away, 0.001), (end - away, 2 * away)]
     poses = np.concatenate([_with_pitch(comes, 0.0), carried[1:], lid, _with_pitch(goes, np.pi)])
     laid = [fold.lay_speed] * 2
