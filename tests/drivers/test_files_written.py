@@ -23,10 +23,10 @@ ELSEWHERE = {
     *(f"cell/studies/{name}.py" for name in ("catalogue/extremes", "catalogue/looks", "kit/folds")),
 }
 MADE_BY_THE_DOOR = {
-    # a name that `replacing` made or `own_file` looked at
-    *("cell/record/tables.py", "cell/report/viz/recording.py", "cell/report/viz/wizard.py"),
+    # a name that `replacing` made or `own_file` looked at, or a pipe into `own_stream`
+    *("cell/record/tables.py", "cell/report/viz/saving.py"),
     *("cell/record/exchange/mcap_file.py", "cell/record/film.py"),
-    *("cell/gap/report/overlay.py", "policies/adaptive/train/piece.py"),
+    "policies/adaptive/train/piece.py",
 }
 
 

@@ -70,6 +70,13 @@ def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1)
 
 
+def across(denim: Folded, curve: np.ndarray) -> list[np.ndarray]:
+    """A `curve` (n, 2) of the strip as it appears at depths from its near edge to its far one."""
+    view = denim.run.calibration().viewpoint
+    shares = np.linspace(0.0, view.sweep(denim.run.header.strip_file["width"]), 8)
+    return [curve + share * (view.foot() - curve) for share in shares]
+
+
 def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
     seen = silhouettes(denim.run)
     assert len(seen) == 6
@@ -77,7 +84,8 @@ def test_page_shows_the_strip_where_it_was_laid(denim: Folded) -> None:
     stamps = {note.sequence: note.stamp for note in denim.run.frame_index()}
     for outline in seen:
         true = denim.true_shape(stamps[outline.sequence])
-        assert np.percentile(distances(outline.plane, true), 95) < 0.006
+        off = np.min([distances(outline.plane, curve) for curve in across(denim, true)], axis=0)
+        assert np.percentile(off, 95) < 0.002
         clear = true[true[:, 0] > 0.1][:-4]  # the hand covers the ends
         assert distances(clear, outline.plane).max() < 0.006
     text = report(denim.run)
