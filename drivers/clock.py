@@ -2,11 +2,7 @@
 
 import ctypes
 import os
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 LOCK_CURRENT, LOCK_ON_FAULT = 1, 4  # of mlockall(2)
 
@@ -55,20 +51,3 @@ def take_priority(priority: int) -> bool:
     except PermissionError:
         return False
     return True
-
-
-@contextmanager
-def ordinary_threads() -> Iterator[None]:
-    """This thread, and those that start within it, have the priority that this one had, whatever a
-    library asks for: SVT-AV1 takes the highest there is where the user is root.
-    """
-    before, nice = _threads(), os.getpriority(os.PRIO_PROCESS, 0)
-    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
-    yield
-    for thread in (_threads() - before) | {threading.get_native_id()}:
-        os.sched_setscheduler(thread, policy, parameter)
-        os.setpriority(os.PRIO_PROCESS, thread, nice)
-
-
-def _threads() -> set[int]:
-    return {int(entry.name) for entry in Path("/proc/self/task").iterdir()}

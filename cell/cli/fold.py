@@ -46,7 +46,6 @@ class Frames(StrEnum):
 class Film(StrEnum):
     """The encoder of a run's film."""
 
-    AV1 = "libsvtav1"
     H264 = "libx264"
     NONE = "none"
 

@@ -1,6 +1,5 @@
 """Films: images with the time of each, decoded from a file and encoded into one."""
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -8,17 +7,15 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from cell.extras import require_library
-from drivers.clock import ordinary_threads
 from drivers.errors import ConfigurationError
 from drivers.files import own_file, replacing, writing
 from drivers.types import Frame, Image
 
 TICK = Fraction(1, 90_000)  # s, the time base of films that are written
-Encoder = Literal["libsvtav1", "libx264"]  # of a fold's film
+Encoder = Literal["libx264"]  # of a fold's film; SVT-AV1 hangs in one of some hundred
 ENCODER = "libx264"  # which every player knows
 SECOND = 60  # images between two from which decoding can start
 QUALITY = {
-    "libsvtav1": {"crf": "35", "preset": "11", "svtav1-params": "pred-struct=1:lp=1"},
     "libx264": {"crf": "28", "preset": "veryfast", "bf": "0", "tune": "zerolatency"},
     "libx265": {"crf": "24", "preset": "veryfast", "x265-params": "bframes=0:log-level=error"},
 }
@@ -76,7 +73,6 @@ class FilmWriter:
         require_library("av")
         import av
 
-        os.environ.setdefault("SVT_LOG", "1")  # errors only: it writes to the terminal itself
         options = FRAGMENTS if path.suffix == ".mp4" else {}
         with writing(path):
             own_file(path)
@@ -114,8 +110,7 @@ class FilmWriter:
         stream.pix_fmt, stream.time_base = "yuv420p", TICK
         stream.codec_context.time_base = TICK
         stream.codec_context.thread_count = 1
-        with ordinary_threads():
-            stream.codec_context.open()
+        stream.codec_context.open()
         return stream
 
 

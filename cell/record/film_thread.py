@@ -20,7 +20,7 @@ class FilmThread:
     The encoder has a process of its own, beside a control loop on the wall clock: a thread that
     lost its core while it held the interpreter would hold up the loop. Where the clock is virtual,
     `patient`, it is a thread, and `put` waits for room. `failure` says why the film breaks off, if
-    it does: no run waits for an encoder that hangs, as SVT-AV1 now and then does.
+    it does: no run waits for an encoder that hangs.
     """
 
     def __init__(self, path: Path, encoder: str, patient: bool) -> None:

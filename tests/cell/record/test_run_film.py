@@ -1,7 +1,6 @@
 """The film of a run: every image at its own time, whatever befalls process or encoder."""
 
 import multiprocessing
-import os
 import signal
 import subprocess
 import sys
@@ -35,8 +34,8 @@ def frame(sequence: int) -> Frame:
     return Frame(stamp, stamp + 0.02, "made", sequence, image(sequence))
 
 
-def filmed(root: Path, encoder: str = "libx264", patient: bool = True, count: int = IMAGES):
-    writer = RunWriter.create(root, HEADER, "none", patient=patient, film=encoder)
+def filmed(root: Path, patient: bool = True, count: int = IMAGES):
+    writer = RunWriter.create(root, HEADER, "none", patient=patient, film="libx264")
     for sequence in range(count):
         writer.frame(frame(sequence))
     writer.finish({"outcome": "path_done"})
@@ -52,18 +51,8 @@ def shown(root: Path) -> int:
         return 0
 
 
-def test_encoder_takes_no_priority_from_the_control_loop(tmp_path):
-    own = os.sched_getscheduler(0)
-    with FilmWriter(tmp_path / "film.mp4", "libsvtav1") as film:
-        film.add(0.0, image(0))
-        threads = [int(entry.name) for entry in Path("/proc/self/task").iterdir()]
-        assert len(threads) > 2
-        assert {os.sched_getscheduler(thread) for thread in threads} == {own}
-
-
-@pytest.mark.parametrize("encoder", ["libsvtav1", "libx264"])
-def test_film_holds_every_image_at_its_own_time(tmp_path, encoder):
-    run = filmed(tmp_path, encoder)
+def test_film_holds_every_image_at_its_own_time(tmp_path):
+    run = filmed(tmp_path)
     notes = run.frame_index()
     assert [note.film for note in notes] == list(range(IMAGES))
     pictures = list(Film(run.folder / FILM).frames())
