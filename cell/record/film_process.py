@@ -88,6 +88,6 @@ def serve(path: Path, encoder: str, pipe: Connection) -> None:
                 film.add(stamp, np.frombuffer(pipe.recv_bytes(), np.uint8).reshape(shape))
         answer = END
     except Exception as error:  # noqa: BLE001  an edge: the cell says why the film breaks off
-        answer = str(error).encode()
+        answer = (str(error) or type(error).__name__).encode()
     with suppress(OSError):
         pipe.send_bytes(answer)

@@ -14,7 +14,7 @@ import pytest
 
 from cell.record.files import FILM
 from cell.record.film import Film, FilmWriter
-from cell.record.film_process import FilmProcess
+from cell.record.film_process import HEAD, FilmProcess, serve
 from cell.record.film_thread import QUEUE, FilmThread
 from cell.record.frames import read_index
 from cell.record.run import read_run
@@ -153,6 +153,21 @@ def test_other_process_says_why_its_film_breaks_off(tmp_path):
     film.add(0.0, image(0))
     with pytest.raises(OSError, match="no_such_encoder"):
         film.__exit__(None, None, None)
+
+
+def test_failure_without_words_is_told_by_its_kind(tmp_path, monkeypatch):
+    ours, theirs = multiprocessing.Pipe()
+    ours.send_bytes(HEAD.pack(0.0, *image(0).shape))
+    ours.send_bytes(image(0).tobytes())
+
+    def fail(*_arguments) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(FilmWriter, "add", fail)
+    monkeypatch.setattr("os.setpriority", lambda *_: None)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    serve(tmp_path / FILM, "libx264", theirs)
+    assert [ours.recv_bytes(), ours.recv_bytes()] == [b"", b"MemoryError"]
 
 
 def test_film_whose_process_is_killed_breaks_off_and_not_the_run(tmp_path):
