@@ -17,6 +17,7 @@ class FoldSettings(Settings):
     )  # on the path; faster, the lift out-turns the hand
     lay_speed: Speed = Field(0.10, ge=0.005, le=0.16)
     lay_height: Metres = Field(0.025, ge=0.005, le=0.06)  # of the edge above its place
+    lay_beyond: Metres = Field(0.008, ge=0, le=0.02)  # past a taut edge; folds roll 6 mm
     takeover_height: Metres = Field(TAKEOVER_HEIGHT, ge=0.03, le=0.2)  # where the policy takes over
     start: Literal["flat", "hanging"] | None = None  # of measured time; None: by the arm
     longest_rest: Seconds = Field(4.0, ge=0.5, le=20.0)  # that a hanging strip is waited for

@@ -9,7 +9,8 @@ class MonitorLimits(Settings):
     """Limits of the monitors. Every one has a value; none can be switched off."""
 
     arm_age: float = Field(0.05, gt=0, le=0.5)  # s
-    image_age: float = Field(0.25, gt=0, le=1.0)  # s
+    image_age: float = Field(0.25, gt=0, le=1.0)  # s, from which on the arm stands and waits
+    image_wait: float = Field(0.15, gt=0, le=1.0)  # s that it waits for a younger image
     reading: float = Field(0.25, gt=0, le=1.0)  # s beside the loop, of one image
     identical_images: int = Field(3, ge=2, le=30)  # one that a camera sends twice is none
     confidence: float = Field(0.3, gt=0, lt=1)

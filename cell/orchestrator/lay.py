@@ -1,9 +1,10 @@
-"""The lay: the grasped edge goes down to the desk behind the touch."""
+"""The lay: the grasped edge goes down to the desk behind the touch, and is pushed to its place."""
 
 from math import sqrt
 
 import numpy as np
 
+from cell.config.fold import FoldSettings
 from cell.orchestrator.snapshot import Drive, Snapshot
 from cell.orchestrator.steps import Motion, drive, move
 from cell.perception.measurement import SeenTouch
@@ -19,22 +20,31 @@ CREEP = 0.005  # m/s
 PULL = 0.01  # m by which an upper layer that is too short is pulled along at most
 
 
-def lay_path(
-    touch: SeenTouch, gripper: Pose, rest: float, height: float, place: float = 0.0
-) -> Path:
-    """Path from `gripper` straight to `height` [m] above `place` [m], and down to `rest` [m] above
-    the desk. The fixed edge is at x = 0; where images mislead, the place for the other is not.
-
-    From there the upper layer comes down as a lid: lifted nearly to the fold, where no friction
-    holds it, so that it slides both ways, and the edge ends where it is let down. Laid by a flat
-    line, one that the fold has rolled along is too long, and springs beyond the edge on release.
-    Within `PULL` of the edge of the taut upper layer, which is x = touch.x - l1. No circle about
-    the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to 40 mm.
+def edge_place(touch: SeenTouch, place: float = 0.0) -> float:
+    """Where [m] the grasped edge is to lie: at `place`, within `PULL` of the edge of the taut upper
+    layer. The fixed edge is at x = 0; where images mislead, the place for the other is not.
     """
-    taut = touch.x - touch.to_grasped
-    end = min(max(place, taut - PULL), taut + PULL)
-    points = [(gripper.x, gripper.z), (end, height), (end, rest)]
-    return Path.through(np.array(points if gripper.z > height else points[::2]))
+    return min(max(place, _taut_edge(touch) - PULL), _taut_edge(touch) + PULL)
+
+
+def lay_path(touch: SeenTouch, gripper: Pose, rest: float, end: float, fold: FoldSettings) -> Path:
+    """Path from `gripper` straight to `lay_height` above `end` [m], and down to `rest` [m] above
+    the desk, `lay_beyond` past the edge of the taut upper layer, from where it is pushed to `end`.
+
+    From that height the upper layer comes down as a lid, in part lifted, where friction does not
+    hold it. One that the fold has rolled along is too long: let down at its end it keeps a hump at
+    the grip, which gives way to a push, and springs beyond the edge on release. Let down past its
+    end it lies flat, and a flat layer passes a push on to the fold, which rolls back. No circle
+    about the touch: that starts sideways, pulls the contact along and rolls soft folds by 15 to
+    40 mm.
+    """
+    down = min(end, _taut_edge(touch) - fold.lay_beyond)
+    points = [(gripper.x, gripper.z), (end, fold.lay_height), (down, rest)]
+    return Path.through(np.array(points if gripper.z > fold.lay_height else points[::2]))
+
+
+def _taut_edge(touch: SeenTouch) -> float:
+    return touch.x - touch.to_grasped
 
 
 def follow_lay(path: Path, speed: float, begin: Snapshot) -> Motion:

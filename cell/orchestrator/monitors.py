@@ -57,13 +57,17 @@ def _not_finite(snapshot: Snapshot, _: Rules) -> str | None:
 
 
 def _image_stale(snapshot: Snapshot, rules: Rules) -> str | None:
-    limits = rules.limits
-    if snapshot.view.frame is None:
+    limits, view = rules.limits, snapshot.view
+    if view.frame is None:
         return "the camera has delivered no image"
-    age = snapshot.time - snapshot.view.frame.stamp
-    if abs(age) <= limits.image_age:
+    age, since = snapshot.time - view.frame.stamp, view.stale_since
+    waiting = 0.0 if since is None else snapshot.time - since  # at rest: `pace`
+    if waiting <= limits.image_wait and age >= -limits.image_age:
         return None
-    return f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms"
+    return (
+        f"the newest image is {1e3 * age:.0f} ms old, allowed {1e3 * limits.image_age:.0f} ms, "
+        f"and the arm waited {1e3 * waiting:.0f} ms for a younger one"
+    )
 
 
 def _image_frozen(snapshot: Snapshot, rules: Rules) -> str | None:
@@ -180,7 +184,7 @@ def _calibration_overtime(snapshot: Snapshot, rules: Rules) -> str | None:
 
 _WAITING = frozenset({State.CALIBRATE})  # for people
 _ALIVE = frozenset(State) - TERMINAL - {State.IDLE, State.STOPPING}
-_SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
+SEEING = _ALIVE - {State.PREFLIGHT, State.CALIBRATE}
 _FOLDING = frozenset({State.LIFT, State.FOLD})
 _HOLDING = frozenset({State.LIFT, State.FOLD, State.TOUCHED, State.LAY})
 
@@ -193,10 +197,10 @@ MONITORS: tuple[Monitor, ...] = (
     Monitor("workspace", _ALIVE, _workspace),
     Monitor("force", _ALIVE, _force),
     Monitor("grip_lost", _HOLDING, _grip_lost),
-    Monitor("image_stale", _SEEING, _image_stale),
-    Monitor("image_frozen", _SEEING, _image_frozen),
-    Monitor("image_reader_dead", _SEEING, _reader_dead),
-    Monitor("image_reading_overdue", _SEEING, _reading_overdue),
+    Monitor("image_stale", SEEING, _image_stale),
+    Monitor("image_frozen", SEEING, _image_frozen),
+    Monitor("image_reader_dead", SEEING, _reader_dead),
+    Monitor("image_reading_overdue", SEEING, _reading_overdue),
     Monitor("camera_moved", _FOLDING, _camera_moved),
     Monitor("low_confidence", _FOLDING, _low_confidence),
     Monitor("state_overtime", _ALIVE - _WAITING, _state_overtime),

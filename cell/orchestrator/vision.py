@@ -127,7 +127,8 @@ class View:
     last one, and `read` whether it is new on this tick; `touch` the layer_touch once it is seen,
     `doubtful_since` when confidence fell below its limit, None while it is good. `reading_since` is
     when the image under way was begun, `dead` why none is read any more. `shift` [m] is how far the
-    camera seems moved since the preflight, and `moved` the successive images that say so.
+    camera seems moved since the preflight, and `moved` the successive images that say so. Since
+    `stale_since` the newest image is too old to move by; None while it is not.
     """
 
     frame: Frame | None = None
@@ -141,6 +142,7 @@ class View:
     dead: str = ""
     shift: float = nan
     moved: int = 0
+    stale_since: float | None = None
 
 
 class Vision:
@@ -157,12 +159,14 @@ class Vision:
         self._measurement: StripMeasurement | None = None
         self._touch: SeenTouch | None = None
         self._doubtful_since: float | None = None
+        self._stale_since: float | None = None
         self._waiting: Frame | None = None  # the newest one to be read
 
     def look(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> View:
         """The view at `now` [s] in `state`; raises Fault where images are due and unreadable."""
         fresh = self._take_frame(state, now, arm)
         read = self._read(state, now, arm, reader)
+        self._note_age(now)
         return View(
             self._frame,
             fresh,
@@ -175,6 +179,7 @@ class Vision:
             "" if reader is None else reader.dead,
             self._shift,
             self._moved,
+            self._stale_since,
         )
 
     def _take_frame(self, state: State, now: float, arm: ArmHistory) -> bool:
@@ -210,6 +215,12 @@ class Vision:
             self._shift = seen.shift
             self._moved = self._moved + 1 if seen.shift > self._limits.camera_shift else 0
         return read
+
+    def _note_age(self, now: float) -> None:
+        if self._frame is None or now - self._frame.stamp <= self._limits.image_age:
+            self._stale_since = None
+        elif self._stale_since is None:
+            self._stale_since = now
 
     def _note_doubt(self, measurement: StripMeasurement) -> None:
         if measurement.confidence >= self._limits.confidence:

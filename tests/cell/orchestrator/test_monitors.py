@@ -44,7 +44,7 @@ BROKEN = {
     "workspace": replace(GOOD, arm=replace(ARM, pose=Pose(0.4, -0.02, 1.5), commanded=POSE)),
     "force": replace(GOOD, arm=replace(ARM, force=(30.0, 1.0))),
     "grip_lost": replace(GOOD, hand=replace(HAND, grasped=False)),
-    "image_stale": showing(frame=replace(FRAME, stamp=9.5)),
+    "image_stale": showing(frame=replace(FRAME, stamp=9.5), stale_since=9.8),
     "image_frozen": showing(identical=LIMITS.identical_images),
     "image_reader_dead": showing(dead="the process for images has ended"),
     "image_reading_overdue": showing(reading_since=9.7),

@@ -1,0 +1,145 @@
+"""A gap in the images is bridged by waiting; a camera that is gone ends the run."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+import cell.orchestrator.run as orchestrator
+from cell.config.monitor_limits import MonitorLimits
+from cell.orchestrator.pace import USUAL, pace
+from cell.orchestrator.snapshot import CloseHand, Drive, Hold, MoveTo
+from cell.orchestrator.states import Event, State
+from cell.orchestrator.steps import move
+from drivers.types import Frame, Pose, Velocity
+from tests.cell.orchestrator.test_monitors import FRAME, GOOD
+from tests.support.plain_cell import Bench, plain_bench
+
+LIMITS = MonitorLimits()
+BEGIN, DRIVEN = 0.5, 1.8  # s, from when on images are lost: in a move, in a drive
+FAST = Velocity(-0.1, 0.05, 0.2)
+PLACE = Pose(0.4, 0.1, math.pi / 2)
+BRAKES = 0.1  # s in which an arm at 0.11 m/s rests
+
+
+def aged(age: float, state: State = State.FOLD):
+    return replace(GOOD, state=state, view=replace(GOOD.view, frame=replace(FRAME, stamp=10 - age)))
+
+
+def test_usual_images_change_no_command() -> None:
+    for command in (Drive(FAST), MoveTo(PLACE), Hold()):
+        assert pace(command, aged(0.99 * USUAL * LIMITS.image_age), LIMITS) == command
+
+
+@pytest.mark.parametrize("state", [State.LIFT, State.FOLD, State.LAY])
+def test_drive_slows_down_in_proportion_and_stands_at_the_limit(state: State) -> None:
+    middle = pace(Drive(FAST), aged((1.0 + USUAL) / 2 * LIMITS.image_age, state), LIMITS)
+    assert isinstance(middle, Drive)
+    assert middle.velocity.vx == pytest.approx(FAST.vx / 2)
+    assert middle.velocity.pitch_rate == pytest.approx(FAST.pitch_rate / 2)
+    stands = pace(Drive(FAST), aged(1.1 * LIMITS.image_age, state), LIMITS)
+    assert stands == Drive(Velocity(0.0, 0.0, 0.0))
+
+
+def test_move_is_held_at_the_limit_and_fingers_are_not() -> None:
+    old = aged(1.1 * LIMITS.image_age, State.GRASP)
+    assert pace(MoveTo(PLACE), old, LIMITS) == Hold()
+    assert pace(CloseHand(), old, LIMITS) == CloseHand()
+
+
+def test_where_no_image_is_needed_their_age_does_not_count() -> None:
+    assert pace(MoveTo(PLACE), aged(9.0, State.PREFLIGHT), LIMITS) == MoveTo(PLACE)
+
+
+def drives(record, begin):
+    for _ in range(200):
+        yield Drive(FAST)
+    return Event.PATH_DONE
+
+
+def moves(record, begin):
+    yield from move(PLACE)
+    return Event.LIFTED
+
+
+def ends(event: Event):
+    def phase(record, begin):
+        yield Hold()
+        return event
+
+    return phase
+
+
+@pytest.fixture
+def bench(monkeypatch) -> Bench:
+    phases = {
+        State.PREFLIGHT: ends(Event.CHECKED),
+        State.GRASP: ends(Event.GRASPED),
+        State.LIFT: moves,
+        State.FOLD: drives,
+    }
+    monkeypatch.setattr(orchestrator, "phases_of", lambda context: phases)
+    return plain_bench()
+
+
+def lose_images(bench: Bench, begin: float, seconds: float) -> None:
+    read, clock = bench.camera.read, bench.clock
+
+    def losing(after: float, timeout: float) -> Frame | None:
+        lost = begin <= clock.now() < begin + seconds
+        return None if lost else read(after, timeout)
+
+    bench.camera.read = losing
+
+
+@pytest.mark.parametrize("begin", [BEGIN, DRIVEN], ids=["moved", "driven"])
+def test_gap_is_waited_for_at_rest_and_the_run_goes_on(bench, begin: float) -> None:
+    rested: list[bool] = []
+    lose_images(bench, begin, LIMITS.image_age + 0.9 * LIMITS.image_wait)
+    bench.observers = (Watch(bench, rested),)
+    assert bench.run().name == "path_done"
+    assert rested
+    assert all(rested)
+
+
+def test_camera_that_is_gone_ends_the_run_with_an_arm_that_already_stands(bench) -> None:
+    rested: list[bool] = []
+    lose_images(bench, DRIVEN, 60.0)
+    bench.observers = (Watch(bench, rested),)
+    outcome = bench.run()
+    assert outcome.name == "image_stale"
+    assert "waited" in outcome.reason
+    assert rested[-1]
+    ended = bench.clock.now() - DRIVEN - LIMITS.image_age
+    assert 0.0 < ended < LIMITS.image_wait + 0.5
+    assert bench.at_rest
+
+
+def test_images_that_are_always_too_old_end_the_run(bench) -> None:
+    read, clock = bench.camera.read, bench.clock
+
+    def late(after: float, timeout: float) -> Frame | None:
+        frame = read(-1.0, timeout)
+        if frame is None or clock.now() < BEGIN:
+            return frame
+        return replace(frame, stamp=clock.now() - 1.2 * LIMITS.image_age)
+
+    bench.camera.read = late
+    assert bench.run().name == "image_stale"
+    assert clock.now() < BEGIN + 1.0
+
+
+class Watch:
+    """Notes on each tick whether the arm rests while the newest image is too old."""
+
+    def __init__(self, bench: Bench, rested: list[bool]) -> None:
+        self._bench, self._rested = bench, rested
+
+    def see(self, snapshot) -> None:
+        if snapshot.view.stale_since is not None:
+            waited = snapshot.time - snapshot.view.stale_since
+            if waited >= BRAKES:
+                self._rested.append(self._bench.at_rest)
+
+    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+        """No event counts."""
