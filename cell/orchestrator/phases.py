@@ -11,7 +11,7 @@ from calibration.landmarks import camera_shift
 from cell.orchestrator.calibrating import calibrate, go_calibrate
 from cell.orchestrator.context import CalibrationContext, Context, FoldContext, ManualContext
 from cell.orchestrator.hanging import hang_still
-from cell.orchestrator.lay import HANGING, edge_place, follow_lay, lay_path
+from cell.orchestrator.lay import CLEARANCE, HANGING, edge_place, follow_lay, lay_path
 from cell.orchestrator.recorder import Record
 from cell.orchestrator.snapshot import Command, Drive, Hold, Snapshot
 from cell.orchestrator.states import Event, State
@@ -163,7 +163,7 @@ def continue_to_lay(_cell: FoldContext, record: Record, begin: Snapshot) -> Phas
 def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk past the taut layer's end, and push it to its place."""
     touch, settings = _seen_touch(cell), cell.settings.fold
-    rest = max(cell.strip.thickness, touch.distance)
+    rest = max(cell.strip.thickness, touch.distance) + CLEARANCE
     end = edge_place(touch, cell.unseen)
     path = lay_path(touch, begin.arm.pose, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)

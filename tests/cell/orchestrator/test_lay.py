@@ -7,10 +7,19 @@ import numpy as np
 import pytest
 
 from cell.config.fold import FoldSettings
-from cell.orchestrator.lay import BRAKING, PULL, TURNING, edge_place, follow_lay, lay_path
+from cell.orchestrator.lay import (
+    BRAKING,
+    CLEARANCE,
+    PULL,
+    TURNING,
+    edge_place,
+    follow_lay,
+    lay_path,
+)
 from cell.orchestrator.snapshot import Drive
 from cell.perception.measurement import SeenTouch
 from drivers.strip.describe import describe
+from drivers.strip.file import StripFile
 from drivers.twin.chain.engine import Chain
 from drivers.types import Pose, Velocity
 from policies.domain import strip_at
@@ -18,8 +27,9 @@ from policies.path import Path, triangular
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.support.chain_moves import settle
 
-TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
+TICK, REST, SPEED = 0.01, 0.0009 + CLEARANCE, 0.1  # s, m, m/s
 RISE = 0.034  # m
+MIDDLING, SOFT = strip_at(0.5, 0.2), strip_at(0.1, 0.4)
 FOLD = FoldSettings()
 HEIGHT, BEYOND = FOLD.lay_height, FOLD.lay_beyond
 
@@ -80,12 +90,11 @@ def test_edge_is_laid_aside_by_what_no_image_shows() -> None:
     assert edge_place(touched(-0.003), 0.0035) == pytest.approx(0.0035)
 
 
-def laid_edges(fold: FoldSettings, bending_length: float, rise: float) -> float:
+def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
     """Offset [m] of the edges of a smooth strip whose fold rolls, laid as `fold` says."""
-    strip = strip_at(0.5, 0.2).model_copy(update={"bending_length": bending_length})
     chain, pose = Chain(60), np.array([strip.length, 0.0, 0.0])
     chain.reset([describe(strip)])
-    for pose in triangular(strip.length, rise).poses(np.arange(0.0, 1.0, SPEED * TICK)):
+    for pose in triangular(strip.length, RISE).poses(np.arange(0.0, 1.0, SPEED * TICK)):
         touch = chain.step(pose[None], TICK).touch[0]
         if touch is not None:
             break
@@ -109,3 +118,9 @@ def laid_edges(fold: FoldSettings, bending_length: float, rise: float) -> float:
     chain.release()
     points = settle(chain, pose, 1.0)
     return float(points[0, 0] - points[-1, 0])
+
+
+@pytest.mark.parametrize("strip", [MIDDLING, SOFT], ids=["middling", "soft"])
+def test_flat_layer_is_pushed_back_where_a_lid_alone_leaves_it_too_long(strip: StripFile) -> None:
+    assert laid_edges(FOLD.model_copy(update={"lay_beyond": 0.0}), strip) > 1e-3
+    assert abs(laid_edges(FOLD, strip)) < 0.5e-3
