@@ -27,7 +27,7 @@ from policies.path import Path, triangular
 from tests.cell.orchestrator.test_monitors import GOOD
 from tests.support.chain_moves import settle
 
-TICK, REST, SPEED = 0.01, 0.0009 + CLEARANCE, 0.1  # s, m, m/s
+TICK, REST, SPEED = 0.01, 0.0009, 0.1  # s, m, m/s
 RISE = 0.034  # m
 MIDDLING, SOFT = strip_at(0.5, 0.2), strip_at(0.1, 0.4)
 FOLD = FoldSettings()
@@ -101,8 +101,8 @@ def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
     assert touch is not None
     seen = SeenTouch(touch.time, touch.x, touch.to_grasped, touch.to_fixed, 1.0, 0.001)
     snapshot = replace(GOOD, arm=replace(GOOD.arm, pose=Pose(*pose.tolist())))
-    end = edge_place(seen)
-    lay = follow_lay(lay_path(seen, snapshot.arm.pose, REST, end, fold), SPEED, snapshot)
+    end, rest = edge_place(seen), REST + CLEARANCE
+    lay = follow_lay(lay_path(seen, snapshot.arm.pose, rest, end, fold), SPEED, snapshot)
     command = next(lay)
     while isinstance(command, Drive):
         rate = command.velocity
@@ -110,7 +110,7 @@ def laid_edges(fold: FoldSettings, strip: StripFile) -> float:
         chain.step(pose[None], TICK)
         snapshot = replace(snapshot, arm=replace(snapshot.arm, pose=Pose(*pose.tolist())))
         command = lay.send(snapshot)
-    for goal in (command.pose.as_array(), np.array([end, REST, np.pi])):
+    for goal in (command.pose.as_array(), np.array([end, rest, np.pi])):
         for share in np.linspace(0.0, 1.0, 16)[1:]:
             chain.step((pose + share * (goal - pose))[None], TICK)
         pose = goal
