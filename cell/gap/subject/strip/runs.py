@@ -58,7 +58,7 @@ class Measured:
     seen: bool = False
 
     @property
-    def feels(self) -> bool:
+    def has_force(self) -> bool:
         """Whether the force of the strip was measured, and how well is known."""
         return self.sigma.force is not None and len(self.force_t) > 0
 
@@ -174,7 +174,7 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
-    felt = np.isfinite(force).any(axis=1)
+    reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
     return Measured(
         t=t,
@@ -187,8 +187,8 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
         contact_t=frozen(stamp[seen]),
         contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[felt]),
-        force=frozen(force[felt]),
+        force_t=frozen(ticks.t[reported]),
+        force=frozen(force[reported]),
         touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         seen=header.by_cell,

@@ -37,17 +37,17 @@ def scope(
     lifted: float = 0.0,
     without: Sequence[str] = (),
     *,
-    feels: bool = False,
+    has_force: bool = False,
 ) -> Scope:
     """Base parameters, candidates and quantities of `strip`; its own effects are base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
-    Effects `without` are withheld from the candidates. Where force is measured (`feels`), it weighs
-    the strip.
+    Effects `without` are withheld from the candidates. Where force is measured (`has_force`), it
+    weighs the strip.
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(*_base(strip), *(_weight(strip) if feels else ()), *_accepted(strip)),
+        base=(*_base(strip), *(_weight(strip) if has_force else ()), *_accepted(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=candidates(),
         left=LEFT,

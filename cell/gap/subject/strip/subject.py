@@ -65,10 +65,10 @@ class Strip:
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        feels = any(run.measured.feels for run in self._measured)
-        scatter = (*scatter, *FORCE_EFFECTS) if feels else scatter
+        has_force = any(run.measured.has_force for run in self._measured)
+        scatter = (*scatter, *FORCE_EFFECTS) if has_force else scatter
         lifted = _lifted(self._measured)
-        self._scope = scope(strip, self._floors, lifted, without, feels=feels)
+        self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
