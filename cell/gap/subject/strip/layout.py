@@ -69,9 +69,8 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST
     )
-    contact = _part(
-        run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, _buckled(run, length)
-    )
+    apart = _is_buckled(run, length)
+    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
     force = _force(run, length, 0), _force(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
@@ -91,7 +90,7 @@ def _force(run: Measured, length: float, axis: int) -> Part:
     return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
 
 
-def _buckled(run: Measured, length: float) -> NDArray[np.bool_]:
+def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
     """Which contacts (k,) lie beside the fixed edge while the other end is still being lifted.
 
     A soft strip that is pushed along the desk buckles there or not, by chance.

@@ -65,7 +65,7 @@ class Fold:
         return Residuals(mean, found.square + mean**2 - found.mean**2)
 
 
-def prepared(
+def prepare(
     runs: Sequence[MeasuredRun],
     strip: StripFile,
     floors: Floors,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.curves import Images, images_of
-from cell.gap.subject.strip.gripper import smoothed
+from cell.gap.subject.strip.gripper import smooth_path
 from cell.gap.subject.strip.plausible import check_plausible
 from cell.gap.subject.strip.repeats import sort_out
 from cell.record.files import RUN, is_under_way
@@ -169,7 +169,7 @@ def _check_kind(folder: Path) -> None:
 def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    t, smooth = smoothed(ticks.t, poses, header.sigma.gripper)
+    t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     steps = np.hypot(*np.diff(smooth[:, :2], axis=0).T)
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
