@@ -70,7 +70,7 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     ("spoil", "fault", "within"),
     [
         (frozen, "image_frozen", 0.15),
-        (silent, "image_stale", 0.35),
+        (silent, "image_stale", 0.5),
         (black, "low_confidence", 0.55),
     ],
 )
