@@ -141,5 +141,5 @@ class Watch:
             if waited >= BRAKES:
                 self._rested.append(self._bench.at_rest)
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """No event counts."""
