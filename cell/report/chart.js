@@ -16,6 +16,8 @@
   };
   const pairs = /(-?[\d.]+) (-?[\d.]+)/g;
 
+  const set = (element, name, value) => (value ? element.setAttribute(name, value) : element.removeAttribute(name));
+
   // Points of a curve as pieces without a gap, in units of the drawing.
   const pieces = (group) => {
     const marks = [...group.querySelectorAll("use")];
@@ -39,7 +41,7 @@
       const ahead = ({ pieces }) => pieces.flat().every(([x], i, points) => !i || x >= points[i - 1][0] - 0.01);
       this.along = !this.equal && !this.x.words.length && !this.y.words.length && this.readable.every(ahead);
       this.movable = [...this.group.querySelectorAll("[id^=item-] :is(path, use)")].filter((e) => !e.closest("defs"))
-        .map((e) => ({ e, d: e.getAttribute("d"), x: +e.getAttribute("x"), y: +e.getAttribute("y") }));
+        .map((e) => ({ e, d: e.getAttribute("d"), x: e.getAttribute("x"), y: e.getAttribute("y") }));
       this.moving = this.texts.map(([id, x, y]) => ({ e: this.group.querySelector(`[id="${id}"]`), x, y }));
       this.rule = d3.select(this.group).append("g").attr("class", "rule");
       this.pad = d3.select(this.group).append("rect").attr("class", "pad")
@@ -80,20 +82,20 @@
 
     show(t) {
       this.zoomed = t;
-      const X = (x) => t.applyX(x), Y = this.along ? (y) => y : (y) => t.applyY(y);
+      const zoomed = t.k > 1, X = (x) => t.applyX(x), Y = this.along ? (y) => y : (y) => t.applyY(y);
       for (const { e, d, x, y } of this.movable)
-        if (d) e.setAttribute("d", d.replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`));
+        if (d) e.setAttribute("d", zoomed ? d.replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`) : d);
         else {
-          e.setAttribute("x", X(x));
-          e.setAttribute("y", Y(y));
-          e.style.visibility = this.holds(X(x), Y(y)) ? "" : "hidden";
+          e.setAttribute("x", zoomed ? X(+x) : x);
+          e.setAttribute("y", zoomed ? Y(+y) : y);
+          set(e, "visibility", !this.holds(X(+x), Y(+y)) && zoomed && "hidden");
         }
       for (const { e, x, y } of this.moving) {
-        e.setAttribute("transform", `translate(${X(x) - x} ${Y(y) - y})`);
-        e.style.visibility = this.holds(X(x), Y(y)) ? "" : "hidden";
+        set(e, "transform", zoomed && `translate(${X(x) - x} ${Y(y) - y})`);
+        set(e, "visibility", !this.holds(X(x), Y(y)) && zoomed && "hidden");
       }
-      this.axis("x", t.rescaleX(this.scales[0]), t.k > 1);
-      if (!this.along) this.axis("y", t.rescaleY(this.scales[1]), t.k > 1);
+      this.axis("x", t.rescaleX(this.scales[0]), zoomed);
+      if (!this.along) this.axis("y", t.rescaleY(this.scales[1]), zoomed);
       this.svg.zoomed = t;
       this.svg.dispatchEvent(new Event("zoomed"));
     }
@@ -106,7 +108,7 @@
     // Ticks of what is shown take the place of those that were drawn.
     axis(which, shown, zoomed) {
       const drawn = this.group.querySelectorAll(`[id^=${which}tick_]`);
-      for (const tick of drawn) tick.style.display = zoomed ? "none" : "";
+      for (const tick of drawn) set(tick, "display", zoomed && "none");
       const [left, top, right, bottom] = this.box, along = which === "x";
       const ticks = !zoomed || !drawn.length ? [] : shown.ticks(along ? 7 : 5);
       const has = (what) => [...drawn].some((tick) => tick.querySelector(what)), [named, ruled] = [has("text"), has("path")], words = shown.tickFormat(along ? 7 : 5);

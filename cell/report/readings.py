@@ -60,16 +60,20 @@ def _axes(axes: Any, figure: Any) -> dict[str, Any]:
 
 def _axis(axis: Any, limits: tuple[float, float]) -> dict[str, Any]:
     """Limits, name and unit of an axis, and the words that stand for its numbers, if they do."""
+    from matplotlib.ticker import FixedLocator
+
     words = re.fullmatch(r"(.*?)\s*\[(.*)\]", axis.get_label_text(), flags=re.S)
     name, unit = words.groups() if words else (axis.get_label_text(), "")
-    labels = getattr(axis.get_major_formatter(), "seq", ())
-    ticks = axis.get_majorticklocs()
+    labels = [label.get_text() for label in axis.get_majorticklabels()]
+    spoken = isinstance(axis.get_major_locator(), FixedLocator) and re.search(r"[a-z]", f"{labels}")
     return {
         "limits": [float(value) for value in limits],
         "scale": axis.get_scale(),
         "name": " ".join(name.split()),
         "unit": unit,
-        "words": [[float(at), str(w)] for at, w in zip(ticks, labels, strict=False)],
+        "words": list(zip(map(float, axis.get_majorticklocs()), labels, strict=False))
+        if spoken
+        else [],
     }
 
 
@@ -119,8 +123,8 @@ def _pixels(axes: Any, figure: Any) -> Iterator[list[Any]]:
     """Fields of an image whose rows and columns have names."""
     columns, rows = (_axis(axis, (0.0, 0.0))["words"] for axis in (axes.xaxis, axes.yaxis))
     for image in axes.images:
-        for (i, j), value in np.ndenumerate(image.get_array().filled(np.nan)):
-            if np.isfinite(value):
+        for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
+            if np.isfinite(value) and rows and columns:
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
                 said = f"{rows[i][1]} · {columns[j][1]}: {value:.3g}"

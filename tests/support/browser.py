@@ -77,15 +77,26 @@ class Browser:
             raise FileNotFoundError(f"{page}: {opened['errorText']}")
         while self._listen().get("method") != "Page.loadEventFired":
             pass
-        found = self.ask("Runtime.evaluate", expression=AUDIT, returnByValue=True)
-        if "exceptionDetails" in found:
-            raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
+        found = self.evaluate(AUDIT)
         if picture is not None:
             unmoved = "scrollTo(0, 0); document.querySelectorAll('figure, .chart, .wide')"
-            self.ask("Runtime.evaluate", expression=f"{unmoved}.forEach(e => e.scrollLeft = 0)")
+            self.evaluate(f"{unmoved}.forEach(e => e.scrollLeft = 0)")
             shot = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True)
             picture.write_bytes(base64.b64decode(shot["data"]))
-        return [*self.complaints, *found["result"]["value"]]
+        return [*self.complaints, *found]
+
+    def evaluate(self, expression: str) -> Any:
+        """What `expression` is in the page; RuntimeError where it throws."""
+        wanted = {"expression": expression, "returnByValue": True, "awaitPromise": True}
+        found = self.ask("Runtime.evaluate", **wanted)
+        if "exceptionDetails" in found:
+            raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
+        return found["result"].get("value")
+
+    def point(self, x: float, y: float, *kinds: str, **more: Any) -> None:
+        """Do `kinds` of things (mouseMoved, mousePressed ...) at a place of the window [px]."""
+        for kind in kinds:
+            self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
 
 @contextmanager
