@@ -58,10 +58,10 @@ def _file(name: str) -> "Markup":
 
 
 def _keep_units(text: str) -> "Markup":
-    """`text` in which no line ends between a number and its unit."""
+    """`text` in which no line ends between a number and its unit or sign."""
     from markupsafe import Markup, escape
 
-    kept = re.sub(r"(\d) (?=(?:mm|ms|s|%)\b|%)", "\\1&nbsp;", str(escape(text)))
+    kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
     return Markup(kept)  # noqa: S704 escaped above
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 POINTS = 72  # an inch
+Facts = dict[str, Any]
 
 
 def name_artists(figure: Any) -> None:
@@ -42,23 +43,24 @@ def readings(figure: Any) -> str:
     return f'data-chart="{escape(text)}"' if read else ""
 
 
-def _axes(axes: Any, figure: Any) -> dict[str, Any]:
+def _axes(axes: Any, figure: Any) -> Facts:
     shared = axes.get_shared_x_axes().get_siblings(axes)
     (left, bottom), (right, top) = axes.bbox.min, axes.bbox.max
+    x, y = _axis(axes.xaxis, axes.get_xlim()), _axis(axes.yaxis, axes.get_ylim())
     return {
         "id": axes.get_gid(),
         "box": [*_place(figure, left, top), *_place(figure, right, bottom)],
-        "x": _axis(axes.xaxis, axes.get_xlim()),
-        "y": _axis(axes.yaxis, axes.get_ylim()),
+        "x": x,
+        "y": y,
         "equal": axes.get_aspect() == 1.0,
         "share": min(figure.axes.index(other) for other in shared),
         "curves": list(_curves(axes)),
-        "cells": [*_cells(axes, figure), *_pixels(axes, figure)],
+        "cells": [*_bars(axes, figure, x, y), *_pixels(axes, figure, x, y)],
         "texts": list(_texts(axes, figure)),
     }
 
 
-def _axis(axis: Any, limits: tuple[float, float]) -> dict[str, Any]:
+def _axis(axis: Any, limits: tuple[float, float]) -> Facts:
     """Limits, name and unit of an axis, and the words that stand for its numbers, if they do."""
     from matplotlib.ticker import FixedLocator
 
@@ -83,10 +85,11 @@ def _place(figure: Any, x: float, y: float) -> list[float]:
     return [round(scale * x, 3), round(scale * (figure.bbox.height - y), 3)]
 
 
-def _curves(axes: Any) -> Iterator[dict[str, Any]]:
+def _curves(axes: Any) -> Iterator[Facts]:
     """Lines and areas with a name; areas can be hidden, not read."""
+    bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
     for artist in [*axes.lines, *axes.collections, *axes.patches]:
-        if not artist.reading.startswith("_") and artist not in _bars(axes):
+        if not artist.reading.startswith("_") and artist not in bars:
             yield {
                 "id": artist.get_gid(),
                 "name": artist.reading,
@@ -95,51 +98,41 @@ def _curves(axes: Any) -> Iterator[dict[str, Any]]:
             }
 
 
-def _bars(axes: Any) -> list[Any]:
-    return [patch for container in axes.containers for patch in getattr(container, "patches", ())]
-
-
-def _cells(axes: Any, figure: Any) -> Iterator[list[Any]]:
-    """Bars: the part of the axes that each owns, and what it says."""
+def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Bars: the part of the axes that each owns, and what it says: its own name if it has one."""
+    whole = axes.bbox
     for container in axes.containers:
+        label = container.get_label()
+        name = "" if label.startswith("_") else f"{label} "
         for patch in getattr(container, "patches", ()):
-            upright = container.orientation == "vertical"
-            along, across = (axes.xaxis, axes.yaxis) if upright else (axes.yaxis, axes.xaxis)
-            start = patch.get_x() if upright else patch.get_y()
-            size = patch.get_width() if upright else patch.get_height()
-            value = patch.get_height() if upright else patch.get_width()
-            name = "" if container.get_label().startswith("_") else f"{container.get_label()} "
-            said = f"{_bar_name(along, start, size)}: {name}{value:.4g} {_unit(across)}".strip()
-            box, whole = patch.get_window_extent(), axes.bbox
-            if patch.reading and not patch.reading.startswith("_"):
-                said, upright = patch.reading, True
-            ends = (box.x0, whole.y1, box.x1, whole.y0)
-            if not upright:
-                ends = (whole.x0, box.y1, whole.x1, box.y0)
-            yield [*_place(figure, *ends[:2]), *_place(figure, *ends[2:]), said]
+            box, wide, high = patch.get_window_extent(), patch.get_width(), patch.get_height()
+            named = not patch.reading.startswith("_")
+            if named or container.orientation == "vertical":
+                ends = ((box.x0, whole.y1), (box.x1, whole.y0))
+                said = f"{_span(x, patch.get_x(), wide)}: {name}{high:.4g} {y['unit']}"
+            else:
+                ends = ((whole.x0, box.y1), (whole.x1, box.y0))
+                said = f"{_span(y, patch.get_y(), high)}: {name}{wide:.4g} {x['unit']}"
+            places = (value for end in ends for value in _place(figure, *end))
+            yield [*places, patch.reading if named else said.strip()]
 
 
-def _pixels(axes: Any, figure: Any) -> Iterator[list[Any]]:
+def _span(axis: Facts, start: float, size: float) -> str:
+    """The part of an axis that a bar stands on."""
+    if axis["words"]:
+        return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
+    return f"{start:.4g} to {start + size:.4g} {axis['unit']}".strip()
+
+
+def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Fields of an image whose rows and columns have names."""
-    columns, rows = (_axis(axis, (0.0, 0.0))["words"] for axis in (axes.xaxis, axes.yaxis))
-    for image in axes.images:
+    for image in axes.images if x["words"] and y["words"] else ():
         for (i, j), value in np.ndenumerate(np.ma.filled(image.get_array(), np.nan)):
-            if np.isfinite(value) and rows and columns:
+            if np.isfinite(value):
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
-                said = f"{rows[i][1]} · {columns[j][1]}: {value:.3g}"
+                said = f"{y['words'][i][1]} · {x['words'][j][1]}: {value:.3g}"
                 yield [*_place(figure, left, high), *_place(figure, right, low), said]
-
-
-def _unit(axis: Any) -> str:
-    return str(_axis(axis, (0.0, 0.0))["unit"])
-
-
-def _bar_name(axis: Any, start: float, size: float) -> str:
-    words = _axis(axis, (0.0, 0.0))["words"]
-    if words:
-        return str(min(words, key=lambda word: abs(word[0] - start - 0.5 * size))[1])
-    return f"{start:.4g} to {start + size:.4g} {_unit(axis)}".strip()
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:
