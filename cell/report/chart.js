@@ -37,12 +37,13 @@
         curve.pieces = curve.read ? pieces(curve.group) : [];
       }
       this.curves = this.curves.filter((curve) => curve.group);
-      this.readable = this.curves.filter((curve) => curve.pieces.length);
+      this.readable = this.curves.filter((curve) => curve.pieces.flat().length);
       const ahead = ({ pieces }) => pieces.flat().every(([x], i, points) => !i || x >= points[i - 1][0] - 0.01);
       this.along = !this.equal && !this.x.words.length && !this.y.words.length && this.readable.every(ahead);
       this.movable = [...this.group.querySelectorAll("[id^=item-] :is(path, use)")].filter((e) => !e.closest("defs"))
         .map((e) => ({ e, d: e.getAttribute("d"), x: e.getAttribute("x"), y: e.getAttribute("y") }));
-      this.moving = this.texts.map(([id, x, y]) => ({ e: this.group.querySelector(`[id="${id}"]`), x, y }));
+      this.moving = this.texts.map(([id, x, y]) => ({ e: this.group.querySelector(`[id="${id}"]`), x, y }))
+        .filter(({ e }) => e);
       this.rule = d3.select(this.group).append("g").attr("class", "rule");
       this.pad = d3.select(this.group).append("rect").attr("class", "pad")
         .attr("x", left).attr("y", top).attr("width", right - left).attr("height", bottom - top);

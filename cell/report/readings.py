@@ -17,6 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from cell.report.words import MINUS
+
 POINTS = 72  # an inch
 Facts = dict[str, Any]
 
@@ -28,7 +30,9 @@ def name_artists(figure: Any) -> None:
     """
     for number, axes in enumerate(figure.axes):
         axes.set_gid(f"axes-{number}")
-        for k, artist in enumerate([*axes.lines, *axes.collections, *axes.patches, *axes.texts]):
+        arrows = [text.arrow_patch for text in axes.texts if getattr(text, "arrow_patch", None)]
+        artists = [*axes.lines, *axes.collections, *axes.patches, *axes.texts, *arrows]
+        for k, artist in enumerate(artists):
             artist.reading = artist.get_gid() or str(artist.get_label())
             artist.set_gid(f"item-{number}-{k}")
 
@@ -55,7 +59,11 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "equal": axes.get_aspect() == 1.0,
         "share": min(figure.axes.index(other) for other in shared),
         "curves": list(_curves(axes)),
-        "cells": [*_bars(axes, figure, x, y), *_pixels(axes, figure, x, y)],
+        "cells": [
+            *_bars(axes, figure, x, y),
+            *_pixels(axes, figure, x, y),
+            *_meshes(axes, figure, x, y),
+        ],
         "texts": list(_texts(axes, figure)),
     }
 
@@ -109,19 +117,29 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             named = not patch.reading.startswith("_")
             if named or container.orientation == "vertical":
                 ends = ((box.x0, whole.y1), (box.x1, whole.y0))
-                said = f"{_span(x, patch.get_x(), wide)}: {name}{high:.4g} {y['unit']}"
+                span, reach = _span(x, patch.get_x(), wide), _reach(y, patch.get_y(), high)
             else:
                 ends = ((whole.x0, box.y1), (whole.x1, box.y0))
-                said = f"{_span(y, patch.get_y(), high)}: {name}{wide:.4g} {x['unit']}"
+                span, reach = _span(y, patch.get_y(), high), _reach(x, patch.get_x(), wide)
             places = (value for end in ends for value in _place(figure, *end))
-            yield [*places, patch.reading if named else said.strip()]
+            yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
+
+
+def _reach(axis: Facts, start: float, size: float) -> str:
+    """A bar's value, or both of its ends where it does not stand on zero."""
+    ends = f"{_number(start)} to {_number(start + size)}" if start else _number(size)
+    return f"{ends} {axis['unit']}".strip()
 
 
 def _span(axis: Facts, start: float, size: float) -> str:
     """The part of an axis that a bar stands on."""
     if axis["words"]:
         return str(min(axis["words"], key=lambda word: abs(word[0] - start - 0.5 * size))[1])
-    return f"{start:.4g} to {start + size:.4g} {axis['unit']}".strip()
+    return f"{_number(start)} to {_number(start + size)} {axis['unit']}".strip()
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("-", MINUS)
 
 
 def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
@@ -131,8 +149,28 @@ def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
             if np.isfinite(value):
                 ends = axes.transData.transform([(j - 0.5, i - 0.5), (j + 0.5, i + 0.5)])
                 (left, right), (low, high) = np.sort(ends, axis=0).T
-                said = f"{y['words'][i][1]} · {x['words'][j][1]}: {value:.3g}"
+                said = f"{y['words'][i][1]} · {x['words'][j][1]}: {_number(value)}"
                 yield [*_place(figure, left, high), *_place(figure, right, low), said]
+
+
+def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Fields of a mesh over two quantities; not those of a scale of colours."""
+    from matplotlib.collections import QuadMesh
+
+    meshes = [mesh for mesh in axes.collections if isinstance(mesh, QuadMesh)]
+    for mesh in meshes if axes.get_label() != "<colorbar>" else ():
+        corners = mesh.get_coordinates()
+        values = np.ma.filled(mesh.get_array(), np.nan)
+        for (i, j), value in np.ndenumerate(values):
+            ends = axes.transData.transform(corners[[i, i + 1], [j, j + 1]])
+            (left, right), (low, high) = np.sort(ends, axis=0).T
+            middle = axes.transData.inverted().transform(ends.mean(axis=0))
+            at = (
+                f"{axis['name'] or 'y'} {v:.3g} {axis['unit']}".strip()
+                for axis, v in zip((x, y), middle, strict=True)
+            )
+            said = f"{', '.join(at)}: {_number(value) if np.isfinite(value) else 'none'}"
+            yield [*_place(figure, left, high), *_place(figure, right, low), said]
 
 
 def _texts(axes: Any, figure: Any) -> Iterator[list[Any]]:

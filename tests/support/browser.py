@@ -57,7 +57,10 @@ class Browser:
     def _listen(self) -> dict[str, Any]:
         answer: dict[str, Any] = json.loads(self._socket.recv(timeout=60))
         if answer.get("method") == "Runtime.exceptionThrown":
-            self.complaints.append(answer["params"]["exceptionDetails"]["text"])
+            details = answer["params"]["exceptionDetails"]
+            self.complaints.append(
+                f"{details['text']} {details.get('exception', {}).get('description', '')}"
+            )
         entry = answer.get("params", {}).get("entry", {})
         if answer.get("method") == "Log.entryAdded" and entry.get("level") == "error":
             self.complaints.append(f"{entry['text']} {entry.get('url', '')}")

@@ -18,9 +18,14 @@ from cell.report.calibration_page import write_calibration_report
 from cell.report.compare import write_comparison
 from cell.report.page import write_report
 from cell.report.runs_page import write_runs_page
+from cell.studies.benchmark.page import page_of
+from cell.studies.campaign import kept_outcomes
+from cell.studies.page import write_page
 from drivers.types import Frame
 from tests.cell.conftest import HEADER
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
+from tests.cell.studies.benchmark.test_benchmark import measured
+from tests.cell.studies.test_studies import filled
 from tests.support.browser import FOUND, LOOKS, Browser, browser
 from tests.support.listed_runs import list_runs
 
@@ -59,7 +64,16 @@ def pages(
     write_gap_report(*judged(Curves(hidden(bump, 0.3))), gap)
     compared = write_comparison([finished, killed], place / "compare.html")
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
-    made = [write_report(finished), write_report(killed), write_report(filmed)]
+    measured_page = place / "benchmark.html"
+    measured_page.write_text(page_of(measured()), "utf-8")
+    study = write_page(kept_outcomes(filled(place)))
+    made = [
+        study,
+        measured_page,
+        write_report(finished),
+        write_report(killed),
+        write_report(filmed),
+    ]
     return [*made, gap, compared, listed, write_calibration_report(finished / "calibration.yaml")]
 
 
@@ -69,6 +83,26 @@ def test_pages_show_no_error_no_overflow_and_text_that_can_be_read(
 ) -> None:
     found = {page.name: reader.problems(page, look) for page in pages}
     assert not {name: problems for name, problems in found.items() if problems}
+
+
+POKE = """document.querySelectorAll('.pad').forEach((pad) => {
+  const box = pad.getBoundingClientRect(), at = {bubbles: true, cancelable: true, ctrlKey: true,
+    clientX: box.x + 0.4 * box.width, clientY: box.y + 0.5 * box.height, view: window};
+  pad.dispatchEvent(new PointerEvent("pointermove", {...at, pointerType: "mouse"}));
+  pad.dispatchEvent(new WheelEvent("wheel", {...at, deltaY: -300}));
+  pad.dispatchEvent(new PointerEvent("pointermove", {...at, pointerType: "touch"}));
+})"""
+
+
+def test_every_figure_is_read_and_zoomed_without_an_error(
+    pages: list[Path], reader: Browser
+) -> None:
+    for page in pages:
+        reader.problems(page, LOOKS[2])
+        reader.evaluate(POKE)
+        still = "document.querySelectorAll('figure[role=img] svg:not([data-chart])').length"
+        assert reader.evaluate(still) == 0, page.name
+        assert not reader.complaints, page.name
 
 
 class Chart:
