@@ -1,7 +1,8 @@
 // D3 takes over the figures of a page: a pointer reads values off the paths, a drag, a pinch or
 // Ctrl and the wheel move and zoom, a name in a legend hides its curves.
 (() => {
-  const NEAR = 16, STEPS = 1000, MOST = 40; // to a point that is read [pt]; steps of an axis; zoom
+  const AT = 5, NEAR = 16; // from the pointer to a point that is read [pt]: before a field, beside one
+  const STEPS = 1000, MOST = 40; // steps of an axis; largest zoom
   const card = document.createElement("div");
   card.className = "reading";
   card.hidden = true;
@@ -11,12 +12,13 @@
   const digits = (span) => Math.min(d3.precisionFixed(span / STEPS), span < 1 ? 9 : 2);
   const spoken = (axis, value) => {
     if (axis.words.length) return d3.least(axis.words, ([at]) => Math.abs(at - value))[1];
-    const text = axis.scale === "log" ? d3.format(".3~g")(value) : d3.format(`.${digits(Math.abs(axis.limits[1] - axis.limits[0]))}f`)(value);
-    return `${text} ${axis.unit}`.trim();
+    const fixed = `.${digits(Math.abs(axis.limits[1] - axis.limits[0]))}f`;
+    return `${d3.format(axis.scale === "log" ? ".3~g" : fixed)(value)} ${axis.unit}`.trim();
   };
   const pairs = /(-?[\d.]+) (-?[\d.]+)/g;
 
-  const set = (element, name, value) => (value ? element.setAttribute(name, value) : element.removeAttribute(name));
+  const set = (element, name, value) =>
+    value ? element.setAttribute(name, value) : element.removeAttribute(name);
 
   // Points of a curve as pieces without a gap, in units of the drawing.
   const pieces = (group) => {
@@ -28,7 +30,7 @@
 
   class Panel {
     constructor(svg, facts) {
-      Object.assign(this, facts, { svg, zoomed: d3.zoomIdentity });
+      Object.assign(this, facts, { svg, zoomed: d3.zoomIdentity, dots: [] });
       this.group = svg.querySelector(`[id="${this.id}"]`);
       const [left, top, right, bottom] = this.box;
       this.scales = [scale(this.x, left, right), scale(this.y, bottom, top)];
@@ -48,7 +50,9 @@
       this.pad = d3.select(this.group).append("rect").attr("class", "pad")
         .attr("x", left).attr("y", top).attr("width", right - left).attr("height", bottom - top);
       this.group.append(...this.group.querySelectorAll("[id^=legend_]"));
-      this.pad.on("pointermove pointerdown", (event) => this.read(event)).on("pointerleave", () => this.rest());
+      this.pad
+        .on("pointermove pointerdown", (event) => this.read(event))
+        .on("pointerleave", (event) => event.pointerType === "mouse" && this.rest());
     }
 
     get mates() { return this.panels.filter((panel) => panel.share === this.share); }
@@ -63,7 +67,8 @@
       this.zoom = d3.zoom().scaleExtent([1, MOST]).extent(area).translateExtent(area)
         .filter((event) => !event.button && (event.type !== "wheel" || event.ctrlKey || event.metaKey) &&
           (event.type !== "touchstart" || event.touches.length > 1))
-        .wheelDelta(({ deltaY, deltaMode }) => -deltaY * (deltaMode ? 0.05 : 0.002) * (Math.abs(deltaY) < 40 ? 8 : 1))
+        .wheelDelta(({ deltaY, deltaMode }) => // a pinch on a trackpad comes as small steps
+          -deltaY * (deltaMode ? 0.05 : 0.002) * (Math.abs(deltaY) < 40 ? 8 : 1))
         .on("zoom", (event) => this.follow(event.transform));
       this.pad.call(this.zoom).classed("zooms", true);
     }
@@ -73,7 +78,8 @@
       const [left, , right] = this.box, start = ((left - t.x) / t.k - left) / (right - left);
       for (const mate of this.mates) {
         const [from, , to] = mate.box;
-        const its = mate === this ? t : d3.zoomIdentity.translate(from - t.k * (from + start * (to - from)), t.y).scale(t.k);
+        const shift = from - t.k * (from + start * (to - from));
+        const its = mate === this ? t : d3.zoomIdentity.translate(shift, t.y).scale(t.k);
         mate.pad.property("__zoom", its);
         mate.show(its);
       }
@@ -84,8 +90,9 @@
     show(t) {
       this.zoomed = t;
       const zoomed = t.k > 1, X = (x) => t.applyX(x), Y = this.along ? (y) => y : (y) => t.applyY(y);
+      const moved = (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`;
       for (const { e, d, x, y } of this.movable)
-        if (d) e.setAttribute("d", zoomed ? d.replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`) : d);
+        if (d) e.setAttribute("d", zoomed ? d.replace(pairs, moved) : d);
         else {
           e.setAttribute("x", zoomed ? X(+x) : x);
           e.setAttribute("y", zoomed ? Y(+y) : y);
@@ -111,22 +118,26 @@
       const drawn = this.group.querySelectorAll(`[id^=${which}tick_]`);
       for (const tick of drawn) set(tick, "display", zoomed && "none");
       const [left, top, right, bottom] = this.box, along = which === "x";
-      const ticks = !zoomed || !drawn.length ? [] : shown.ticks(along ? 7 : 5);
-      const has = (what) => [...drawn].some((tick) => tick.querySelector(what)), [named, ruled] = [has("text"), has("path")], words = shown.tickFormat(along ? 7 : 5);
-      const lines = d3.select(this.group).selectAll(`g.ticks.${which}`).data([0]).join((enter) =>
-        enter.insert("g", ":nth-child(2)").attr("class", `ticks ${which}`));
-      const each = lines.selectAll("g").data(ticks).join((enter) => enter.append("g").call((g) => (g.append("line"), g.append("text"))))
+      const has = (what) => [...drawn].some((tick) => tick.querySelector(what));
+      const count = along ? 7 : 5, ticks = zoomed && drawn.length ? shown.ticks(count) : [];
+      const lines = d3.select(this.group).selectAll(`g.ticks.${which}`).data([0])
+        .join((enter) => enter.insert("g", ":nth-child(2)").attr("class", `ticks ${which}`));
+      const each = lines.selectAll("g").data(ticks).join("g")
         .attr("transform", (v) => (along ? `translate(${shown(v)} 0)` : `translate(0 ${shown(v)})`));
-      each.select("line").style("display", ruled ? null : "none").attr(along ? "y1" : "x1", along ? top : left).attr(along ? "y2" : "x2", along ? bottom : right);
-      each.select("text").attr(along ? "y" : "x", along ? bottom + 10 : left - 3.5).attr(along ? "x" : "y", along ? 0 : 3).text((v) => (named ? words(v) : ""));
+      if (has("path"))
+        each.selectAll("path").data([0]).join("path").attr("d", along ? `M0 ${top}V${bottom}` : `M${left} 0H${right}`);
+      if (has("text"))
+        each.selectAll("text").data((v) => [v]).join("text").text(shown.tickFormat(count))
+          .attr("x", along ? 0 : left - 3.5).attr("y", along ? bottom + 10 : 3);
     }
 
     whole(shown) {
       const lowest = d3.greatest(this.mates, ({ box }) => box[3]), [, , right, bottom] = lowest.box;
       lowest.back?.remove();
       if (!shown) return;
-      lowest.back = d3.select(this.svg).append("g").attr("class", "whole").attr("role", "button").attr("tabindex", 0)
-        .attr("transform", `translate(${right - 38} ${bottom + 13})`).on("click keydown", (event) => {
+      lowest.back = d3.select(this.svg).append("g").attr("class", "whole")
+        .attr("role", "button").attr("tabindex", 0).attr("transform", `translate(${right - 38} ${bottom + 13})`)
+        .on("click keydown", (event) => {
           event.stopPropagation();
           if (event.type === "click" || event.key === "Enter") this.follow(d3.zoomIdentity);
         });
@@ -138,7 +149,7 @@
       const [px, py] = d3.pointer(event, this.svg), t = this.zoomed;
       const readable = this.mates.some((mate) => mate.readable.length);
       const found = this.along && readable ? this.readAlong(px) : this.readPoint(px, py);
-      for (const mate of this.mates) mate.mark(mate === this || found.along ? found : { dots: [] }, px);
+      for (const mate of this.mates) mate.mark(found.share);
       if (!found.rows.length) return this.rest();
       card.replaceChildren(...[found.head, ...found.rows].filter(Boolean).map((row) => {
         const line = document.createElement("p");
@@ -177,38 +188,35 @@
         for (const [left, , right, , said] of mate.cells) if (place >= left && place < right) rows.unshift(said);
       }
       const axis = this.mates.map((mate) => mate.x).find(({ name }) => name) ?? this.x;
-      return { along: true, rows, head: [axis.name, spoken(axis, this.scales[0].invert(this.zoomed.invertX(px)))] };
+      return { share, rows, head: [axis.name, spoken(axis, this.scales[0].invert(this.zoomed.invertX(px)))] };
     }
 
-    // The cell under the pointer, or the point next to it.
+    // The point at the pointer, the field under it, or the point next to it.
     readPoint(px, py) {
-      this.dots = [];
-      const cell = this.cells.find(([left, top, right, bottom]) => px >= left && px < right && py >= top && py <= bottom);
-      if (cell) return { rows: [cell[4]] };
+      for (const mate of this.mates) mate.dots = [];
+      const under = ([left, top, right, bottom]) => px >= left && px < right && py >= top && py <= bottom;
+      const cell = this.cells.find(under);
       const near = this.readable.filter((curve) => !curve.hidden).map((curve) => {
-        const points = curve.pieces.flat(), away = ([x, y]) => Math.hypot(this.zoomed.applyX(x) - px, this.zoomed.applyY(y) - py);
-        const point = d3.least(points, away);
+        const away = ([x, y]) => Math.hypot(this.zoomed.applyX(x) - px, this.zoomed.applyY(y) - py);
+        const point = d3.least(curve.pieces.flat(), away);
         return { curve, point, away: away(point) };
       });
       const best = d3.least(near, ({ away }) => away);
-      if (!best || best.away > NEAR) return { rows: [] };
+      if (cell && !(best?.away < AT)) return { rows: [cell[4]] };
+      if (!(best?.away < NEAR)) return { rows: [] };
       const [x, y] = best.point, tint = colour(best.curve);
       this.dots = [[this.zoomed.applyX(x), this.zoomed.applyY(y), tint]];
       const row = (axis, of, at) => [axis.name, spoken(axis, of.invert(at))];
-      return { head: [{ text: best.curve.name, colour: tint }], rows: [row(this.x, this.scales[0], x), row(this.y, this.scales[1], y)] };
+      const rows = [row(this.x, this.scales[0], x), row(this.y, this.scales[1], y)];
+      return { head: [{ text: best.curve.name, colour: tint }], rows };
     }
 
-    mark(found, px) {
-      const [left, top, right, bottom] = this.box, from = this.panelOf(px);
-      this.rule.selectAll("line").data(found.along ? [left + from * (right - left)] : []).join("line")
+    mark(share) {
+      const [left, top, right, bottom] = this.box;
+      this.rule.selectAll("line").data(share === undefined ? [] : [left + share * (right - left)]).join("line")
         .attr("x1", (x) => x).attr("x2", (x) => x).attr("y1", top).attr("y2", bottom);
-      this.rule.selectAll("circle").data(this.dots ?? []).join("circle")
+      this.rule.selectAll("circle").data(this.dots).join("circle")
         .attr("cx", ([x]) => x).attr("cy", ([, y]) => y).attr("r", 2.6).style("fill", ([, , tint]) => tint);
-    }
-
-    panelOf(px) {
-      const home = this.panels.find(({ box: [left, , right] }) => px >= left && px <= right) ?? this;
-      return (px - home.box[0]) / (home.box[2] - home.box[0]);
     }
 
     rest() {
@@ -252,6 +260,8 @@
   }
 
   document.body.append(card);
+  addEventListener("scroll", () => { card.hidden = true; }, true);
+  addEventListener("pointerdown", ({ target }) => { card.hidden ||= !target.matches(".pad"); });
   for (const svg of document.querySelectorAll("svg[data-chart]")) {
     const panels = JSON.parse(svg.dataset.chart).map((facts) => new Panel(svg, facts));
     for (const panel of panels) {

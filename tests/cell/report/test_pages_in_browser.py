@@ -113,6 +113,8 @@ class Chart:
         self.reader, self.svg = reader, f"document.querySelector('[aria-label*=\"{says}\"] svg')"
         self.pad = f"{self.svg}.querySelectorAll('.pad')[{panel}]"
         reader.evaluate(f"{self.pad}.scrollIntoView({{block: 'center'}})")
+        drawn = "requestAnimationFrame(() => requestAnimationFrame(done))"
+        reader.evaluate(f"new Promise((done) => {drawn})")  # until scrolling was announced
 
     def at(self, across: float, up: float, *kinds: str, **more: Any) -> str:
         """Do `kinds` of things at a place of the panel (shares), and read what the card says."""
