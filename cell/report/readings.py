@@ -5,14 +5,15 @@ colours by CSS. D3 takes it over in the browser (`chart.js`) and reads values of
 themselves, so no second copy of the data travels. Why D3 7.9, one file of 281 kB inlined once:
 Vega-Lite renders a static SVG only through a wheel of 84 MB, 0.68 s of processor for the first
 chart and 0.13 s for each more (Matplotlib draws one in 0.1 to 0.17 s), and its script has 898 kB;
-Plotly (1,120 kB) and ECharts (715 kB) have no static picture, and compute with colours, so that
-CSS cannot set them; uPlot (51 kB) draws its text on a canvas.
+Plotly (1,120 kB), ECharts (715 kB) and uPlot (51 kB) show nothing without a script, and uPlot's
+text is drawn on a canvas.
 """
 
 import json
 import re
 from collections.abc import Iterator
 from html import escape
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def readings(figure: Any) -> str:
     """
     found = [_axes(axes, figure) for axes in figure.axes]
     read = [facts for facts in found if facts["curves"] or facts["cells"]]
-    text = json.dumps(read, separators=(",", ":"), ensure_ascii=False)
+    text = json.dumps(read, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return f'data-chart="{escape(text)}"' if read else ""
 
 
@@ -60,11 +61,12 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "share": min(figure.axes.index(other) for other in shared),
         "curves": list(_curves(axes)),
         "cells": [
-            *_bars(axes, figure, x, y),
-            *_pixels(axes, figure, x, y),
-            *_meshes(axes, figure, x, y),
+            cell
+            for fields in (_bars, _pixels, _meshes)
+            for cell in fields(axes, figure, x, y)
+            if all(map(isfinite, cell[:4]))
         ],
-        "texts": list(_texts(axes, figure)),
+        "texts": [text for text in _texts(axes, figure) if all(map(isfinite, text[1:]))],
     }
 
 
@@ -155,9 +157,7 @@ def _pixels(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
 
 def _meshes(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
     """Fields of a mesh over two quantities; not those of a scale of colours."""
-    from matplotlib.collections import QuadMesh
-
-    meshes = [mesh for mesh in axes.collections if isinstance(mesh, QuadMesh)]
+    meshes = [mesh for mesh in axes.collections if hasattr(mesh, "get_coordinates")]
     for mesh in meshes if axes.get_label() != "<colorbar>" else ():
         corners = mesh.get_coordinates()
         values = np.ma.filled(mesh.get_array(), np.nan)

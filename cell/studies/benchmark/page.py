@@ -54,10 +54,10 @@ def folded_figure(results: Results) -> str:
             shape = 1e3 * smooth(np.array(fold.shape))
             shape[:, 0] -= shape[:, 0].max()
             near = shape[:, 0] > -FOLD_WIDTH
-            h, c = shape[:, 1].max(), 1e3 * fold.bending_length
-            left.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {c:.1f} mm")
-            right.plot(c, h, "o", color=shade, ms=5, gid="folded strip")
-            right.annotate(f"{h:.1f}", (c, h), (6, -6),
+            h, length = shape[:, 1].max(), 1e3 * fold.bending_length
+            left.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {length:.1f} mm")
+            right.plot(length, h, "o", color=shade, ms=5, gid="folded strip")
+            right.annotate(f"{h:.1f}", (length, h), (6, -6),
                            textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
         c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
         right.plot(c, paper.FOLDED_HEIGHT * c, color=MUTED, lw=1)

@@ -15,7 +15,7 @@ from cell.record.run import read_run
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
 from cell.report.compare import write_comparison
-from cell.report.drawing import page_svg
+from cell.report.drawing import as_svg, canvas, page_svg
 from cell.report.facts import advice
 from cell.report.figures import strip_figure
 from cell.report.kit import page as filled
@@ -285,6 +285,17 @@ def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
 def test_fact_that_a_template_lacks_is_an_error():
     with pytest.raises(UndefinedError, match="kicker"):
         filled("report/templates/run.html", "title")
+
+
+def test_what_is_not_a_number_is_not_read():
+    with canvas(4, 3) as figure:
+        axes = figure.add_subplot()
+        axes.bar([0.0, 1.0], [2.0, float("nan")], label="bars")
+        axes.annotate("nowhere", (float("nan"), 1.0))
+        axes.text(0.5, 1.0, "here")
+        (found,) = json.loads(unescape(re.search(r'data-chart="([^"]*)"', as_svg(figure))[1]))
+    assert [cell[4] for cell in found["cells"]] == ["−0.4 to 0.4: bars 2"]
+    assert len(found["texts"]) == 1
 
 
 def test_figure_says_what_a_script_reads(page):
