@@ -42,8 +42,11 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
     """Displacement and belief over the fold, with one sigma; SVG."""
-    with canvas(8.4, 4.2) as figure:
-        grid = figure.subplots(2, 2, sharex=True)
+    with canvas(8.4, 4.2, layout=None) as figure:
+        frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
+        grid = figure.subplots(
+            2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
+        )
         for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
             _band(axes, outlook, name, scale, colour)
             axes.set_ylabel(label)
