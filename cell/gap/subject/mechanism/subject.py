@@ -38,6 +38,7 @@ from cell.gap.subject.subject import (
     Request,
     Residuals,
     Run,
+    Samples,
     Scattering,
     Scope,
 )
@@ -124,7 +125,8 @@ class MechanismSubject:
         local: tuple[Parameter, ...] = ()
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
-            motion = motion_of(recording, joints, [s.name for s in o.signals], o.pace)
+            motion = motion_of(recording, joints, [s.name for s in o.signals], o.pace,
+                               BLOCK / o.pace)  # fmt: skip
             filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
             good = np.isfinite(filtered).all(axis=0)
             made = _only(replace(made, values=filtered), good)
@@ -137,13 +139,17 @@ class MechanismSubject:
             local = self._initial(start)
             speed = np.gradient(made.values[0], made.t)
         mean_speed, _ = average(speed[None], made.edges)
+        known = samples(o.signals, made, mean_speed)
+        if isinstance(self._engine, Prescribed):
+            known = _with_shake(known, self._engine.shaken(content.motion, made.t), made)
         local += tuple(
             Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
             for b in self._by_run
         )  # fmt: skip
-        return Run(recording.name, recording.condition, samples(o.signals, made, mean_speed),
-                   local, (content, recording), recording.index)  # fmt: skip
+        return Run(
+            recording.name, recording.condition, known, local, (content, recording), recording.index
+        )
 
     def _start(self, recording: Recording) -> tuple[Array, Array]:
         """Positions and rates (joints,) in which the run begins, as measured or stated."""
@@ -317,6 +323,13 @@ def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
     block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
+
+
+def _with_shake(known: Samples, shaken: Array, made: Cut) -> Samples:
+    """Samples whose torques are as uncertain as the motion makes them: by `shaken` (torques, k)."""
+    _, squares = average(shaken, made.edges)  # torques come first
+    more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
+    return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
 
 
 def _content(run: Run) -> Content:
