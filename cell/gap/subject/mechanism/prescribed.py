@@ -62,25 +62,25 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     dt = max(float(np.median(np.diff(t))), t[-1] / GRID)
     grid = np.arange(0.0, t[-1], dt)
 
-    def even(names: Sequence[str]) -> tuple[Array, Array]:
+    def even(names: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
         columns = [recording.columns[name] for name in names]
         some = [np.isfinite(x) for x in columns]
         values = [np.interp(grid, t[s], x[s]) for s, x in zip(some, columns, strict=True)]
-        return np.array(values), np.array([np.interp(grid, t, s) < 1.0 for s in some])
+        return np.array(values), np.array([np.interp(grid, t, s) < 1.0 for s in some], dtype=bool)
 
     raw, lost = even(joints)
     measured, absent = even(torques)
     cutoff = min(_cutoff(raw, dt, pace), 0.8 * np.pi / dt)
-    q = _low_pass(raw, dt, cutoff)
     smooth = _low_pass(measured, dt, cutoff)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
-    for row, gaps in zip(smooth, absent | lost.any(axis=0), strict=True):
+    for row, gaps in zip(smooth, absent | np.any(lost, axis=0, keepdims=True), strict=True):
         row[_near(gaps, reach)] = np.nan
+    filtered = _low_pass(raw, dt, cutoff)
+    shake = np.outer(_amplified(dt, cutoff, width), (raw - filtered).std(axis=1))
     every = max(1, int(1.0 / cutoff / dt))
-    parts = [frozen(x[::every]) for x in _derivatives(grid, q.T)]
-    shake = np.outer(_amplified(dt, cutoff, width), (raw - q).std(axis=1))
-    return Motion(recording.name, frozen(grid[::every]), *parts, frozen(smooth[:, ::every]), cutoff,
-                  frozen(shake))  # fmt: skip
+    q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
+    return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
+                  cutoff, frozen(shake))  # fmt: skip
 
 
 def _cutoff(q: Array, dt: float, pace: float) -> float:
@@ -112,12 +112,11 @@ def _amplified(dt: float, cutoff: float, width: float) -> Array:
     half = len(box) + round(2.0 * SETTLED / cutoff / dt)
     one = np.zeros((1, 2 * half + 1))
     one[0, half - len(box) // 2 : half - len(box) // 2 + len(box)] = box / len(box)
-    columns = _low_pass(one, dt, cutoff).T
-    made = _derivatives(dt * np.arange(2 * half + 1), columns)
-    return np.linalg.norm(made[1:], axis=(1, 2))
+    made = _derivatives(dt * np.arange(2.0 * half + 1.0), _low_pass(one, dt, cutoff).T)
+    return np.array([np.linalg.norm(x) for x in made[1:]])
 
 
-def _near(gaps: Array, reach: int) -> NDArray[np.bool_]:
+def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """Where a gap, or an end, is nearer than `reach` readings."""
     around = np.pad(gaps.astype(float), reach, constant_values=1.0)
     return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5

@@ -120,7 +120,8 @@ def _bend_link(m: Any, _c: Chain, s: float) -> None:
 
     Across the axis: a bend about it is what an encoder reads that is off.
     """
-    turn, x, y = np.zeros(4), *m.jnt_axis[-1, :2]
+    turn = np.zeros(4)
+    x, y, _ = m.jnt_axis[-1]
     mujoco.mju_axisAngle2Quat(turn, np.array([0.6 * y, -0.6 * x, 0.8]), 0.25 * s)
     m.body_quat[-1] = turn
 
