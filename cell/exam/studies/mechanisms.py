@@ -65,7 +65,11 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
         return {"right": right, "by_class": right, "wrong": bool(named)}
     if hidden in OUTSIDE:
         right = verdict.verdict == "unexplained"
-        return {"right": right, "by_class": right, "wrong": bool(named or verdict.ambiguous)}
+        return {
+            "right": right,
+            "by_class": right,
+            "wrong": bool(named) or verdict.verdict == "ambiguous",
+        }
     others = [name for name in named if name != hidden]
     among = hidden in named or any(hidden in group for group in verdict.ambiguous)
     return {"right": named == [hidden] and not verdict.ambiguous,

@@ -24,8 +24,9 @@ from cell.gap.subject.mechanism.runs import Recording
 from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
-SLOWEST, FASTEST = 5.0, 25.0  # cutoff by the pace of a motion: five times at least (Gautier, Janot)
-ABOVE, BEYOND = 10.0, 1.5  # noise in the spectrum, where motion counts; cutoff by the fastest of it
+CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
+MOST, FLOOR = 0.999, 10.0  # of the rate's power, beyond so many times the encoder's noise
+SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
 KEPT = 2048  # inverse dynamics that are remembered
@@ -76,7 +77,8 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     for row, gaps in zip(smooth, absent | np.any(lost, axis=0, keepdims=True), strict=True):
         row[_near(gaps, reach)] = np.nan
     filtered = _low_pass(raw, dt, cutoff)
-    shake = np.outer(_amplified(dt, cutoff, width), (raw - filtered).std(axis=1))
+    white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - cutoff * dt / np.pi)
+    shake = np.outer(_amplified(dt, cutoff, width), white)
     every = max(1, int(1.0 / cutoff / dt))
     q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
     return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
@@ -84,12 +86,14 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
 
 
 def _cutoff(q: Array, dt: float, pace: float) -> float:
-    """Frequency [rad/s] below which positions (joints, m) move, above which they are noise."""
-    rate, power = welch(q, 2.0 * np.pi / dt, nperseg=min(256, q.shape[1]))
-    floor = np.median(power[:, len(rate) * 3 // 4 :], axis=1, keepdims=True)
-    moves = (power > ABOVE * floor).any(axis=0)
-    fastest = rate[moves].max(initial=0.0)
-    return float(np.clip(BEYOND * fastest, SLOWEST * pace, FASTEST * pace))
+    """Frequency [rad/s] below which positions (joints, m) have nearly all of their rates' power;
+    what lies beyond is left to noise, whose accelerations grow with the cutoff's power of 2.5.
+    """
+    w, power = welch(q, 2.0 * np.pi / dt, nperseg=min(256, q.shape[1]))
+    noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
+    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
+    holds = [w[np.argmax(r >= MOST * r[-1])] for r in rates]
+    return float(np.clip(CUTOFF * max(holds), SLOWEST * pace, FASTEST * pace))
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:

@@ -26,7 +26,7 @@ from cell.gap.subject.mechanism.library import (
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples, width_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -121,12 +121,12 @@ class MechanismSubject:
 
     def _run(self, recording: Recording) -> Run:
         o, m = self.opened, self._mechanism
-        made = cut(recording, [s.name for s in o.signals], BLOCK / o.pace)
+        names, width = [s.name for s in o.signals], width_of(recording, BLOCK / o.pace)
+        made = cut(recording, names, width)
         local: tuple[Parameter, ...] = ()
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
-            motion = motion_of(recording, joints, [s.name for s in o.signals], o.pace,
-                               BLOCK / o.pace)  # fmt: skip
+            motion = motion_of(recording, joints, names, o.pace, width)
             filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
             good = np.isfinite(filtered).all(axis=0)
             made = _only(replace(made, values=filtered), good)
