@@ -106,7 +106,7 @@ class MechanismSubject:
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
-                     quantities, describing_terms(m), tuple(scatter))  # fmt: skip
+                     quantities, describing_terms(m), tuple(scatter), believed=True)  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
         return candidates(self._mechanism, self.opened.file.effects)

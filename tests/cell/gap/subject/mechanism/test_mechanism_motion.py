@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from cell.gap.fit import fit
 from cell.gap.subject.mechanism import synthetic
 from cell.gap.subject.mechanism.library import effect_of, ordered_values
 from cell.gap.subject.mechanism.prescribed import motion_of
@@ -83,3 +84,11 @@ def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -
     squares = np.concatenate([x**2 for x in z])
     names = np.concatenate([run.samples.quantity for run in mechanism.runs])
     return max(float(np.sqrt(np.mean(squares[names == n].astype(float)))) for n in np.unique(names))
+
+
+def test_a_payload_is_named_where_links_far_from_what_is_stated_would_do_as_well(tmp_path):
+    file = synthetic.make_runs(tmp_path, "payload", 2, 1.05, 128373791, cart=True)
+    verdict = fit([tmp_path / "runs"], file, tmp_path / "out")
+    assert [e.name for e in verdict.effects] == ["payload"]
+    mass = verdict.effects[0].parameters["mass"]
+    assert mass.low < synthetic.amounts("payload", 2, 1.05)["mass"] < mass.high
