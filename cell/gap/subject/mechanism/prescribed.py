@@ -25,7 +25,7 @@ from drivers.types import Array, frozen
 
 ORDER = 3  # of the Butterworth filter, run forth and back
 CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
-MOST, FLOOR = 0.999, 10.0  # of the rate's power, beyond so many times the encoder's noise
+MOST, FLOOR = 0.99, 10.0  # of the rate's power, beyond so many times the encoder's noise
 SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
