@@ -130,11 +130,11 @@ def _judged_base(
         tuple(localise(base, noise, allowed)),
         tuple(weak_directions(base)),
         tuple(scatter),
-        _strained(subject, base),
+        _is_strained(subject, base),
     )
 
 
-def _strained(subject: Subject, base: Estimate) -> bool:
+def _is_strained(subject: Subject, base: Estimate) -> bool:
     """Whether the base fits by values that what is known of them all but rules out."""
     known = [(v - p.start) / p.spread for p, v in zip(base.model.base, base.shared, strict=False)
              if np.isfinite(p.spread)]  # fmt: skip

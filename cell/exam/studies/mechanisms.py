@@ -47,7 +47,7 @@ def measure(case: Values) -> Values:
         verdict = fit([folder / "runs"], file, folder / "out")
         cpu = time.process_time() - began
     truth = amounts(hidden, joints, size, cart=cart)
-    return {**score(hidden, verdict), "covered": covered(hidden, truth, verdict), "cpu": cpu,
+    return {**score(hidden, verdict), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
             "ambiguous": verdict.ambiguous}  # fmt: skip
@@ -76,7 +76,7 @@ def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
             "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
 
 
-def covered(hidden: str, truth: Mapping[str, float], verdict: Verdict) -> list[bool]:
+def coverage(hidden: str, truth: Mapping[str, float], verdict: Verdict) -> list[bool]:
     """Whether the interval of each size that is known of a `hidden` effect holds the `truth`."""
     found = next((e.parameters for e in verdict.effects if e.name == hidden), {})
     return [(p.low is None or p.low <= truth[name]) and (p.high is None or truth[name] <= p.high)

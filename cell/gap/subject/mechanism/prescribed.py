@@ -78,7 +78,7 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
         row[_near(gaps, reach)] = np.nan
     filtered = _low_pass(raw, dt, cutoff)
     white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - cutoff * dt / np.pi)
-    shake = np.outer(_amplified(dt, cutoff, width), white)
+    shake = np.outer(_noise_gain(dt, cutoff, width), white)
     every = max(1, int(1.0 / cutoff / dt))
     q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
     return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
@@ -108,7 +108,7 @@ def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
     return x, spline(t, nu=1), spline(t, nu=2)
 
 
-def _amplified(dt: float, cutoff: float, width: float) -> Array:
+def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
     """Errors (2,) of mean rates and accelerations of filtered positions, of a unit of white noise
     in each; means are over `width` [s].
     """
@@ -141,7 +141,7 @@ class Prescribed:
         with ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._torque, cases))
 
-    def shaken(self, motion: Motion, t: Array) -> Array:
+    def encoder_error(self, motion: Motion, t: Array) -> Array:
         """Errors (torques, k) at times t (k,) that noise of the encoders makes in torques."""
         model, (q, v, a) = self._model, (motion.q, motion.v, motion.a)
         plain = self._inverse(motion, model, q, v, a, None)

@@ -141,7 +141,7 @@ class MechanismSubject:
         mean_speed, _ = average(speed[None], made.edges)
         known = samples(o.signals, made, mean_speed)
         if isinstance(self._engine, Prescribed):
-            known = _with_shake(known, self._engine.shaken(content.motion, made.t), made)
+            known = _with_shake(known, self._engine.encoder_error(content.motion, made.t), made)
         local += tuple(
             Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
@@ -325,9 +325,9 @@ def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
 
 
-def _with_shake(known: Samples, shaken: Array, made: Cut) -> Samples:
-    """Samples whose torques are as uncertain as the motion makes them: by `shaken` (torques, k)."""
-    _, squares = average(shaken, made.edges)  # torques come first
+def _with_shake(known: Samples, error: Array, made: Cut) -> Samples:
+    """Samples whose torques are as uncertain as the motion makes them: by `error` (torques, k)."""
+    _, squares = average(error, made.edges)  # torques come first
     more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
     return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
 
