@@ -5,7 +5,7 @@ import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -95,7 +95,8 @@ def parse(content: object, model: type[S], origin: str) -> S:
     try:
         return model.model_validate_json(_json(content, origin), strict=True)
     except ValidationError as error:
-        lines = [_problem(origin, model, dict(item)) for item in error.errors()]
+        items = [dict(item) for item in error.errors()]
+        lines = [_problem(origin, model, item) for item in items if not _follows(item, items)]
         raise ConfigurationError("\n".join(lines)) from None
 
 
@@ -117,6 +118,13 @@ def _json(content: Mapping[str, Any], origin: str) -> str:
         return json.dumps(content, default=str)
     except (ValueError, TypeError, RecursionError) as error:
         raise ConfigurationError(f"{origin}: cannot be read: {error}") from None
+
+
+def _follows(item: dict[str, Any], items: list[dict[str, Any]]) -> bool:
+    """Whether a list is too short only because its items were refused."""
+    place = item["loc"]
+    inner = (other["loc"] for other in items if len(other["loc"]) > len(place))
+    return item["type"] == "too_short" and any(loc[: len(place)] == place for loc in inner)
 
 
 def _problem(origin: str, model: type[BaseModel], item: dict[str, Any]) -> str:
@@ -164,9 +172,20 @@ def _field(model: type[BaseModel], place: tuple[Any, ...]) -> FieldInfo | None:
 def _model(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel] | None:
     current: Any = model
     for part in place:
-        field = getattr(current, "model_fields", {}).get(part)
-        current = field.annotation if field is not None else None
+        if not isinstance(part, int):  # the items of a list are of one model
+            field = getattr(current, "model_fields", {}).get(part)
+            current = None if field is None else _inner(field.annotation)
     return current if hasattr(current, "model_fields") else None
+
+
+def _inner(annotation: Any) -> Any:
+    """The one model of a field, of its items or where it is given; None where it has none."""
+    if hasattr(annotation, "model_fields"):
+        return annotation
+    if isinstance(get_origin(annotation), type) and issubclass(get_origin(annotation), Mapping):
+        return None  # keys of its own stand between
+    found = {inner for inner in map(_inner, get_args(annotation)) if inner is not None}
+    return found.pop() if len(found) == 1 else None
 
 
 def _yaml_place(error: yaml.YAMLError) -> str:

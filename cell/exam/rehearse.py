@@ -200,14 +200,14 @@ def differing(
     """The model of one run, in which everything that differs from run to run is drawn anew."""
     for effect in KNOWN_EFFECTS:
         if effect.name in scatter:
-            model = effect.changed(model, float(rng.normal(0.0, scatter[effect.name])))
+            model = effect.apply(model, float(rng.normal(0.0, scatter[effect.name])))
     return model
 
 
 def instruments(run: Measured) -> Instruments:
     """Instruments with the noise that a run states; of the force where it was measured."""
     stated = run.sigma.model_dump(exclude_none=True, include={f.name for f in fields(Instruments)})
-    return replace(Instruments(**stated), force=run.sigma.force if run.feels else None)
+    return replace(Instruments(**stated), force=run.sigma.force if run.has_force else None)
 
 
 def rehearse(made: Plan, folder: Path, engine: Engine, watcher: Watcher) -> list[Record]:

@@ -79,7 +79,7 @@ class Striker:
         elif facts["state"] == ("FOLD" if state == "STOPPING" else state):
             self._begun = time
 
-    happened = note
+    handle_event = note
 
     def _strike(self) -> None:
         if self.at is None:

@@ -38,7 +38,7 @@ class FoldTrace:
             self._stamps.append(seen.stamp)
             self._profiles.append(seen_profile(seen.profile, seen.contact_x, seen.gripper)[0])
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Events are not kept."""
 
     def review(self, outcome: Outcome, record: Record) -> Outcome:

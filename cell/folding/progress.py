@@ -38,7 +38,7 @@ class ProgressLine:
             text += f"   desk contact {1e3 * snapshot.view.measurement.contact_x:4.0f} mm"
         self._status.update(text)
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Process one event; a fault stays on the screen."""
         if kind == "fault":
             text = f"{time:.2f} s  {facts['name']}: {facts['reason']}"

@@ -15,12 +15,12 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Evidence, Model, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, scattered, with_scatter
+from cell.gap.fitting.scatter import clearly_differ, estimate_spreads, with_scatter, with_spreads
 from cell.gap.fitting.spreads import Spread, spreads
 from cell.gap.fitting.starts import refit_base, refit_base_fine, weak_directions
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.selection import search
-from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import (
     LEVEL,
@@ -31,7 +31,7 @@ from cell.gap.selection.likelihood import (
 )
 from cell.gap.selection.posterior import posterior
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed, probe, ranked, ranked_pairs, table
+from cell.gap.selection.screening import Probed, probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.advice import advice
 from cell.gap.verdict.decide import has_unexplained_part, in_doubt, kind
@@ -80,7 +80,7 @@ def investigate(
     judged = judge(subject, choice, simulate, whole, rng)
     sets = posterior(choice.fits, screened.probed, choice.by, believed=believed)
     progress("show on held-out runs", 0.9)
-    unseen = scattered(evidence(test), fitted.scatter)
+    unseen = with_spreads(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
     progress("advise", 0.95)
     there = bool(choice.accepted.model.effects) or fitted.gap
@@ -94,7 +94,7 @@ def investigate(
         found = replace(found, judged=replace(judged, law=law))
     if which == "no_gap" or (which == "named" and not in_doubt(found)):
         return found
-    names = Names(choice.accepted, choice.by, which == "named", exhausted(choice.fits))
+    names = Names(choice.accepted, choice.by, which == "named", is_exhausted(choice.fits))
     rival = None if which == "unexplained" else names
     offered = offered_law(subject, simulate, fitted.base, shown.before, rng, rival)
     return replace(found, offered=offered)
@@ -153,7 +153,7 @@ def _score_candidates(subject: Subject, fitted: Fitted, probed: Sequence[Probed]
     about = projection(fitted.base.estimate)
     by = likelihood_scale([fitted.base])
     known = table(about, probed)
-    singles = ranked(known)
+    singles = ranking(known)
     return Screened(
         tuple(probed),
         known,
@@ -213,10 +213,10 @@ def _refit_singles(
         Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
         for s in screened.singles[: search.BUDGET.singles]
     ]
-    fits = fits.merged(search.fit_scores(simulate, base.estimate, singles, candidates))
-    fits = fits.merged(search.other_sign(simulate, fits, singles))
-    if not exhausted(fits):
-        fits = fits.merged(search.shape_parameters(simulate, fits))
+    fits = fits.merge(search.fit_scores(simulate, base.estimate, singles, candidates))
+    fits = fits.merge(search.other_sign(simulate, fits, singles))
+    if not is_exhausted(fits):
+        fits = fits.merge(search.shape_parameters(simulate, fits))
     return fits
 
 
@@ -233,13 +233,13 @@ def _refit_further(
 
     def tried(fits: Fits, scores: Sequence[Score]) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return fits.merged(search.fit_scores(simulate, base, scores, known, fits))
+        return fits.merge(search.fit_scores(simulate, base, scores, known, fits))
 
     def more(fits: Fits, size: int) -> Fits:
         known = search.with_shape_parameters(candidates, fits)
-        return tried(fits, search.extended(simulate, fits, size, known, screened.probed))
+        return tried(fits, search.extensions(simulate, fits, size, known, screened.probed))
 
-    if len(fits.models) == 1 or exhausted(fits):
+    if len(fits.models) == 1 or is_exhausted(fits):
         return fits
     unnamed = fitted.doubted and not choose(fits).accepted.model.effects
     if not unnamed and not _leaves_more(fits, anywhere=True):
@@ -249,14 +249,14 @@ def _refit_further(
         s for s in screened.singles[: search.BUDGET.looked] if fits.of(frozenset(s.names)) is None
     ]
     fits = tried(fits, search.shortlist(simulate, base, others, candidates, search.BUDGET.further))
-    if exhausted(fits) or not _leaves_more(fits, anywhere=True):
+    if is_exhausted(fits) or not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit pairs", 0.45)
     screened_pairs = ranked_pairs(screened.known, search.BUDGET.sifted)
     pairs = search.shortlist(simulate, base, screened_pairs, candidates, search.BUDGET.pairs)
     fits = more(tried(fits, pairs), 1)
     pair = len(choose(fits).accepted.model.effects) == 2
-    if pair and not exhausted(fits) and _leaves_more(fits, anywhere=False):
+    if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
         fits = more(fits, 2)
     return tried(fits, search.without_each(fits))

@@ -34,7 +34,7 @@ class Observer(Protocol):
     def see(self, snapshot: Snapshot) -> None:
         """Called on every tick."""
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Called on every event."""
 
 
@@ -178,7 +178,7 @@ class Run:
 
     def _note(self, now: float, kind: str, **facts: object) -> None:
         self._recorder.event(now, kind, **facts)
-        self._show(lambda observer: observer.happened(now, kind, facts))
+        self._show(lambda observer: observer.handle_event(now, kind, facts))
 
     def _show(self, news: Callable[[Observer], None]) -> None:
         """Notify the observers; one that raises is not called again."""

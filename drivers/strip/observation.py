@@ -13,7 +13,7 @@ from drivers.strip.model import Observation, StripModel
 from drivers.strip.shape import Touch
 from drivers.types import Array
 
-FELT = 0.02  # s over which an arm averages a force; assumed
+FORCE_WINDOW = 0.02  # s over which an arm averages a force; assumed
 
 
 def seen_time(observation: Observation, t: Array | float) -> Array | float:
@@ -44,12 +44,12 @@ def seen_contact(observation: Observation, x: Array | float) -> Array | float:
 
 
 def mean_force(t: Array, force: Array) -> Array:
-    """Force (k, 2) [N] at times `t` (k,) [s], each a mean over `FELT` about its time.
+    """Force (k, 2) [N] at times `t` (k,) [s], each a mean over `FORCE_WINDOW` about its time.
 
     A path that is given in rows has kinks, where a gripper jerks from step to step.
     """
     total = cumulative_trapezoid(force, t, axis=0, initial=0.0)
-    ends = [np.clip(t + side * FELT / 2, t[0], t[-1]) for side in (-1, 1)]
+    ends = [np.clip(t + side * FORCE_WINDOW / 2, t[0], t[-1]) for side in (-1, 1)]
     first, last = (np.stack([np.interp(e, t, c) for c in total.T], axis=1) for e in ends)
     return np.asarray((last - first) / np.maximum(ends[1] - ends[0], 1e-9)[:, None])
 

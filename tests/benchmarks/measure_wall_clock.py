@@ -293,7 +293,7 @@ def one_fold(bench: Bench, cause=None, film: bool = False) -> tuple[str, list[La
         def see(self, snapshot) -> None:
             self.pose = snapshot.arm.pose
 
-        def happened(self, _time, kind, facts) -> None:
+        def handle_event(self, _time, kind, facts) -> None:
             if kind == "state" and facts["state"] not in ("STOPPING", "FAULT", "DONE"):
                 self.state = clock.state = facts["state"]
             if kind == "state" and facts["state"] == "FOLD" and cause is not None:

@@ -120,7 +120,7 @@ class Striker:
             self._begun, self._last = None, time.perf_counter()
             self._strike()
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         if kind == "state" and facts["state"] == self._phase and self._last is None:
             self._begun = time
 

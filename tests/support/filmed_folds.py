@@ -22,7 +22,7 @@ class Filming:
             self.begin = frame.stamp if self.begin is None else self.begin
             self._writer.add(frame.stamp, frame.image)
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Nothing to write."""
 
 

@@ -205,7 +205,7 @@ class Until:
     def see(self, snapshot: Snapshot) -> None:
         """A tick says nothing."""
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:  # noqa: ARG002
         """An event: the run enters a state."""
         self._reached = self._reached or (kind == "state" and facts.get("state") is self._state)
 

@@ -11,11 +11,11 @@ from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting.gauss_newton import Estimate, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence
 from cell.gap.fitting.projection import projection
-from cell.gap.fitting.scatter import scattered
+from cell.gap.fitting.scatter import with_spreads
 from cell.gap.fitting.spreads import spreads
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection.origins import with_effects
-from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.subject import open_strip
 from cell.gap.subject.subject import Candidate, Subject
@@ -47,7 +47,7 @@ def oracle(
     else:
         starts = _screened_starts(subject.simulate, base, model)
     scatter = spreads(_refit(subject.simulate, model, train, starts))
-    train, test = scattered(train, scatter), scattered(test, scatter)
+    train, test = with_spreads(train, scatter), with_spreads(test, scatter)
     base = _refit(subject.simulate, base.model, train, [base.shared])
     whole = _refit(subject.simulate, model, train, starts)
     before, after = (_excess(subject.simulate, fit, test) for fit in (base, whole))
@@ -80,7 +80,7 @@ def _values(case: Case, effects: Sequence[Candidate]) -> dict[str, Array]:
 def _screened_starts(simulate: Simulate, base: Estimate, model: Model) -> list[Array]:
     """The null, and where a screen finds each effect by itself."""
     probed = run_all(simulate, [probe(base, effect) for effect in model.effects])
-    scores = ranked(table(projection(base), probed))
+    scores = ranking(table(projection(base), probed))
     values = {name: value for score in scores for name, value in score.start.items()}
     return [model.joined(base.shared, {}), model.joined(base.shared, values)]
 

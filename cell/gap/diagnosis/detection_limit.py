@@ -29,7 +29,7 @@ def _smallest(about: Projection, probed: Probed, by: LikelihoodScale, sure: floa
     best: tuple[float, float | None] | None = None
     candidate = probed.candidate
     for group, responses in zip(probed.groups, probed.responses, strict=True):
-        form = about.form(about.weighed(responses))
+        form = about.form(about.weigh(responses))
         for i, vector in enumerate(group):
             power = form.curvature[i, i] / by.inefficiency
             if power <= 1e-12:

@@ -9,7 +9,7 @@ from scipy import special
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection, stacked
+from cell.gap.fitting.projection import projection, stacked_jacobian
 from cell.gap.selection.likelihood import LEVEL
 from cell.gap.subject.subject import Run
 from drivers.types import Array
@@ -48,8 +48,8 @@ def drift(estimate: Estimate) -> Drift | None:
     about = projection(estimate)
     count = len(estimate.shared)
     owner = np.repeat(np.arange(len(runs)), [len(r) for r in estimate.residuals])
-    columns = stacked(estimate)[:, :count] * later[owner][:, None]
-    columns = about.weighed(columns)
+    columns = stacked_jacobian(estimate)[:, :count] * later[owner][:, None]
+    columns = about.weigh(columns)
     form = about.form(columns)
     free = np.full(count, np.inf)
     limits = normal_equations.Bounds(-free, free, np.zeros(count), np.zeros(count))

@@ -51,7 +51,7 @@ def invariance(
     )
     conditions = list(dict.fromkeys(map(str, labels)))
     columns = np.where(labels[:, None] == np.array(conditions), moved[:, None], 0.0)
-    form = about.form(about.weighed(columns))
+    form = about.form(about.weigh(columns))
     inverse = np.linalg.pinv(form.curvature, rcond=1e-6, hermitian=True)
     amounts = -inverse @ form.gradient
     errors = np.sqrt(by.inefficiency * np.maximum(np.diag(inverse), 1e-12))

@@ -61,7 +61,7 @@ def describe(
     terms = _terms(probed)
     if not terms:
         return None
-    responses = about.weighed(np.array([t.response for t in terms]).T)
+    responses = about.weigh(np.array([t.response for t in terms]).T)
     form = about.form(responses)
     chosen = _forward(form, worth)
     if not chosen:

@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.model import Model, Point, requests, response
-from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import Task
 from cell.gap.selection.likelihood import LikelihoodScale
 from drivers.types import Array
@@ -41,7 +41,7 @@ def steadier(
     other = yield requests(model, runs, Point(shared, first.point.local))
     parts = zip(other, first.raw, first.evidence.scales, strict=True)
     moved = np.concatenate([response(*each) for each in parts])
-    jacobian, limits = stacked(first), normal_equations.bounds(first.model, first.evidence)
+    jacobian, limits = stacked_jacobian(first), normal_equations.bounds(first.model, first.evidence)
     owners = [p.name for p in first.model.parameters]
     owners += [p.name for run in runs for p in run.local]
     now = _square(moved, jacobian, limits.precision)

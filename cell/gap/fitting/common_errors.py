@@ -10,7 +10,7 @@ import numpy as np
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.projection import stacked_jacobian
 from drivers.types import Array
 
 
@@ -22,7 +22,7 @@ def covariance(estimate: Estimate, inefficiency: float) -> Array:
         return inverse * inefficiency
     scale = estimate.scale
     weight = robust.weights(np.concatenate(estimate.residuals) / scale) / scale**2
-    moved = inverse @ (stacked(estimate).T @ (weight[:, None] * errors))
+    moved = inverse @ (stacked_jacobian(estimate).T @ (weight[:, None] * errors))
     return np.asarray(inverse * inefficiency + moved @ moved.T)
 
 

@@ -126,7 +126,7 @@ def _equations(estimate: Estimate, keep: Sequence[int]) -> normal_equations.Norm
 
 def _pack(estimate: Estimate, keep: Sequence[int]) -> Array:
     place = normal_equations.layout(estimate.model, _some(estimate.evidence, keep))
-    return place.packed(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
+    return place.pack(Point(estimate.shared, tuple(estimate.point.local[i] for i in keep)))
 
 
 def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask) -> Point:
@@ -138,7 +138,7 @@ def _newton(estimate: Estimate, keep: Sequence[int], held: normal_equations.Mask
         limits, low=np.where(fixed, z, limits.low), high=np.where(fixed, z, limits.high)
     )
     step = normal_equations.bounded_step(_equations(estimate, keep), z, limits)
-    return normal_equations.layout(estimate.model, kept).unpacked(z + step)
+    return normal_equations.layout(estimate.model, kept).unpack(z + step)
 
 
 def _own_unknowns(estimate: Estimate, i: int, shared: Array) -> Array:

@@ -67,7 +67,7 @@ class Estimate:
         used = self.scale if scale is None else scale
         data = normal_equations.normal(place, self.residuals, self.jacobians, used)
         limits = normal_equations.bounds(self.model, self.evidence)
-        return normal_equations.with_prior(data, place.packed(self.point), limits)
+        return normal_equations.with_prior(data, place.pack(self.point), limits)
 
 
 def refit(
@@ -85,12 +85,12 @@ def refit(
     """
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
-    z = np.clip(place.packed(start), limits.low, limits.high)
+    z = np.clip(place.pack(start), limits.low, limits.high)
     fresh, mended, stalled = jacobians is None, False, 0
     if jacobians is None:
-        raw, jacobians = yield from linearise(model, evidence, place.unpacked(z))
+        raw, jacobians = yield from linearise(model, evidence, place.unpack(z))
     else:
-        raw = yield requests(model, evidence.runs, place.unpacked(z))
+        raw = yield requests(model, evidence.runs, place.unpack(z))
     for _ in range(steps):
         r = residuals(raw, evidence)
         scale = robust.scale(np.concatenate(r))
@@ -118,7 +118,7 @@ def refit(
         if stalled > 1:
             break
         if fresh:
-            raw, jacobians = yield from linearise(model, evidence, place.unpacked(z))
+            raw, jacobians = yield from linearise(model, evidence, place.unpack(z))
     return _estimate(model, evidence, z, raw, jacobians)
 
 
@@ -130,7 +130,7 @@ def _estimate(
     jacobians: tuple[Array, ...],
 ) -> Estimate:
     limits = normal_equations.bounds(model, evidence)
-    point = normal_equations.layout(model, evidence).unpacked(z)
+    point = normal_equations.layout(model, evidence).unpack(z)
     r = residuals(raw, evidence)
     scale = robust.scale(np.concatenate(r))
     total = normal_equations.objective(r, z, limits, scale)
@@ -218,7 +218,7 @@ def _evaluate(search: _Search, points: Sequence[Array]) -> Task[list[_Trial]]:
     place = normal_equations.layout(model, evidence)
     limits = normal_equations.bounds(model, evidence)
     inside = [np.clip(p, limits.low, limits.high) for p in points]
-    answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpacked(p))]
+    answers = yield [q for p in inside for q in requests(model, evidence.runs, place.unpack(p))]
     trials, runs = [], len(evidence.runs)
     for i, p in enumerate(inside):
         raw = answers[i * runs : (i + 1) * runs]

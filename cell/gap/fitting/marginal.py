@@ -10,7 +10,7 @@ from scipy.linalg import cho_solve
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
@@ -125,8 +125,8 @@ def _equations(
     r = np.concatenate(estimate.residuals)
     worth = max(SOUGHT.least, robust.long_run_variance(estimate.evidence.runs, estimate.residuals))
     weight = np.sqrt(robust.weights(r / estimate.scale) / worth) / estimate.scale
-    columns = stacked(estimate)
-    z = normal_equations.layout(estimate.model, estimate.evidence).packed(estimate.point)
+    columns = stacked_jacobian(estimate)
+    z = normal_equations.layout(estimate.model, estimate.evidence).pack(estimate.point)
     prior = np.array([0.0 if p.random else p.spread**-2 for p in every])
     start = np.array([p.start for p in every])
     target = r - columns @ np.where(owner >= 0, z, 0.0)

@@ -54,7 +54,7 @@ class Model:
 
     def joined(self, base: Array, effects: dict[str, Array]) -> Array:
         """Shared values (P,) of base values and values by effect; nulls where one is not given."""
-        parts = [e.completed(effects.get(e.name, e.null)) for e in self.effects]
+        parts = [e.complete(effects.get(e.name, e.null)) for e in self.effects]
         return np.concatenate([base, *parts])
 
 

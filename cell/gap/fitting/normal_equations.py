@@ -32,11 +32,11 @@ class Layout:
         own = np.arange(first, first + self.local[run])
         return np.concatenate([np.arange(self.shared), own])
 
-    def packed(self, point: Point) -> Array:
+    def pack(self, point: Point) -> Array:
         """The point as one vector (size,)."""
         return np.concatenate([point.shared, *point.local])
 
-    def unpacked(self, z: Array) -> Point:
+    def unpack(self, z: Array) -> Point:
         """The vector `z` (size,) as a point."""
         edges = np.cumsum([self.shared, *self.local])
         parts = np.split(z, edges[:-1])

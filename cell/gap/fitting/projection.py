@@ -30,7 +30,7 @@ class Projection:
         back = self.inverse @ (self.jacobian.T @ response)
         return np.asarray(response - self.jacobian @ back)
 
-    def weighed(self, whitened: Array) -> Array:
+    def weigh(self, whitened: Array) -> Array:
         """A whitened response (N, k) in weighted units."""
         return np.asarray(whitened * self.weight[:, None])
 
@@ -49,12 +49,12 @@ def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
     """The quadratic model about `estimate`; unknowns held by a bound do not absorb."""
     place = normal_equations.layout(estimate.model, estimate.evidence)
     limits = normal_equations.bounds(estimate.model, estimate.evidence)
-    z = place.packed(estimate.point)
+    z = place.pack(estimate.point)
     r = np.concatenate(estimate.residuals)
     scale = estimate.scale if robustly else 1.0
     weight = np.sqrt(robust.weights(r / scale)) / scale if robustly else np.ones_like(r)
     free = (z > limits.low) & (z < limits.high)
-    jacobian = stacked(estimate) * weight[:, None]
+    jacobian = stacked_jacobian(estimate) * weight[:, None]
     jacobian = jacobian[:, free]
     curvature = jacobian.T @ jacobian + np.diag(limits.precision[free])
     inverse = normal_equations.covariance(
@@ -64,11 +64,11 @@ def projection(estimate: Estimate, *, robustly: bool = True) -> Projection:
     settled = r * weight - jacobian @ (inverse @ (jacobian.T @ (r * weight) + pull))
     every = [*estimate.model.parameters, *(p for run in estimate.evidence.runs for p in run.local)]
     spread = np.array([p.spread if p.random else 0.0 for p in every])
-    scatter = (stacked(estimate) * (weight[:, None] * spread))[:, spread > 0.0]
+    scatter = (stacked_jacobian(estimate) * (weight[:, None] * spread))[:, spread > 0.0]
     return Projection(settled, jacobian, inverse, weight, scatter)
 
 
-def stacked(estimate: Estimate) -> Array:
+def stacked_jacobian(estimate: Estimate) -> Array:
     """Whitened Jacobian (N, size) of all runs in all unknowns."""
     place = normal_equations.layout(estimate.model, estimate.evidence)
     rows = [len(r) for r in estimate.residuals]

@@ -33,7 +33,7 @@ def with_own_scatter(
     return run_one(simulate, refit(again.model, again.evidence, again.point))
 
 
-def scattered(known: Evidence, found: Sequence[Spread]) -> Evidence:
+def with_spreads(known: Evidence, found: Sequence[Spread]) -> Evidence:
     """The runs of `known` with only those random unknowns that were `found`, and their spreads."""
     value = {s.name: s.value for s in found}
     runs = []
@@ -55,7 +55,7 @@ def with_scatter(estimate: Estimate, found: Sequence[Spread], whole: Evidence) -
     if not any(p.random for run in whole.runs for p in run.local):
         return estimate
     opened = _with_all_unknowns(estimate, whole)
-    known = scattered(opened.evidence, found)
+    known = with_spreads(opened.evidence, found)
     local = tuple(
         np.array([v for p, v in zip(run.local, own, strict=True) if p.name in kept])
         for run, own, kept in zip(

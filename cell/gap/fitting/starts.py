@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.gauss_newton import ROUGHLY, Estimate, linearise, refit
 from cell.gap.fitting.model import Evidence, Model, Point, evidence, requests
-from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import Simulate, run_all, run_one
 from cell.gap.subject.subject import Subject
 from drivers.types import Array
@@ -44,9 +44,7 @@ def judged(estimate: Estimate, scale: float) -> float:
     """Objective of an estimate at a given dispersion [nats]."""
     place = normal_equations.layout(estimate.model, estimate.evidence)
     limits = normal_equations.bounds(estimate.model, estimate.evidence)
-    return normal_equations.objective(
-        estimate.residuals, place.packed(estimate.point), limits, scale
-    )
+    return normal_equations.objective(estimate.residuals, place.pack(estimate.point), limits, scale)
 
 
 def _draw_start(model: Model, rng: np.random.Generator) -> Array:
@@ -77,7 +75,7 @@ def weak_directions(estimate: Estimate) -> list[Undetermined]:
     units of what was known of it (Brun, Reichert, Kuensch 2001, identifiability analysis).
     """
     parameters = estimate.model.parameters
-    jacobian = stacked(estimate) / estimate.scale
+    jacobian = stacked_jacobian(estimate) / estimate.scale
     shared, local = jacobian[:, : len(parameters)], jacobian[:, len(parameters) :]
     if local.size:
         q, _ = np.linalg.qr(local)

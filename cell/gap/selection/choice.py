@@ -103,7 +103,7 @@ def by_evidence(choice: Choice, sets: Posterior) -> Choice:
     return replace(choice, accepted=best, steps=(*choice.steps, step), sets=sets)
 
 
-def _earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
+def _is_earned(ahead: Margin, before: Validated, fits: Fits, by: LikelihoodScale) -> bool:
     gain = _beyond_model_error(ahead.each, before, fits, by)
     return gain > by.least and ahead.p < LEVEL and ahead.removed > MATERIAL
 
@@ -115,15 +115,15 @@ def _step(
     margins = [margin(m, before, by) for m in models]
     p = holm([m.p for m in margins])[0]
     first, ahead = models[0], margins[0]
-    good = _earned(replace(ahead, p=p), before, fits, by) and all(
-        _needed(first, e.name, fits, by)
+    good = _is_earned(replace(ahead, p=p), before, fits, by) and all(
+        _is_needed(first, e.name, fits, by)
         and (is_significant(first.estimate, e, by) or _evident(first, e.name, by, sets))
         for e in first.model.effects
     )
     return Step(first, before, ahead.gain, p, ahead.removed, good)
 
 
-def exhausted(fits: Fits) -> bool:
+def is_exhausted(fits: Fits) -> bool:
     """Whether the accepted model leaves less than a further effect would have to gain.
 
     Measured in the nats of a model that leaves nothing but noise, as most samples show it: a
@@ -138,13 +138,13 @@ def exhausted(fits: Fits) -> bool:
     return _beyond_model_error(left, accepted, fits, ideal) < ideal.least
 
 
-def _needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -> bool:
+def _is_needed(model: Validated, effect: str, fits: Fits, by: LikelihoodScale) -> bool:
     """Backward check: the model without the effect, where it was tried, predicts worse."""
     others = model.model.names - {effect}
     without = fits.of(others)
     if without is None or not others:
         return True
-    return _earned(margin(model, without, by), without, fits, by)
+    return _is_earned(margin(model, without, by), without, fits, by)
 
 
 def _evident(model: Validated, effect: str, by: LikelihoodScale, sets: Posterior | None) -> bool:

@@ -47,7 +47,7 @@ class Fits:
         gains = [margin(m, self.base, by).gain for m in models]
         return [m for m, gain in zip(models, gains, strict=True) if gain > WORTH * gains[0]]
 
-    def merged(self, more: Sequence[Validated]) -> "Fits":
+    def merge(self, more: Sequence[Validated]) -> "Fits":
         """These and `more`; of two fits of the same effects the better one is kept."""
         found = {m.model.names: m for m in self.models}
         for m in more:

@@ -48,10 +48,10 @@ def likelihood_scale(models: Sequence[Validated]) -> LikelihoodScale:
     known, scale = best.estimate.evidence, best.estimate.scale
     worth = robust.inefficiency(known.runs, best.estimate.residuals)
     level = min(1.0, mean_square(best.left_out))
-    return LikelihoodScale(scale, worth, level, MARGIN + _feigned(known) / scale**2)
+    return LikelihoodScale(scale, worth, level, MARGIN + _false_gain(known) / scale**2)
 
 
-def _feigned(evidence: Evidence) -> float:
+def _false_gain(evidence: Evidence) -> float:
     """Nats that an effect gains whose response is SYSTEMATIC times the floor in every sample."""
     shares = [
         np.sum((SYSTEMATIC * run.samples.floor / scale) ** 2)
@@ -84,7 +84,7 @@ def margin(model: Validated, other: Validated, by: LikelihoodScale) -> Margin:
     se = float(np.sqrt(len(each)) * each.std(ddof=1)) if len(each) > 1 else 0.0
     distance = _distance(model, other, by)
     if _within(other, model):
-        p = _nested(model, other, by)
+        p = _likelihood_ratio(model, other, by)
     else:
         p = float(special.ndtr(-(gain + 0.5 * distance**2) / max(distance, 1e-9)))
     return Margin(each, gain, se, p, distance, removed(model, other, by))
@@ -96,7 +96,7 @@ def removed(
     """Share of the other's excess gap that the model removes, of all runs but one."""
     kept = [i for i, run in enumerate(model.estimate.evidence.runs) if run.name != without]
     before, after = (
-        excess(bounded([m.left_out[i] for i in kept], by.scale), by.level) for m in (other, model)
+        excess(clip_wild([m.left_out[i] for i in kept], by.scale), by.level) for m in (other, model)
     )
     return 1.0 - after / before if before > 0.0 else 0.0
 
@@ -107,7 +107,7 @@ def _within(other: Validated, model: Validated) -> bool:
     return fewer and other.model.names <= model.model.names
 
 
-def _nested(model: Validated, other: Validated, by: LikelihoodScale) -> float:
+def _likelihood_ratio(model: Validated, other: Validated, by: LikelihoodScale) -> float:
     """Likelihood ratio of fitted models (Wilks 1938); conservative where a sign is fixed."""
     mine = sum(float(robust.loss(r / by.scale).sum()) for r in model.estimate.residuals)
     its = sum(float(robust.loss(r / by.scale).sum()) for r in other.estimate.residuals)
@@ -127,7 +127,7 @@ def excess(residuals: Sequence[Array], level: float) -> float:
     return float(np.sqrt(max(mean_square(residuals) / level - 1.0, 0.0)))
 
 
-def bounded(residuals: Sequence[Array], scale: float) -> list[Array]:
+def clip_wild(residuals: Sequence[Array], scale: float) -> list[Array]:
     """Residuals (n,) up to what is wild: no sample that went another way may decide."""
     return [np.clip(r, -robust.OFF_TRACK * scale, robust.OFF_TRACK * scale) for r in residuals]
 

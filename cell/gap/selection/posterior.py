@@ -17,7 +17,7 @@ from scipy.linalg import cho_solve, solve_triangular
 
 from cell.gap.fitting import normal_equations, robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.fitting.projection import projection, stacked
+from cell.gap.fitting.projection import projection, stacked_jacobian
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
 from cell.gap.selection.screening import Probed
@@ -162,7 +162,7 @@ class _About:
         r, responses = whole[:, 0], whole[:, 1:]
         own = slice(len(fit.model.base), len(fit.model.parameters))
         limits = _proper(normal_equations.bounds(fit.model, fit.evidence), own)
-        z = normal_equations.layout(fit.model, fit.evidence).packed(fit.point)
+        z = normal_equations.layout(fit.model, fit.evidence).pack(fit.point)
         known = np.concatenate([limits.precision, np.ones(responses.shape[1] - len(z))])
         away = np.concatenate([z - limits.mean, np.zeros(len(known) - len(z))])
         curvature = responses.T @ responses + np.diag(known)
@@ -230,7 +230,7 @@ def _in_units_of(base: Estimate, fit: Estimate) -> tuple[Array, Array]:
     """Residual (N,) and Jacobian (N, size) of a fit, whitened as the base is."""
     scales = zip(fit.evidence.scales, base.evidence.scales, strict=True)
     unit = np.concatenate([mine / its for mine, its in scales])
-    return np.concatenate(fit.residuals) * unit, stacked(fit) * unit[:, None]
+    return np.concatenate(fit.residuals) * unit, stacked_jacobian(fit) * unit[:, None]
 
 
 def _proper(limits: normal_equations.Bounds, own: slice) -> normal_equations.Bounds:

@@ -69,7 +69,7 @@ def probe(base: Estimate, candidate: Candidate) -> Task[Probed]:
     model = Model(base.model.base, (*base.model.effects, candidate))
     groups = (
         _secants(candidate),
-        *(tuple(candidate.completed(np.array(v)) for v in g) for g in candidate.probes),
+        *(tuple(candidate.complete(np.array(v)) for v in g) for g in candidate.probes),
     )
     vectors = [v for group in groups for v in group]
     runs, local = base.evidence.runs, base.point.local
@@ -134,13 +134,13 @@ def table(about: Projection, probed: Sequence[Probed]) -> Table:
         for group, moved in enumerate(p.responses):
             columns[p.candidate.name, group] = np.arange(at, at + moved.shape[1])
             at += moved.shape[1]
-    parts = [about.weighed(response) for p in alive for response in p.responses]
+    parts = [about.weigh(response) for p in alive for response in p.responses]
     whole = np.concatenate(parts, axis=1) if parts else np.zeros((len(about.residual), 0))
     form = about.form(whole)
     return Table(alive, form, columns, _most_together(form, list(columns.values())))
 
 
-def ranked(known: Table) -> list[Score]:
+def ranking(known: Table) -> list[Score]:
     """All candidates that change something, the most promising first."""
     scores = [_score(known, (p,)) for p in known.probed]
     return sorted(scores, key=lambda s: (-s.gain, s.names))
@@ -208,7 +208,7 @@ def _score(known: Table, members: Sequence[Probed]) -> Score:
     for bound, choice in sorted(zip(-bounds.ravel(), np.ndindex(bounds.shape), strict=True)):
         if -bound <= best.gain and -bound <= max(most, REACH.worth * best.gain):
             break
-        found, whole, values = _mixed(known, members, choice)
+        found, whole, values = _best_mix(known, members, choice)
         if found.gain > best.gain:
             best, probes = found, values
         if whole > most and all(choice):
@@ -236,13 +236,13 @@ def _other_sign(known: Table, p: Probed, best: Score) -> dict[str, Array] | None
     name, null = p.candidate.name, p.candidate.null[0]
     if name not in best.start or not _shapes(p.candidate).any():
         return None
-    mixed = [_mixed(known, (p,), (group,))[0] for group in range(1, len(p.groups))]
+    mixed = [_best_mix(known, (p,), (group,))[0] for group in range(1, len(p.groups))]
     sign = np.sign(best.start[name][0] - null)
     others = [score for score in mixed if sign * (score.start[name][0] - null) < 0.0]
     return max(others, key=lambda score: score.gain).start if others else None
 
 
-def _mixed(
+def _best_mix(
     known: Table, members: Sequence[Probed], choice: tuple[int, ...]
 ) -> tuple[Score, float, dict[str, Array]]:
     """The best mix of some groups; the gain of their probes as they are, and their values."""
@@ -254,7 +254,7 @@ def _mixed(
         for p, group in chosen
         for vector in p.groups[group]
     ]
-    both = [_mirrored(p.candidate, v) for p, group in chosen for v in p.groups[group]]
+    both = [_has_mirror(p.candidate, v) for p, group in chosen for v in p.groups[group]]
     high, zero = np.array(reach), np.zeros(len(at))
     form = normal_equations.Normal(known.form.gradient[at], known.form.curvature[np.ix_(at, at)])
     limits = normal_equations.Bounds(np.where(both, -high, 0.0), high, zero, zero)
@@ -279,7 +279,7 @@ def _reach(candidate: Candidate, vector: Array) -> float:
     return min(ends, default=REACH.farthest)
 
 
-def _mirrored(candidate: Candidate, vector: Array) -> bool:
+def _has_mirror(candidate: Candidate, vector: Array) -> bool:
     """Whether the mirrored probe is within bounds, so that both signs are possible."""
     mirrored = np.where(_shapes(candidate), vector, 2.0 * candidate.null - vector)
     low, high = _ends(candidate)

@@ -13,12 +13,12 @@ from cell.gap.fitting.scatter import with_scatter
 from cell.gap.fitting.spreads import Spread
 from cell.gap.fitting.starts import best, judged
 from cell.gap.fitting.tasks import Simulate, Task, run_all, run_one, side_by_side
-from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits, by_loss
 from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 from cell.gap.selection.origins import Start, starts
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import Probed, probe, ranked, table
+from cell.gap.selection.screening import Probed, probe, ranking, table
 from cell.gap.subject.subject import Candidate
 from drivers.types import Array
 
@@ -73,8 +73,8 @@ def fit_scores(
         tasks.append(_promising(base, *starts(base, s, candidates), least))
     begun = [e for e in run_all(simulate, tasks) if e is not None]
     most = _most([base, *(m.estimate for m in models), *begun])
-    worth = [_gained(base, e, most) >= BUDGET.finished * _gained(base, most, most) for e in begun]
-    going = [_finished(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
+    worth = [_gain(base, e, most) >= BUDGET.finished * _gain(base, most, most) for e in begun]
+    going = [_finish(e) for e, going_on in zip(begun, worth, strict=True) if going_on]
     done = iter(run_all(simulate, going))
     found = [next(done) if going_on else e for e, going_on in zip(begun, worth, strict=True)]
     return run_all(simulate, [validate(e) for e in found])
@@ -112,7 +112,7 @@ def _most(estimates: list[Estimate]) -> Estimate:
     return replace(best(estimates), scale=min(e.scale for e in estimates))
 
 
-def _gained(base: Estimate, estimate: Estimate, by: Estimate) -> float:
+def _gain(base: Estimate, estimate: Estimate, by: Estimate) -> float:
     """Nats that `estimate` gains over the base at the dispersion of `by`."""
     return judged(base, by.scale) - judged(estimate, by.scale)
 
@@ -122,10 +122,10 @@ def _fitted(
 ) -> Task[Estimate | None]:
     """The fit of `model` that is `_promising`, to the end."""
     first = yield from _promising(base, model, points, least)
-    return None if first is None else (yield from _finished(first))
+    return None if first is None else (yield from _finish(first))
 
 
-def _finished(first: Estimate) -> Task[Estimate]:
+def _finish(first: Estimate) -> Task[Estimate]:
     """The fit `first` to the end, where that is better."""
     known = first.evidence
     done = yield from refit(first.model, known, first.point, first.jacobians, ROUGHLY)
@@ -209,7 +209,7 @@ def _guesses(model: Model, effects: Mapping[str, Array]) -> list[dict[str, Array
     """The values with the finer parameters at their start, and off it by a share of what is
     believed of them: at the start itself some do nothing yet.
     """
-    whole = {e.name: e.completed(effects[e.name]) for e in model.effects}
+    whole = {e.name: e.complete(effects[e.name]) for e in model.effects}
     moved = {}
     for e in model.effects:
         added = np.array([BUDGET.guess * p.spread for p in e.parameters])
@@ -230,7 +230,7 @@ def with_shape_parameters(candidates: Sequence[Candidate], fits: Fits) -> list[C
     return [known.get(c.name, c) for c in candidates]
 
 
-def extended(
+def extensions(
     simulate: Simulate,
     fits: Fits,
     size: int,
@@ -243,14 +243,14 @@ def extended(
     `probed`, mean little where another one is strong, and only say which are looked at. Only the
     best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
-    beam = 1 if exhausted(fits) else BUDGET.beam
+    beam = 1 if is_exhausted(fits) else BUDGET.beam
     found: dict[tuple[str, ...], Score] = {}
     for fit in [m.estimate for m in fits.worth(size)[:beam]]:
         about = projection(fit)
         others = [p for p in probed if p.candidate.name not in fit.model.names]
-        looked = {s.names[0] for s in ranked(table(about, others))[: BUDGET.looked]}
+        looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
         again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
-        for s in ranked(table(about, again))[: BUDGET.further]:
+        for s in ranking(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
             found.setdefault(beside.names, beside)
     scores, base = list(found.values()), fits.base.estimate

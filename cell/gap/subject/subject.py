@@ -71,7 +71,7 @@ class Candidate:
         whole = self.parameters + self.shape_parameters
         return replace(self, parameters=whole, shape_parameters=())
 
-    def completed(self, values: Array) -> Array:
+    def complete(self, values: Array) -> Array:
         """`values` (k,) of its first parameters, with the starts of the others."""
         return np.concatenate([values, self.null[len(values) :]])
 

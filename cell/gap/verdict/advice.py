@@ -7,7 +7,7 @@ import numpy as np
 from cell.gap.diagnosis.next_experiment import advise
 from cell.gap.diagnosis.steadier import steadier
 from cell.gap.fitting.model import Model, evidence
-from cell.gap.fitting.scatter import scattered
+from cell.gap.fitting.scatter import with_spreads
 from cell.gap.fitting.tasks import Simulate, roughly, run_one
 from cell.gap.selection.choice import Choice
 from cell.gap.subject.subject import Subject
@@ -28,7 +28,7 @@ def advice(
     first = choice.accepted.estimate
     more = run_one(simulate, steadier(first, second, choice.by))
     experiments = [
-        replace(e, run=scattered(evidence([e.run]), judged.scatter).runs[0])
+        replace(e, run=with_spreads(evidence([e.run]), judged.scatter).runs[0])
         for e in subject.experiments()
     ]
     planned = run_one(simulate, roughly(advise(first, second, experiments, choice.by)))

@@ -11,7 +11,7 @@ from cell.gap.fitting.crossvalidation import Validated
 from cell.gap.fitting.degrees_of_freedom import degrees_of_freedom
 from cell.gap.fitting.gauss_newton import Estimate
 from cell.gap.fitting.spreads import Spread
-from cell.gap.selection.likelihood import bounded, holm, margin, mean_square
+from cell.gap.selection.likelihood import clip_wild, holm, margin, mean_square
 from cell.gap.subject.subject import Candidate, Parameter
 from cell.gap.verdict.confidence import confidence
 from cell.gap.verdict.decide import describe_rest, kind
@@ -143,7 +143,7 @@ def _posterior(found: Findings) -> Probable:
     return Probable(
         models=[ProbableSet(names=sorted(m.names), p=m.p) for m in sets.models[:SETS]],
         inclusion=sets.inclusion,
-        left=float(np.sqrt(mean_square(bounded(after.residuals, 1.0)))),
+        left=float(np.sqrt(mean_square(clip_wild(after.residuals, 1.0)))),
         correlation=robust.correlation(after.evidence.runs, after.residuals),
         ahead=ahead if np.isfinite(ahead) else None,
     )

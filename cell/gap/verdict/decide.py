@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, bounded, margin, removed
+from cell.gap.selection.likelihood import LEVEL, clip_wild, margin, removed
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
@@ -114,7 +114,7 @@ def unseen_remains(found: Findings) -> bool:
 
 
 def _bounded_gap(estimate: Estimate, scale: float) -> float:
-    residuals = tuple(bounded(estimate.residuals, scale))
+    residuals = tuple(clip_wild(estimate.residuals, scale))
     return float(
         held_out_gap.excess(held_out_gap.run_squares(replace(estimate, residuals=residuals)))
     )

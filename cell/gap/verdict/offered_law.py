@@ -13,10 +13,10 @@ from cell.gap.fitting.model import Evidence
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import Simulate, run_all
 from cell.gap.selection import search
-from cell.gap.selection.choice import choose, exhausted
+from cell.gap.selection.choice import choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale, margin
-from cell.gap.selection.screening import probe, ranked, ranked_pairs, table
+from cell.gap.selection.screening import probe, ranked_pairs, ranking, table
 from cell.gap.subject.subject import Subject
 
 
@@ -118,14 +118,14 @@ def _fit_laws(subject: Subject, simulate: Simulate, base: Validated, longest: in
     terms = [t for t in subject.scope.terms if len(t.parameters) == 1]
     probed = run_all(simulate, [probe(fit, t) for t in terms])
     known, plain = table(projection(fit), probed), [replace(t, probes=()) for t in terms]
-    scores = ranked(known)[: OFFER.singles]
+    scores = ranking(known)[: OFFER.singles]
     if longest > 1:
         scores += ranked_pairs(known, OFFER.pairs)
-    fits = Fits((base,)).merged(search.fit_scores(simulate, fit, scores, terms))
+    fits = Fits((base,)).merge(search.fit_scores(simulate, fit, scores, terms))
     for size in range(1, longest):
-        if fits.of_size(size) and not exhausted(fits):
-            more = search.extended(simulate, fits, size, plain, probed)
-            fits = fits.merged(search.fit_scores(simulate, fit, more, terms))
+        if fits.of_size(size) and not is_exhausted(fits):
+            more = search.extensions(simulate, fits, size, plain, probed)
+            fits = fits.merge(search.fit_scores(simulate, fit, more, terms))
     return fits
 
 

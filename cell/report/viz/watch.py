@@ -87,7 +87,7 @@ class Viz:
             )
         )
 
-    def happened(self, time: float, kind: str, facts: dict[str, object]) -> None:
+    def handle_event(self, time: float, kind: str, facts: dict[str, object]) -> None:
         """Queue one event."""
         if kind == "state" and facts.get("state") == self._begins:
             self._origin = time

@@ -85,7 +85,9 @@ def observe(batch: Any, b: int, shown: Any, k: int, time: float, h: float) -> No
             gather(batch.state[b], lane, x, z)
             shown[k, i, HOLDING] = -pick(batch.state[b], 1, at.TENSION, lane)
             for axis in range(2):
-                shown[k, i, GRIP_X + axis] = pick(batch.state[b], nodes + 1, at.FELT_X + axis, lane)
+                shown[k, i, GRIP_X + axis] = pick(
+                    batch.state[b], nodes + 1, at.GRIP_FORCE_X + axis, lane
+                )
             known = batch.known[i]
             height, index = measure(x, z, known, shown[k, i])
             gap = height, along(x, index), along(batch.arc[i], index)

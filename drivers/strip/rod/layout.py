@@ -18,10 +18,8 @@ FIRST = 2  # row of the first free node
 X, Z, VX, VZ, EPS, FRICTION = range(6)
 X1, Z1, VX1, VZ1, EPS1, TENSION = range(6, 12)
 STATE = 12
-FELT_X, FELT_Z = (
-    VX,
-    VZ,
-)  # of the ghost beyond the grip, which has no speed: the strip's pull on it [N]
+# Of the ghost beyond the grip, which has no speed: the strip's pull on it [N].
+GRIP_FORCE_X, GRIP_FORCE_Z = VX, VZ
 
 # Nature: of the node (mass [kg], weight [N], bending) and of the segment that begins there.
 MASS, LOAD_X, LOAD_Z, DESK, BEND, CUBIC, FIFTH, CREST, DAMP, SLIP, STICK, REST = range(12)

@@ -76,7 +76,7 @@ def finish(block: Any, rate: float, alive: Any) -> None:
 
 
 @kernel
-def feel(block: Any, h: float, rate: Any, alive: Any) -> None:
+def grip_force(block: Any, h: float, rate: Any, alive: Any) -> None:
     """Store the force of the strip on its grip: all that acts on the free nodes but the grip, less
     what their momentum gained in the step.
 
@@ -99,8 +99,8 @@ def feel(block: Any, h: float, rate: Any, alive: Any) -> None:
         if block.terms is not None:
             (drag_x, drag_z), _ = air(block, r, rate)
             x, z = x - drag_x, z - drag_z
-    store(state, ghost, at.FELT_X, choose(alive, x, load(state, ghost, at.FELT_X)))
-    store(state, ghost, at.FELT_Z, choose(alive, z, load(state, ghost, at.FELT_Z)))
+    store(state, ghost, at.GRIP_FORCE_X, choose(alive, x, load(state, ghost, at.GRIP_FORCE_X)))
+    store(state, ghost, at.GRIP_FORCE_Z, choose(alive, z, load(state, ghost, at.GRIP_FORCE_Z)))
 
 
 @kernel
@@ -114,5 +114,5 @@ def attempt(block: Any, h: float, omega: float, alive: Any, tolerance: float) ->
     unsolved = solve(block, rate, alive, tolerance)
     finish(block, rate, alive - unsolved)
     if block.last < block.state.shape[0] - 2:
-        feel(block, h, rate, alive - unsolved)
+        grip_force(block, h, rate, alive - unsolved)
     return unsolved

@@ -7,7 +7,7 @@ import pytest
 
 from cell.gap.diagnosis import lack_of_fit
 from cell.gap.selection import choice
-from cell.gap.selection.choice import by_evidence, choose, exhausted
+from cell.gap.selection.choice import by_evidence, choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import removed
 from cell.gap.selection.posterior import Posterior, Weighed
@@ -59,12 +59,12 @@ def test_a_law_takes_the_blame_for_a_share_of_what_it_explains_where_it_explains
         lambda t, s, i: 2.0 * fast(t, s, i) + 0.05 * slow(t, s, i), ("fast",), ("fast", "slow")
     )
     assert choose(apart).accepted.model.names == {"fast", "slow"}
-    assert not exhausted(Fits(apart.models[:2]))
+    assert not is_exhausted(Fits(apart.models[:2]))
     mixed = pool_of(
         lambda t, s, i: 2.0 * bump(t, s, i) + 0.05 * quick(t, s, i), ("bump",), ("bump", "quick")
     )
     assert choose(mixed).accepted.model.names == {"bump"}
-    assert exhausted(Fits(mixed.models[:2]))
+    assert is_exhausted(Fits(mixed.models[:2]))
 
 
 def test_evidence_shows_an_effect_whose_amount_another_number_makes_up_for(
@@ -85,7 +85,7 @@ def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",), ("slow",))
-    monkeypatch.setattr(choice, "_earned", lambda *_: False)
+    monkeypatch.setattr(choice, "_is_earned", lambda *_: False)
     names = {name: frozenset({name} - {""}) for name in ("", "bump", "wave", "slow")}
     nats = {"bump": 30.0, "wave": 28.0, "slow": 5.0, "": 0.0}
     sets = Posterior(tuple(Weighed(names[n], v, 0.0) for n, v in nats.items()))

@@ -66,7 +66,7 @@ def test_a_run_that_died_is_told_in_the_summary() -> None:
 class Straight:
     """A projection that takes nothing away."""
 
-    def weighed(self, responses: Array) -> Array:
+    def weigh(self, responses: Array) -> Array:
         return responses
 
     def form(self, responses: Array) -> normal_equations.Normal:

@@ -10,7 +10,7 @@ import pytest
 from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.tasks import run_one
 from cell.gap.selection.likelihood import likelihood_scale
-from cell.gap.subject.strip.patch import patched
+from cell.gap.subject.strip.patch import patch_file
 from cell.gap.subject.strip.terms import candidates
 from cell.gap.subject.subject import Scope
 from cell.gap.verdict.accept import LAW_PATCH, RECORD, accept, sha256, undo
@@ -160,7 +160,7 @@ def fitted(tmp_path: Path) -> tuple[Path, Path]:
     file.write_text(STRIP.read_text(encoding="utf-8"), encoding="utf-8")
     out.mkdir()
     law = {"term_speed": {"amount": 0.7}}
-    content, _ = patched(denim(), {"bending_length": 0.018}, law, "test")
+    content, _ = patch_file(denim(), {"bending_length": 0.018}, law, "test")
     (out / LAW_PATCH).write_text(dump_text(content), encoding="utf-8")
     record = {"file_sha256": sha256(file), "effects": [], "law": {"terms": {"term_speed": 0.7}}}
     (out / RECORD).write_text(json.dumps(record), encoding="utf-8")
@@ -187,7 +187,7 @@ def test_a_law_is_accepted_only_when_asked_for(fitted) -> None:
 
 def test_a_law_on_top_of_one_adds_up() -> None:
     strip = denim().model_copy(update={"law": {"term_speed": 0.5}})
-    content, _ = patched(strip, {}, {"term_speed": {"amount": 0.25}}, "test")
+    content, _ = patch_file(strip, {}, {"term_speed": {"amount": 0.25}}, "test")
     assert content["law"] == {"term_speed": 0.75}
 
 

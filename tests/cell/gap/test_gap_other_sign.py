@@ -10,7 +10,7 @@ from cell.gap.fitting.starts import best
 from cell.gap.fitting.tasks import run_all, run_one
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import other_sign
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
@@ -59,7 +59,7 @@ def at(subject: Lumps, *start: float) -> Estimate:
 def screened(subject: Lumps) -> Score:
     base = at(subject)
     probes = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
-    return ranked(table(projection(base), probes))[0]
+    return ranking(table(projection(base), probes))[0]
 
 
 def test_the_other_sign_begins_where_it_gains_most() -> None:

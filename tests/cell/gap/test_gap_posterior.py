@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from cell.gap.fitting.projection import stacked
+from cell.gap.fitting.projection import stacked_jacobian
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LikelihoodScale
@@ -31,7 +31,7 @@ def at_prior_mean(subject: Curves, names: tuple[str, ...]) -> tuple[Array, Array
     fit = fitted(subject, names)
     every = [*fit.model.parameters, *(p for run in fit.evidence.runs for p in run.local)]
     z = np.concatenate([fit.shared, *fit.point.local])
-    jacobian = stacked(fit)
+    jacobian = stacked_jacobian(fit)
     away = jacobian @ (np.array([p.start for p in every]) - z)
     return np.concatenate(fit.residuals) + away, jacobian, np.array([p.spread for p in every])
 

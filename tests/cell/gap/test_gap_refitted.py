@@ -22,7 +22,7 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     scale = SimpleNamespace(least=LEAST, inefficiency=1.0)
     monkeypatch.setattr(investigate, "likelihood_scale", lambda _models: scale)
     monkeypatch.setattr(investigate, "ranked_pairs", lambda *_: [])
-    monkeypatch.setattr(investigate, "exhausted", lambda _fits: True)
+    monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: True)
     monkeypatch.setattr(investigate.search, "fit_scores", fit_scores)
     monkeypatch.setattr(investigate.search, "other_sign", lambda *_: [])
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
@@ -57,7 +57,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
     effects = ("seam",) if named else ()
     accepted = SimpleNamespace(model=SimpleNamespace(effects=effects))
     monkeypatch.setattr(investigate, "choose", lambda _fits: SimpleNamespace(accepted=accepted))
-    monkeypatch.setattr(investigate, "exhausted", lambda _fits: False)
+    monkeypatch.setattr(investigate, "is_exhausted", lambda _fits: False)
     monkeypatch.setattr(investigate, "_leaves_more", lambda _fits, **_: False)
     monkeypatch.setattr(investigate.search, "shortlist", shortlist)
     monkeypatch.setattr(investigate.search, "fit_scores", lambda *_: [])
@@ -66,7 +66,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
         models=(None, None),
         base=SimpleNamespace(estimate=None),
         of=lambda names: names == {"seam"} or None,
-        merged=lambda _more: fits,
+        merge=lambda _more: fits,
     )
     singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
     fitted: Any = SimpleNamespace(gap=gap)

@@ -8,7 +8,7 @@ import pytest
 from cell.gap.fitting import normal_equations
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import roughly, run_all, run_one
-from cell.gap.selection.screening import Table, _mixed, probe, ranked, ranked_pairs, table
+from cell.gap.selection.screening import Table, _best_mix, probe, ranked_pairs, ranking, table
 from tests.cell.gap.test_gap_engine import Curves, bump, fitted, hidden, wave
 
 
@@ -24,7 +24,7 @@ def test_no_mix_gains_more_than_its_groups_could(screened: Table) -> None:
     for members in [*((p,) for p in screened.probed), *combinations(screened.probed, 2)]:
         most = screened.most(members)
         for choice in product(*(range(len(p.groups)) for p in members)):
-            found, whole, _ = _mixed(screened, members, choice)
+            found, whole, _ = _best_mix(screened, members, choice)
             assert max(found.gain, whole) <= most[choice] * (1.0 + 1e-6)
 
 
@@ -39,10 +39,10 @@ def test_bound_of_a_pair_is_what_both_gain_without_bounds(screened: Table) -> No
 
 
 def test_best_score_is_the_best_of_all_groups(screened: Table) -> None:
-    for score in [*ranked(screened), *ranked_pairs(screened, 3)]:
+    for score in [*ranking(screened), *ranked_pairs(screened, 3)]:
         members = [p for n in score.names for p in screened.probed if p.candidate.name == n]
         every = product(*(range(len(p.groups)) for p in members))
-        gains = [_mixed(screened, members, choice)[0].gain for choice in every]
+        gains = [_best_mix(screened, members, choice)[0].gain for choice in every]
         assert score.gain == pytest.approx(max(gains))
 
 

@@ -11,10 +11,10 @@ from cell.gap.fitting.crossvalidation import validate
 from cell.gap.fitting.model import Model
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_one
-from cell.gap.selection.choice import exhausted
+from cell.gap.selection.choice import is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import (
     shape_parameters,
     shortlist,
@@ -34,12 +34,12 @@ def test_nothing_is_searched_beside_what_leaves_too_little() -> None:
     for law, done in ((hidden(bump, 0.2), True), (FAINT, True), (BOTH, False)):
         subject = Curves(law)
         models = [validated(at(subject, names), subject) for names in ((), ("bump",))]
-        assert exhausted(Fits(tuple(models))) is done
+        assert is_exhausted(Fits(tuple(models))) is done
 
 
 def test_a_base_is_never_exhausted() -> None:
     subject = Curves(hidden(bump, 0.2))
-    assert not exhausted(Fits((validated(at(subject), subject),)))
+    assert not is_exhausted(Fits((validated(at(subject), subject),)))
 
 
 def test_singles_begin_again_from_a_better_pair_though_it_was_not_accepted() -> None:
@@ -96,7 +96,7 @@ def test_law_that_only_resembles_the_librarys_is_bent() -> None:
     subject, pool = Bending(BOTH), pool_of(lean=0.5)
     (found,) = shape_parameters(subject.simulate, pool)
     assert found.estimate.shared[2:] == pytest.approx([0.2, 0.5], abs=0.02)
-    (known, *_) = with_shape_parameters(subject.scope.candidates, pool.merged([found]))
+    (known, *_) = with_shape_parameters(subject.scope.candidates, pool.merge([found]))
     assert [p.name for p in known.parameters] == ["size", "lean"]
     assert not known.shape_parameters
 
@@ -130,5 +130,5 @@ def test_a_bent_law_is_screened_beside_another_effect() -> None:
     bent = subject.scope.candidates[0].with_shape()
     found = run_one(subject.simulate, probe(at(subject, ("wave",)), bent))
     assert all(v.shape == (2,) for group in found.groups for v in group)
-    (score,) = ranked(table(projection(at(subject, ("wave",))), [found]))
+    (score,) = ranking(table(projection(at(subject, ("wave",))), [found]))
     assert score.names == ("bump",)

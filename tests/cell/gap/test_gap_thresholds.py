@@ -6,7 +6,7 @@ import pytest
 from cell.gap.fitting.projection import projection
 from cell.gap.fitting.tasks import run_all
 from cell.gap.selection.score import Score
-from cell.gap.selection.screening import probe, ranked, table
+from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import fit_scores
 from cell.gap.subject.subject import Candidate, Parameter, Scope
 from drivers.types import Array
@@ -38,7 +38,7 @@ def screened(size: float) -> tuple[Slipping, Score]:
     subject = Slipping(lambda t, s, i: slipped(size) * bump(t, s, i))
     base = fitted(subject)
     probes = run_all(subject.simulate, [probe(base, c) for c in subject.scope.candidates])
-    return subject, ranked(table(projection(base), probes))[0]
+    return subject, ranking(table(projection(base), probes))[0]
 
 
 def test_a_share_of_a_probe_below_the_threshold_is_not_the_only_start() -> None:

@@ -65,7 +65,7 @@ def folding(bench: Bench, monkeypatch, reader: LateReader, fold=None) -> list[Sn
     }
     monkeypatch.setattr(orchestrator, "phases_of", lambda context: plain)
     bench.reader, seen = reader, []
-    note = type("Note", (), {"see": lambda _, s: seen.append(s), "happened": lambda *_: None})
+    note = type("Note", (), {"see": lambda _, s: seen.append(s), "handle_event": lambda *_: None})
     bench.observers = (note(),)
     return seen
 

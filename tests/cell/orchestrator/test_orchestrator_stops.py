@@ -196,8 +196,8 @@ def test_an_observer_that_fails_holds_nothing_up(bench, monkeypatch) -> None:
         raise ZeroDivisionError
 
     seen: list[Snapshot] = []
-    good = SimpleNamespace(see=seen.append, happened=lambda *news: None)
-    bad = SimpleNamespace(see=broken, happened=broken)
+    good = SimpleNamespace(see=seen.append, handle_event=lambda *news: None)
+    bad = SimpleNamespace(see=broken, handle_event=broken)
     bench.observers = (bad, good)
     monkeypatch.setattr(
         orchestrator, "phases_of", lambda context: phases(FOLD=ending(Event.PATH_DONE))
@@ -273,7 +273,7 @@ def test_a_fault_is_never_resumed(bench, monkeypatch) -> None:
     states: list[str] = []
     note = SimpleNamespace(
         see=lambda snapshot: None,
-        happened=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
+        handle_event=lambda time, kind, facts: states.append(str(facts.get("state", kind))),
     )
     bench.observers = (note,)
     bench.run()

@@ -5,10 +5,13 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from drivers.settings import Settings
+from drivers.settings import Metres, Settings, Unit
 from drivers.strip.file import Provenance
 
-Positive = Annotated[float, Field(gt=0)]
+Length = Annotated[Metres, Field(ge=1e-4, le=100.0)]
+Mass = Annotated[float, Unit("kg"), Field(ge=1e-6, le=1e5)]
+Inertia = Annotated[float, Unit("kg m^2"), Field(ge=1e-14, le=1e8)]
+Damping = Annotated[float, Unit("N m s"), Field(ge=0.0, le=1e6)]
 
 
 class Link(Settings):
@@ -16,11 +19,11 @@ class Link(Settings):
     the centre of mass [kg m^2], viscous damping of its joint [N m s].
     """
 
-    mass: Positive
-    length: Positive | None
-    com: Positive
-    inertia: Positive
-    damping: Annotated[float, Field(ge=0)]
+    mass: Mass
+    length: Length | None
+    com: Length
+    inertia: Inertia
+    damping: Damping
 
 
 class PendulumFile(Settings):

@@ -39,12 +39,9 @@ class Comparison:
             lost = np.full(len(self.layout.samples), np.nan)
             return Residuals(lost, lost.copy())
         channels = [
-            averaged(self._profile(model, shown), self.layout.profile),
-            self._here(*averaged(self._contact(model, shown), self.layout.contact)),
-            *(
-                averaged(self._force(model, shown, axis), self.layout.force[axis])
-                for axis in (0, 1)
-            ),
+            average(self._profile(model, shown), self.layout.profile),
+            self._here(*average(self._contact(model, shown), self.layout.contact)),
+            *(average(self._force(model, shown, axis), self.layout.force[axis]) for axis in (0, 1)),
             self._touch(model, shown),
         ]
         mean, square = (np.concatenate(rows) for rows in zip(*channels, strict=True))
@@ -106,7 +103,7 @@ def _event(touch: Touch) -> Array:
     return np.array([touch.time, middle, touch.displacement])
 
 
-def averaged(values: Array, part: Part) -> tuple[Array, Array]:
+def average(values: Array, part: Part) -> tuple[Array, Array]:
     """Mean and mean square (k,) of each sample's readings, wild ones clipped."""
     mean, square = np.empty(len(part)), np.empty(len(part))
     if len(part):

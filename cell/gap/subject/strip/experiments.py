@@ -55,15 +55,15 @@ def _measured(fold: Fold, sigma: Sigma, index: int) -> Measured:
     chosen = np.unique(np.minimum(chosen, len(fold.shape_t) - 1))
     shapes, stamps = fold.motion.shapes[chosen], frozen(fold.shape_t[chosen])
     seen = fold.model.observation
-    felt_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
+    force_t = way.t[way.t <= end] if sigma.force is not None else np.empty(0)
     motion_force = mean_force(fold.motion.t, fold.motion.grip_force)
-    felt = reported_force(seen, felt_t, fold.motion.t, motion_force)
+    force = reported_force(seen, force_t, fold.motion.t, motion_force)
     return Measured(
         t=way.t, poses=way.poses, travel=frozen(travel), hanging=False, index=index,
         contact_height=height, sigma=sigma, contact_t=stamps,
         contact_x=frozen([desk_contact(shape, height) for shape in shapes]),
         images=_images(stamps, shapes, fold.arc, height),
-        force_t=felt_t, force=felt, touch=touch, end=end,
+        force_t=force_t, force=force, touch=touch, end=end,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ NARROW, WIDE = 5, 20  # points on each side of the parabola that smooths
 QUIET = 5e-5  # m of noise up to which the narrow parabola serves
 
 
-def smoothed(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
+def smooth_path(t: Array, poses: Array, sigma: float) -> tuple[Array, Array]:
     """Times (k,) [s] and poses (k, 3) of the path measured at `t` (m,) with noise `sigma` [m].
 
     A parabola through the points near each moment (Savitzky and Golay 1964); the more noise, the

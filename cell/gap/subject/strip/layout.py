@@ -12,7 +12,7 @@ from cell.gap.subject.subject import Samples, Words
 from drivers.types import Array
 
 SPAN = 0.3  # s of one sample
-BRIEF = 0.05  # s of one of the force, in which a shake shows when it was felt
+BRIEF = 0.05  # s of one of the force, in which a shake shows when it was reported
 TOUCH_TIME = 0.03  # s, noise of the time of a touch where nobody states it
 LIFTED = 0.15  # m of travel before which a strip just lifted shows more of its grip than of itself
 SNAP = 0.15  # s before the touch in which any model is off
@@ -69,9 +69,8 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
     profile = _part(
         run, images.stamps[images.image], zones(images.s, length), sigma.profile, FEWEST
     )
-    contact = _part(
-        run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, _buckled(run, length)
-    )
+    apart = _is_buckled(run, length)
+    contact = _part(run, run.contact_t, zones(run.contact_x, length), sigma.contact_x, 1, apart)
     force = _force(run, length, 0), _force(run, length, 1)
     columns = [
         *_columns(profile, "profile", floors.profile, by_zone=True),
@@ -85,13 +84,13 @@ def layout(run: Measured, length: float, floors: Floors) -> Layout:
 
 def _force(run: Measured, length: float, axis: int) -> Part:
     """The force along one axis; none where the run states no noise of it."""
-    felt = run.force_t if run.feels else np.empty(0)
-    unknown = np.isnan(run.force[: len(felt), axis])
-    grasped = zones(np.full(len(felt), length), length)
-    return _part(run, felt, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
+    reported = run.force_t if run.has_force else np.empty(0)
+    unknown = np.isnan(run.force[: len(reported), axis])
+    grasped = zones(np.full(len(reported), length), length)
+    return _part(run, reported, grasped, run.sigma.force or 0.0, 1, unknown, BRIEF)
 
 
-def _buckled(run: Measured, length: float) -> NDArray[np.bool_]:
+def _is_buckled(run: Measured, length: float) -> NDArray[np.bool_]:
     """Which contacts (k,) lie beside the fixed edge while the other end is still being lifted.
 
     A soft strip that is pushed along the desk buckles there or not, by chance.

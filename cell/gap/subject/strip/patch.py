@@ -10,7 +10,7 @@ from drivers.strip.law import TERMS
 DIGITS = 6  # significant digits of a fitted number
 
 
-def patched(
+def patch_file(
     strip: StripFile,
     base: Mapping[str, float],
     effects: Mapping[str, Mapping[str, float]],

@@ -65,7 +65,7 @@ class Fold:
         return Residuals(mean, found.square + mean**2 - found.mean**2)
 
 
-def prepared(
+def prepare(
     runs: Sequence[MeasuredRun],
     strip: StripFile,
     floors: Floors,
@@ -107,7 +107,7 @@ def surroundings(
     scatter: Sequence[RunEffect],
 ) -> list[Surroundings]:
     """The surroundings of each of `drives`, the models of which go through `folds`."""
-    moved = [f.drive(HashedModel.of(e.changed(job.model, e.step)))
+    moved = [f.drive(HashedModel.of(e.apply(job.model, e.step)))
              for f, job in zip(folds, drives, strict=True) for e in scatter]  # fmt: skip
     shown = coarse([*drives, *moved])
     about = zip(folds, drives, shown[: len(folds)], strict=True)

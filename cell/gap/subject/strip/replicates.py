@@ -13,7 +13,7 @@ NEAR = np.array([5e-4, 5e-4, 0.005])  # m, m, rad between two paths; arms repeat
 AT_ONCE = 1e-3  # s between the beginnings of two paths
 
 
-def replicated(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
+def replicates(runs: Sequence[Run]) -> Mapping[bytes, Fold]:
     """By the digest of a fold's path, the fold along whose path its rough responses are simulated.
 
     What an effect changes in one of them it changes in all, to far less than a rough step errs.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.strip.curves import Images, images_of
-from cell.gap.subject.strip.gripper import smoothed
+from cell.gap.subject.strip.gripper import smooth_path
 from cell.gap.subject.strip.plausible import check_plausible
 from cell.gap.subject.strip.repeats import sort_out
 from cell.record.files import RUN, is_under_way
@@ -58,7 +58,7 @@ class Measured:
     seen: bool = False
 
     @property
-    def feels(self) -> bool:
+    def has_force(self) -> bool:
         """Whether the force of the strip was measured, and how well is known."""
         return self.sigma.force is not None and len(self.force_t) > 0
 
@@ -169,12 +169,12 @@ def _check_kind(folder: Path) -> None:
 def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
     ticks, header = run.ticks, run.header
     poses = np.stack([ticks.x, ticks.z, ticks.pitch], axis=1)
-    t, smooth = smoothed(ticks.t, poses, header.sigma.gripper)
+    t, smooth = smooth_path(ticks.t, poses, header.sigma.gripper)
     steps = np.hypot(*np.diff(smooth[:, :2], axis=0).T)
     seen = np.isfinite(ticks.contact_x)
     stamp = np.where(np.isfinite(ticks.contact_t), ticks.contact_t, ticks.t)
     force = np.stack([ticks.f_x, ticks.f_z], axis=1)
-    felt = np.isfinite(force).any(axis=1)
+    reported = np.isfinite(force).any(axis=1)
     grip = np.stack([np.interp(run.profile.t, ticks.t, poses[:, c]) for c in range(2)], axis=1)
     return Measured(
         t=t,
@@ -187,8 +187,8 @@ def _measured(run: Recorded, touch: Touch | None, strip: StripFile) -> Measured:
         contact_t=frozen(stamp[seen]),
         contact_x=frozen(ticks.contact_x[seen]),
         images=images_of(run.profile, grip, strip.length, header.sigma.profile),
-        force_t=frozen(ticks.t[felt]),
-        force=frozen(force[felt]),
+        force_t=frozen(ticks.t[reported]),
+        force=frozen(force[reported]),
         touch=touch,
         end=float(ticks.t[-1]) if touch is None else touch.time,
         seen=header.by_cell,

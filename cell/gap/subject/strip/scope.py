@@ -37,17 +37,17 @@ def scope(
     lifted: float = 0.0,
     without: Sequence[str] = (),
     *,
-    feels: bool = False,
+    has_force: bool = False,
 ) -> Scope:
     """Base parameters, candidates and quantities of `strip`; its own effects are base.
 
     The strip is lifted off the desk from `lifted` [m] on; what lies before does not move.
-    Effects `without` are withheld from the candidates. Where force is measured (`feels`), it weighs
-    the strip.
+    Effects `without` are withheld from the candidates. Where force is measured (`has_force`), it
+    weighs the strip.
     """
     fresh = [e for e in registry().values() if e.name not in {*strip.effects, *without}]
     return Scope(
-        base=(*_base(strip), *(_weight(strip) if feels else ()), *_accepted(strip)),
+        base=(*_base(strip), *(_weight(strip) if has_force else ()), *_accepted_parameters(strip)),
         candidates=tuple(candidate(e, strip, lifted) for e in fresh if simulated(e, strip)),
         terms=candidates(),
         left=LEFT,
@@ -94,7 +94,7 @@ def _weight(strip: StripFile) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def _accepted(strip: StripFile) -> list[Parameter]:
+def _accepted_parameters(strip: StripFile) -> list[Parameter]:
     """Parameters of the effects that the strip file has: known, and refitted with the base."""
     found = []
     for name, values in strip.effects.items():
@@ -171,14 +171,14 @@ def _probes(
     tried = [_tried(p, v, spots) for p, v in zip(numbers, start, strict=True)]
     shapes = [t if i not in amounts else (start[i],) for i, t in enumerate(tried)]
     groups = []
-    for size, shape in product(_unmirrored(effect.sizes(strip)), product(*shapes)):
+    for size, shape in product(_one_of_mirrored(effect.sizes(strip)), product(*shapes)):
         inside = _inside(switch, size)
         group = [[*shape[:i], inside, *shape[i + 1 :]] for i in amounts]
         groups.append(tuple(tuple(map(float, vector)) for vector in group))
     return tuple(groups)
 
 
-def _unmirrored(sizes: Sequence[float]) -> list[float]:
+def _one_of_mirrored(sizes: Sequence[float]) -> list[float]:
     """The sizes without those whose mirror image comes before: it is screened with both signs."""
     return [size for i, size in enumerate(sizes) if -size not in sizes[:i]]
 

@@ -13,9 +13,9 @@ from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.strip.experiments import instruction, minutes, next_index, planned
 from cell.gap.subject.strip.layout import Floors
-from cell.gap.subject.strip.patch import patched
-from cell.gap.subject.strip.prepare import Fold, corrected, prepared, surroundings
-from cell.gap.subject.strip.replicates import replicated
+from cell.gap.subject.strip.patch import patch_file
+from cell.gap.subject.strip.prepare import Fold, corrected, prepare, surroundings
+from cell.gap.subject.strip.replicates import replicates
 from cell.gap.subject.strip.runs import MeasuredRun, read_runs
 from cell.gap.subject.strip.scatter import FORCE_EFFECTS, RUN_EFFECTS, RunEffect
 from cell.gap.subject.strip.scenes import measured_scene, simulated_scene
@@ -65,17 +65,17 @@ class Strip:
         self.notes = tuple(note for run in runs for note in run.notes)
         self._measured = tuple(run for run in runs if run.usable)
         self._floors = floors or Floors()
-        feels = any(run.measured.feels for run in self._measured)
-        scatter = (*scatter, *FORCE_EFFECTS) if feels else scatter
-        lifted = _lifted(self._measured)
-        self._scope = scope(strip, self._floors, lifted, without, feels=feels)
+        has_force = any(run.measured.has_force for run in self._measured)
+        scatter = (*scatter, *FORCE_EFFECTS) if has_force else scatter
+        lifted = _lifted_from(self._measured)
+        self._scope = scope(strip, self._floors, lifted, without, has_force=has_force)
         self._ages = not AGEING.isdisjoint({*strip.effects, *strip.law})
         self._jobs, self._scatter = jobs, tuple(scatter)
         self._simulation = Simulation(COARSE, jobs)
         self._rough = Simulation(ROUGH, jobs, SELDOM)
         self._described = lru_cache(DESCRIBED)(partial(_describe, strip, self._scope.base))
-        self._runs = prepared(self._measured, strip, self._floors, self._simulation, jobs, scatter)
-        self._replicated = replicated(self._runs)
+        self._runs = prepare(self._measured, strip, self._floors, self._simulation, jobs, scatter)
+        self._replicates = replicates(self._runs)
 
     @property
     def name(self) -> str:
@@ -94,7 +94,7 @@ class Strip:
 
     def simulate(self, requests: Sequence[Request]) -> list[Residuals]:
         """Measured minus simulated; each motion is simulated once, however often it is asked."""
-        folds, drives = self._driven(requests)
+        folds, drives = self._drive(requests)
         looks = [
             (request.run.name, drive.key, request.rough, drive.model.observation)
             for request, drive in zip(requests, drives, strict=True)
@@ -129,7 +129,7 @@ class Strip:
 
     def simulated(self, requests: Sequence[Request]) -> list[Scene | None]:
         """The folds as simulated, beside their images."""
-        folds, drives = self._driven(requests)
+        folds, drives = self._drive(requests)
         length = self.file.length
         return [
             None if motion is None else simulated_scene(fold, drive.model, motion, length)
@@ -138,7 +138,7 @@ class Strip:
 
     def refined(self, requests: Sequence[Request]) -> Sequence[Run]:
         """The runs, with what a finer rod shows otherwise at these values, and slopes there."""
-        folds, drives = self._driven(requests)
+        folds, drives = self._drive(requests)
         about = surroundings(folds, drives, self._simulation, self._jobs, self._scatter)
         return [
             corrected(request.run, fold, here)
@@ -148,7 +148,7 @@ class Strip:
     def experiments(self) -> Sequence[Experiment]:
         """The standard folds, as they would come out for the strip as stated."""
         runs = planned(self.file, self._measured[0].measured.sigma, next_index(self._measured))
-        ready = prepared(runs, self.file, self._floors, self._simulation, self._jobs)
+        ready = prepare(runs, self.file, self._floors, self._simulation, self._jobs)
         asked = {run.name: run for run in runs}
         return [
             Experiment(r.name, instruction(asked[r.name]), minutes(asked[r.name]), r) for r in ready
@@ -158,9 +158,9 @@ class Strip:
         self, base: Mapping[str, float], effects: Mapping[str, Mapping[str, float]], source: str
     ) -> tuple[dict[str, object], dict[str, object] | None]:
         """The strip file with refitted base, named effects or laws, and the cell's effects."""
-        return patched(self.file, base, effects, source)
+        return patch_file(self.file, base, effects, source)
 
-    def _driven(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
+    def _drive(self, requests: Sequence[Request]) -> tuple[list[Fold], list[Job]]:
         folds = [cast(Fold, request.run.content) for request in requests]
         drives = [
             self._along(r, f).drive(self._model(r, f)) for r, f in zip(requests, folds, strict=True)
@@ -169,7 +169,7 @@ class Strip:
 
     def _along(self, request: Request, fold: Fold) -> Fold:
         """The fold whose path is simulated: for a rough response the first of its replicates."""
-        return self._replicated.get(fold.way.digest, fold) if request.rough else fold
+        return self._replicates.get(fold.way.digest, fold) if request.rough else fold
 
     def _model(self, request: Request, fold: Fold) -> HashedModel:
         effects = tuple((name, tuple(map(float, v))) for name, v in request.effects.items())
@@ -206,7 +206,7 @@ def _held_against(fold: Fold, drive: Job, shown: SimulatedMotion | None) -> Resi
     return fold.comparison(drive.model, shown)
 
 
-def _lifted(runs: Sequence[MeasuredRun]) -> float:
+def _lifted_from(runs: Sequence[MeasuredRun]) -> float:
     """From where on the strip leaves the desk [m], wild readings aside; 0 where nobody saw it."""
     seen = [run.measured.contact_x for run in runs if len(run.measured.contact_x)]
     return min((float(np.quantile(x, QUANTILE)) for x in seen), default=0.0)

@@ -55,8 +55,8 @@ class Instruments:
     def sigma(self) -> dict[str, float]:
         """As run.yaml states it."""
         keys = ("contact_x", "profile", "gripper", "displacement", "touch_time")
-        felt = {} if self.force is None else {"force": self.force}
-        return {key: getattr(self, key) for key in keys} | felt
+        force = {} if self.force is None else {"force": self.force}
+        return {key: getattr(self, key) for key in keys} | force
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +181,8 @@ def _ticks(
 
 def _forces(fold: Fold, t: Array, noise: float, rng: np.random.Generator) -> dict[str, Array]:
     """Reported force at `t` (m,), with noise of its own: nothing else of a run changes with it."""
-    felt = mean_force(fold.motion.t, fold.motion.grip_force)
-    force = reported_force(fold.model.observation, t, fold.motion.t, felt)
+    mean = mean_force(fold.motion.t, fold.motion.grip_force)
+    force = reported_force(fold.model.observation, t, fold.motion.t, mean)
     noisy = force + rng.spawn(1)[0].normal(0.0, noise, force.shape)
     return {"f_x": noisy[:, 0], "f_z": noisy[:, 1]}
 

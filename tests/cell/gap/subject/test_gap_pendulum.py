@@ -170,6 +170,7 @@ def test_single_run_is_refused(tmp_path: Path) -> None:
         ({"colour": "red"}, "unknown key"), ({"gravity": -9.81}, "gravity"),
         ({"links": []}, "links"), ({"effects": {"magnet": {"size": 1.0}}}, "unknown effect"),
         ({"effects": {"air_drag": {"coefficient": -1.0}}}, "out of range"),
+        ({"links": [content(1)["links"][0] | {"mass": 1e-210}]}, r"links\.0\.mass: .* kg[^\n]*$"),
         ({"schema": 2}, "this version reads 1"), ({"kind": "kite"}, "kind"),
     ],
 )  # fmt: skip

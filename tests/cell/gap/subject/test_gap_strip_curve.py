@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cell.gap.subject.strip.curves import believable, images_of
-from cell.gap.subject.strip.gripper import smoothed
+from cell.gap.subject.strip.gripper import smooth_path
 from cell.record.columns import Profile
 from drivers.strip.curve import group_means, signed_distances
 from drivers.types import Array
@@ -95,8 +95,8 @@ def test_smoothing_takes_noise_out_and_leaves_corners() -> None:
     corner = 0.1 * np.maximum(t - 1.0, 0.0)
     true = np.column_stack([0.6 - 0.1 * t, corner, np.zeros_like(t)])
     noisy = true + np.random.default_rng(4).normal(0.0, 3e-4, true.shape)
-    fine, poses = smoothed(t, noisy, 3e-4)
+    fine, poses = smooth_path(t, noisy, 3e-4)
     exact = np.interp(fine, t, corner)
     assert np.std(poses[:, 1] - exact) < 2e-4
-    _, quiet = smoothed(t, true, 2e-5)
+    _, quiet = smooth_path(t, true, 2e-5)
     assert np.abs(quiet[:, 1] - exact).max() < 5e-4

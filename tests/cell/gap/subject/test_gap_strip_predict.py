@@ -119,7 +119,7 @@ def test_a_law_bends_by_numbers_that_come_last(plain: Strip) -> None:
     bent = seam.with_shape()
     assert [p.name for p in bent.parameters] == ["factor", "position", "width", "softness"]
     vector = np.array([5.0, 0.3, 0.06])
-    stated, soft = bent.completed(vector), np.array([*vector, 0.4])
+    stated, soft = bent.complete(vector), np.array([*vector, 0.4])
     straight = whitened(plain, residuals(plain, {"seam": vector}))
     same, changed = (whitened(plain, residuals(plain, {"seam": v})) for v in (stated, soft))
     np.testing.assert_array_equal(same, straight)

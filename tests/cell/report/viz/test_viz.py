@@ -64,7 +64,7 @@ def snapshot(k: int, state: State = State.FOLD, every: int = 2) -> Snapshot:
 
 
 def watch(viz: Viz, count: int) -> None:
-    viz.happened(0.0, "state", {"state": State.LIFT, "event": "grasped"})
+    viz.handle_event(0.0, "state", {"state": State.LIFT, "event": "grasped"})
     for k in range(count):
         viz.see(snapshot(k, State.LIFT if k < 50 else State.FOLD))
 
@@ -131,7 +131,7 @@ def test_laboratorys_run_is_shown_without_images_and_model(make_run, tmp_path):
 def test_watched_fold_is_recorded(tmp_path):
     viz = Viz("save", tmp_path, STRIP)
     watch(viz, 200)
-    viz.happened(1.99, "fault", {"name": "stale_image", "reason": "too old"})
+    viz.handle_event(1.99, "fault", {"name": "stale_image", "reason": "too old"})
     viz.close(60)
     rows = entities(tmp_path / "run.rrd")
     assert viz.failure == ""
