@@ -3,6 +3,7 @@ where the plane lies in the image.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,9 @@ from calibration.calibration import Calibration, load_calibration
 from calibration.wizard.session import PICTURE, VERDICT
 from cell.record.files import CALIBRATION, REPORT
 from cell.report.drawing import BLUE, INK, MUTED, as_svg, canvas
-from cell.report.markup import (
-    definitions,
-    drawing,
-    masthead,
-    page,
-    photographs,
-    section,
-    steps,
-    verdict_box,
-)
-from cell.report.overlay import jpeg_text
+from cell.report.kit import page
+from cell.report.overlay import KeyPicture, jpeg_text
+from cell.report.verdict import Verdict
 from cell.report.words import millimetres, milliseconds
 from drivers.files import write_file
 from drivers.pictures import read_picture
@@ -51,58 +44,63 @@ def write_session_page(folder: Path) -> Path:
     verdict, path = read_yaml(folder / VERDICT), folder / REPORT
     passed = bool(verdict.get("passed", verdict.get("accepted")))
     lines, made = [str(line) for line in verdict.get("lines", ())], folder / CALIBRATION
-    parts = [
-        masthead("Session of a calibration wizard", folder.name),
-        verdict_box("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ()),
-        section("What it found", steps(lines[:-1])),
-        section("What it saw", photographs(_picture(folder))),
-    ]
-    if made.is_file():
-        parts += _sections(load_calibration(made))
-    write_file(path, page(f"session {folder.name}", parts))
+    said = Verdict("good" if passed else "bad", lines[-1] if lines else "Nothing was seen", ())
+    text = page(
+        "report/templates/calibration.html",
+        f"session {folder.name}",
+        kicker="Session of a calibration wizard",
+        name=folder.name,
+        said=said,
+        refused=(),
+        found=lines[:-1],
+        pictures=_picture(folder),
+        **_facts(load_calibration(made) if made.is_file() else None),
+    )
+    write_file(path, text)
     return path
 
 
-def _picture(folder: Path) -> list[tuple[str, str, str]]:
+def _picture(folder: Path) -> list[KeyPicture]:
     """The picture of the session; one that was solved again has none."""
     path = folder / PICTURE
     if not path.is_file():
         return []
-    return [(jpeg_text(read_picture(path)), "what was measured, in the last image", PICTURE)]
+    said = "what was measured, in the last image"
+    return [KeyPicture(jpeg_text(read_picture(path)), said, PICTURE)]
 
 
 def calibration_report(calibration: Calibration, name: str) -> str:
     """The page of `calibration`, called `name`."""
-    figure = f"{calibration.residual_mm:.2f} mm"
     good = calibration.residual_mm <= GOOD and not calibration.accepted_anyway
-    refused = [f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway]
-    said = [f"It was made on {calibration.date[:10]} and has the id {calibration.id}."]
-    headline = "Touched points lie where the image shows them" if good else "Use it with care"
+    said = Verdict(
+        "good" if good else "bad",
+        "Touched points lie where the image shows them" if good else "Use it with care",
+        (f"It was made on {calibration.date[:10]} and has the id {calibration.id}.",),
+        f"{calibration.residual_mm:.2f} mm",
+        "rms at points kept back",
+    )
     return page(
+        "report/templates/calibration.html",
         f"calibration {calibration.id}",
-        [
-            masthead("Calibration of a camera", name),
-            verdict_box(
-                "good" if good else "bad", headline, said, figure, "rms at points kept back"
-            ),
-            section("What speaks against it", steps(refused)),
-            *_sections(calibration),
-        ],
+        kicker="Calibration of a camera",
+        name=name,
+        said=said,
+        refused=[f"The wizard refused it: {reason}" for reason in calibration.accepted_anyway],
+        found=(),
+        pictures=(),
+        **_facts(calibration),
     )
 
 
-def _sections(calibration: Calibration) -> list[str]:
-    locks = [(name, str(value)) for name, value in calibration.locks.items()]
-    return [
-        section("In numbers", definitions(_numbers(calibration), "tiles")),
-        section(
-            "The strip's plane in the image",
-            drawing(_grid(calibration), "grid of the plane of the strip in the camera's image"),
-            note="Lines every 100 mm along the strip and every 50 mm above the desk; the "
-            "strong line is the desk, the dot the fixed edge. A ruler must lie along them.",
-        ),
-        section("Locked controls of the camera", definitions(locks, "rows")),
-    ]
+def _facts(calibration: Calibration | None) -> dict[str, Any]:
+    """What the page says of a calibration; nothing of one that was not made."""
+    if calibration is None:
+        return {"numbers": (), "grid": "", "locks": ()}
+    return {
+        "numbers": _numbers(calibration),
+        "grid": _grid(calibration),
+        "locks": [(name, str(value)) for name, value in calibration.locks.items()],
+    }
 
 
 def _numbers(calibration: Calibration) -> list[tuple[str, str]]:
@@ -130,14 +128,16 @@ def _grid(calibration: Calibration) -> str:
             line = np.stack(
                 [np.full(LINE_POINTS, x), np.linspace(Z[0], Z[-1], LINE_POINTS)], axis=1
             )
-            axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8)
+            axes.plot(*calibration.to_image(line).T, color=BLUE, lw=0.8, gid=f"x {1e3 * x:.0f} mm")
         for z in Z:
             line = np.stack(
                 [np.linspace(X[0], X[-1], LINE_POINTS), np.full(LINE_POINTS, z)], axis=1
             )
             strong = {"color": INK, "lw": 1.6} if z == 0 else {"color": MUTED, "lw": 0.8}
-            axes.plot(*calibration.to_image(line).T, **strong)
+            axes.plot(*calibration.to_image(line).T, **strong, gid=f"z {1e3 * z:.0f} mm")
         axes.plot(*calibration.to_image(np.zeros((1, 2))).T, "o", color=INK, ms=5)
-        axes.set(xlim=(0, lens.width), ylim=(lens.height, 0), xlabel="px", ylabel="px")
+        axes.set(
+            xlim=(0, lens.width), ylim=(lens.height, 0), xlabel="column  [px]", ylabel="row  [px]"
+        )
         axes.grid(False)
         return as_svg(figure)

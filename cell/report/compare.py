@@ -12,14 +12,14 @@ from cell.record.run import Run
 from cell.record.salvage import Salvage
 from cell.report.drawing import MUTED, as_svg, canvas
 from cell.report.facts import facts
-from cell.report.markup import Link, drawing, masthead, page, section, table, verdict_box
+from cell.report.kit import Link, page
+from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres, seconds
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
 COLOURS = ("#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0", "#b4382c", "#4a9aa8", "#8c7a2b", "#c05a94")
 MOST_RUNS = 40  # runs in one comparison; more lines cannot be distinguished
-NUMBERS = ("run", "policy", "seed", "outcome", "displacement", "edges apart", "touch", "duration")
 OWN = frozenset({"seed", "index"})  # which differ from run to run by themselves
 
 
@@ -41,30 +41,29 @@ def write_comparison(folders: Sequence[Path], out: Path) -> Path:
 
 def comparison(runs: Sequence[Run], place: Path) -> str:
     """The page that compares `runs`, for a file in the folder `place`."""
-    strips = ", ".join(sorted({run.header.strip for run in runs}))
-    parts = [
-        masthead(f"{len(runs)} runs of {strips}", ""),
-        _headline(runs),
-        section("In numbers", table(NUMBERS, [_numbers(run, place) for run in runs])),
-        section("What was set otherwise", table(*_differences(runs))),
-        section(
-            "Paths of the gripper", drawing(_paths(runs), "paths of the gripper, a line a run")
-        ),
-        section("Desk contact over time", drawing(_contacts(runs), "desk contact, a line a run")),
-    ]
-    return page(f"{len(runs)} runs of {strips}", parts)
+    title = f"{len(runs)} runs of {', '.join(sorted({run.header.strip for run in runs}))}"
+    settings, differences = _differences(runs)
+    return page(
+        "report/templates/compare.html",
+        title,
+        title=title,
+        said=_verdict(runs),
+        numbers=[_numbers(run, place) for run in runs],
+        settings=settings,
+        differences=differences,
+        paths=_paths(runs),
+        contacts=_contacts(runs),
+    )
 
 
-def _headline(runs: Sequence[Run]) -> str:
+def _verdict(runs: Sequence[Run]) -> Verdict:
     found = [r.result.displacement for r in runs if r.result and r.result.displacement is not None]
     if not found:
-        return verdict_box("fair", "No run has a displacement", ())
+        return Verdict("fair", "No run has a displacement", ())
     spread = millimetres(max(found) - min(found))
-    text = f"Displacements lie within {spread} of one another"
-    middle = f"{len(found)} of {len(runs)} runs have one; their mean is "
-    return verdict_box(
-        "good", text, (f"{middle}{millimetres(float(np.mean(found)), signed=True)}.",)
-    )
+    mean = millimetres(float(np.mean(found)), signed=True)
+    said = f"{len(found)} of {len(runs)} runs have one; their mean is {mean}."
+    return Verdict("good", f"Displacements lie within {spread} of one another", (said,))
 
 
 def _numbers(run: Run, place: Path) -> tuple[str | Link, ...]:

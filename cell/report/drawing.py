@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
+from cell.report.readings import POINTS, name_artists, readings
+
 INK, MUTED, RULE, PAPER = "#1b1f24", "#6b7280", "#e3e5e8", "#fffffe"
 BLUE, ORANGE, GREEN, PURPLE = "#2f6db5", "#cf6a1f", "#3a8a5c", "#8a5fb0"
+METADATA = ("Creator", "Date", "Format", "Type")
 VARIABLES = {
     INK: "--ink", MUTED: "--muted", RULE: "--rule", PAPER: "--paper",
     BLUE: "--blue", ORANGE: "--orange", GREEN: "--green", PURPLE: "--purple",
@@ -16,6 +19,8 @@ VARIABLES = {
 STYLE: dict[str, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "cell",
+    "path.simplify_threshold": 0.02,  # values are read off the paths
+    "text.parse_math": False,  # names may hold any character
     "font.size": 9,
     "axes.labelsize": 9,
     "axes.edgecolor": MUTED,
@@ -58,9 +63,14 @@ def canvas(
 
 def as_svg(figure: Any) -> str:
     """`figure` as an SVG element; the same figure gives the same text."""
+    from matplotlib import rc_context
+
     text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    return page_svg(text.getvalue())
+    name_artists(figure)
+    with rc_context(STYLE):
+        figure.savefig(text, format="svg", metadata=dict.fromkeys(METADATA))
+    width = f'style="--width:{POINTS * figure.get_size_inches()[0]:.0f}pt"'
+    return page_svg(text.getvalue()).replace("<svg", f"<svg {readings(figure)} {width}", 1)
 
 
 def page_svg(text: str) -> str:

@@ -53,7 +53,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
             near = points[
                 (np.abs(points) < FARTHEST_HAND).all(axis=1)
             ]  # a wild one would fill the page
-            axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85)
+            axes.plot(*(1e3 * near).T, color=shade, lw=1.1, alpha=0.85, gid=f"strip, {t:.2f} s")
         _outlines(axes, outlines)
         _desk(axes, run)
         _path(axes, run.ticks)
@@ -123,8 +123,9 @@ def _desk(axes: Any, run: Run) -> None:
 
 
 def _path(axes: Any, ticks: Ticks) -> None:
-    axes.plot(1e3 * ticks.x_cmd, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)))
-    axes.plot(1e3 * ticks.x, 1e3 * ticks.z, color=INK, lw=1.5)
+    commanded, measured = 1e3 * ticks.x_cmd, 1e3 * ticks.x
+    axes.plot(commanded, 1e3 * ticks.z_cmd, color=MUTED, lw=0.8, ls=(0, (1, 2)), gid="commanded")
+    axes.plot(measured, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
     if ticks.t.size:
         axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
         middle = ticks.t.size // 3
@@ -154,7 +155,8 @@ def _lanes(axes: Any, ticks: Ticks) -> None:
         count = len(list(rows))
         start, end = ticks.t[place], ticks.t[min(place + count, ticks.t.size - 1)]
         place += count
-        axes.barh(0, end - start, left=start, height=1, color=LANES.get(state, RULE), lw=0)
+        shade = LANES.get(state, RULE)
+        axes.barh(0, end - start, left=start, height=1, color=shade, lw=0, gid=state)
         if end - start > 0.05 * (ticks.t[-1] - ticks.t[0]):
             middle = 0.5 * (start + end)
             axes.text(middle, 0, state, ha="center", va="center", fontsize=8, color="#20262d")

@@ -16,10 +16,11 @@ for (const film of document.querySelectorAll("video[data-begin]")) {
   chart.append(line);
   const show = () => {
     const t = begin + film.currentTime;
-    const x = box.width * (left + ((right - left) * (t - first)) / (last - first));
+    const place = box.width * (left + ((right - left) * (t - first)) / (last - first));
+    const x = chart.zoomed?.applyX(place) ?? place;
     line.setAttribute("x1", x);
     line.setAttribute("x2", x);
-    line.style.visibility = t < first || t > last ? "hidden" : "visible";
+    line.style.visibility = x < box.width * left || x > box.width * right ? "hidden" : "visible";
     time.textContent = `t = ${t.toFixed(2).replace("-", "−")} s`;
   };
   const follow = () => {
@@ -27,9 +28,11 @@ for (const film of document.querySelectorAll("video[data-begin]")) {
     if (!film.paused) requestAnimationFrame(follow);
   };
   for (const event of ["play", "seeked", "timeupdate", "loadedmetadata"]) film.addEventListener(event, follow);
+  chart.addEventListener("zoomed", show);
   chart.addEventListener("click", (event) => {
     const frame = chart.getBoundingClientRect();
-    const share = ((event.clientX - frame.left) / frame.width - left) / (right - left);
+    const place = (box.width * (event.clientX - frame.left)) / frame.width;
+    const share = ((chart.zoomed?.invertX(place) ?? place) / box.width - left) / (right - left);
     film.currentTime = Math.max(0, first + share * (last - first) - begin);
   });
   show();

@@ -42,8 +42,11 @@ def predictions(result: Result | None) -> list[tuple[str, str]]:
 
 def outlook_figure(run: Run, outlook: Outlook) -> str:
     """Displacement and belief over the fold, with one sigma; SVG."""
-    with canvas(8.4, 4.2) as figure:
-        grid = figure.subplots(2, 2, sharex=True)
+    with canvas(8.4, 4.2, layout=None) as figure:
+        frame = {"left": 0.075, "right": 0.995, "top": 0.985, "bottom": 0.105}
+        grid = figure.subplots(
+            2, 2, sharex=True, gridspec_kw=frame | {"wspace": 0.19, "hspace": 0.07}
+        )
         for axes, (name, (label, scale, colour)) in zip(grid.flat, PANELS.items(), strict=True):
             _band(axes, outlook, name, scale, colour)
             axes.set_ylabel(label)
@@ -58,7 +61,7 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
 def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
     value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
     axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0)
-    axes.plot(outlook.t, value, color=colour, lw=1.2)
+    axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)
         shown = np.abs(np.concatenate([low, high]))

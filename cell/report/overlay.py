@@ -90,6 +90,13 @@ def end_picture(run: Run) -> str:
     return jpeg_text(image[top:bottom, left:right])
 
 
+def poster(run: Run) -> str:
+    """The first kept image that can be read, as JPEG in text form; empty where there is none."""
+    images = (_read(note) for note in run.frame_index() if note.file is not None)
+    first = next((image for image in images if image is not None), None)
+    return "" if first is None else jpeg_text(first)
+
+
 def _fits(image: Image, calibration: Calibration) -> bool:
     """Whether the calibration is for images of this size."""
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)

@@ -3,20 +3,18 @@
 import base64
 import os
 from collections.abc import Sequence
-from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from cell.record.files import REPORT
 from cell.record.frames import decode, read_index
 from cell.record.listing import RunRow
-from cell.report.markup import Link, masthead, page
+from cell.report.kit import Link, page
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
 PICTURED = 300  # newest runs with a thumbnail; more would make the page heavy
 WIDE = 128  # px
-HEAD = ("", "run", "strip", "policy", "outcome", "d mm", "edges mm", "s", "tags")
+HEAD = ("run", "strip", "policy", "outcome", "d mm", "edges mm", "s", "tags")
 
 
 def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
@@ -31,33 +29,29 @@ def write_runs_page(rows: Sequence[RunRow], out: Path) -> Path:
 def runs_page(rows: Sequence[RunRow], place: Path) -> str:
     """The page that lists `rows`, for a file in the folder `place`."""
     pictured = {row.name for row in rows[-PICTURED:]}
-    lines = "".join(_line(row, place, pictured=row.name in pictured) for row in rows)
-    head = "".join(f"<th><button>{name}</button></th>" if name else "<th></th>" for name in HEAD)
-    script = files("cell.report").joinpath("runs.js").read_text(encoding="utf-8")
-    table = f"<table id=runs><thead><tr>{head}</tr></thead><tbody>{lines}</tbody></table>"
-    search = '<input id=filter type=search placeholder="filter" aria-label="filter the runs">'
-    body = [
-        masthead(f"{len(rows)} runs", ""),
-        f'<p>{search} <output id=count></output></p><div class="wide">{table}</div>',
-        f"<script>\n{script}</script>",
-    ]
-    return page(f"{len(rows)} runs", body)
+    return page(
+        "report/templates/runs.html",
+        f"{len(rows)} runs",
+        title=f"{len(rows)} runs",
+        head=HEAD,
+        wide=WIDE,
+        rows=[
+            (_thumbnail(row) if row.name in pictured else "", _cells(row, place)) for row in rows
+        ],
+    )
 
 
-def _line(row: RunRow, place: Path, *, pictured: bool) -> str:
+def _cells(row: RunRow, place: Path) -> tuple[str | Link, ...]:
     report = row.folder / REPORT
-    link = str(Link(row.name, os.path.relpath(report, place)))
-    lengths = ["" if v is None else f"{1e3 * v:+.1f}" for v in (row.displacement, row.edge_offset)]
-    words = (row.strip, row.policy, row.outcome.replace("_", " "), *lengths)
+    name = Link(row.name, os.path.relpath(report, place)) if report.exists() else row.name
+    lengths = ("" if v is None else f"{1e3 * v:+.1f}" for v in (row.displacement, row.edge_offset))
     lasted = "" if row.duration is None else f"{row.duration:.1f}"
-    cells = [escape(word) for word in (*words, lasted, row.tags)]
-    name = link if report.exists() else escape(row.name)
-    picture = _thumbnail(row) if pictured else ""
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in (picture, name, *cells)) + "</tr>"
+    outcome = row.outcome.replace("_", " ")
+    return (name, row.strip, row.policy, outcome, *lengths, lasted, row.tags)
 
 
 def _thumbnail(row: RunRow) -> str:
-    """The last image that a run kept, small; empty where there is none that can be read."""
+    """The last image that a run kept, small, as JPEG in text form; empty where none can be read."""
     import cv2
 
     try:
@@ -70,5 +64,4 @@ def _thumbnail(row: RunRow) -> str:
     size = (WIDE, max(1, round(WIDE * image.shape[0] / image.shape[1])))
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
-    text = base64.b64encode(bytes(content)).decode()
-    return f'<img width={WIDE} alt="" src="data:image/jpeg;base64,{text}">'
+    return base64.b64encode(bytes(content)).decode()

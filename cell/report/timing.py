@@ -24,8 +24,10 @@ def image_ages(run: Run) -> Array:
 def timing_figure(run: Run) -> str:
     """Histograms of image age, row interval, computing time, and a real arm's states; SVG."""
     arm = run.header.arm_timing
-    with canvas(8.4, 2.5) as figure:
-        age, interval, cost, *rest = figure.subplots(1, 3 if arm is None else 4)
+    with canvas(8.4, 2.5, layout=None) as figure:  # a layout that is solved takes half the time
+        frame = {"left": 0.01, "right": 0.985, "top": 0.9, "bottom": 0.185, "wspace": 0.06}
+        panels = figure.subplots(1, 3 if arm is None else 4, gridspec_kw=frame)
+        age, interval, cost, *rest = panels
         if arm is not None:
             _bars(rest[0], arm)
         _histogram(age, 1e3 * image_ages(run), "age of the newest image  [ms]", BLUE)

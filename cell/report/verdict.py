@@ -7,7 +7,7 @@ from typing import Any
 from cell.record.files import RESULT, is_under_way
 from cell.record.header import Result
 from cell.record.run import Run
-from cell.report.markup import Tone
+from cell.report.kit import Tone
 from cell.report.words import millimetres, outcome_title, seconds, side
 
 LINE = "\n"

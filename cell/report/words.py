@@ -35,7 +35,7 @@ def milliseconds(value: float | None) -> str:
     """A time [s] as milliseconds."""
     if value is None or not math.isfinite(value):
         return NO_VALUE
-    return f"{1e3 * value:.3g} ms"
+    return f"{1e3 * value:.3g} ms".replace("-", MINUS)
 
 
 def outcome_title(outcome: str) -> str:

@@ -7,16 +7,8 @@ import numpy as np
 from cell.campaign.progress import clock
 from cell.record.documents import write_document
 from cell.report.drawing import BLUE, INK, as_svg, canvas
-from cell.report.markup import (
-    Tone,
-    definitions,
-    drawing,
-    masthead,
-    page,
-    section,
-    table,
-    verdict_box,
-)
+from cell.report.kit import Tone, page
+from cell.report.verdict import Verdict
 from cell.studies.campaign import Kept, cost
 from cell.studies.table import cells, group, head, keeps_bars, markdown, progress, rows, samples
 from drivers.files import replace_file
@@ -53,21 +45,21 @@ def page_of(kept: Kept) -> str:
     tone: Tone = "fair" if not whole else "good" if keeps_bars(found) else "bad"
     bars = [q for q in study.quantities if q.bar is not None]
     headline = "Its bars are kept" if keeps_bars(found) else "A bar is not kept"
-    body = [
-        masthead("Study", study.name),
-        verdict_box(
+    return page(
+        "studies/study.html",
+        f"Study: {study.name}",
+        name=study.name,
+        said=Verdict(
             tone if bars else "fair",
             headline if bars and found else "What was measured",
             (study.question, progress(kept)),
         ),
-        section("Table", table(head(kept), [cells(row) for row in found])),
-        section("Cases", drawing(points(kept), "a point a case") if kept.outcomes else ""),
-        section(
-            "Set aside or failed", table(("case", "why"), [(r.key, r.reason) for r in kept.lost])
-        ),
-        section("Cost", definitions(cost(kept, clock), "rows")),
-    ]
-    return page(f"Study: {study.name}", body)
+        head=head(kept),
+        rows=[cells(row) for row in found],
+        points=points(kept) if kept.outcomes else "",
+        lost=[(r.key, r.reason) for r in kept.lost],
+        cost=cost(kept, clock),
+    )
 
 
 def points(kept: Kept) -> str:
@@ -75,10 +67,17 @@ def points(kept: Kept) -> str:
     quantity, groups = kept.asked.study.quantities[0], group(kept)
     with canvas(WIDTH, 0.7 + ROW * len(groups)) as figure:
         axes = figure.add_subplot()
-        for line, some in enumerate(groups.values()):
+        for line, (name, some) in enumerate(groups.items()):
             values = quantity.scale * np.concatenate(samples(some, quantity.value))
             axes.plot(
-                values, np.full(len(values), line), "o", ms=4, alpha=0.5, color=BLUE, mec=BLUE
+                values,
+                np.full(len(values), line),
+                "o",
+                ms=4,
+                alpha=0.5,
+                color=BLUE,
+                mec=BLUE,
+                gid=name,
             )
         axes.axvline(0.0, color=INK, lw=0.8)
         axes.set_yticks(range(len(groups)), list(groups))

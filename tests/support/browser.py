@@ -57,7 +57,10 @@ class Browser:
     def _listen(self) -> dict[str, Any]:
         answer: dict[str, Any] = json.loads(self._socket.recv(timeout=60))
         if answer.get("method") == "Runtime.exceptionThrown":
-            self.complaints.append(answer["params"]["exceptionDetails"]["text"])
+            details = answer["params"]["exceptionDetails"]
+            self.complaints.append(
+                f"{details['text']} {details.get('exception', {}).get('description', '')}"
+            )
         entry = answer.get("params", {}).get("entry", {})
         if answer.get("method") == "Log.entryAdded" and entry.get("level") == "error":
             self.complaints.append(f"{entry['text']} {entry.get('url', '')}")
@@ -77,15 +80,26 @@ class Browser:
             raise FileNotFoundError(f"{page}: {opened['errorText']}")
         while self._listen().get("method") != "Page.loadEventFired":
             pass
-        found = self.ask("Runtime.evaluate", expression=AUDIT, returnByValue=True)
-        if "exceptionDetails" in found:
-            raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
+        found = self.evaluate(AUDIT)
         if picture is not None:
             unmoved = "scrollTo(0, 0); document.querySelectorAll('figure, .chart, .wide')"
-            self.ask("Runtime.evaluate", expression=f"{unmoved}.forEach(e => e.scrollLeft = 0)")
+            self.evaluate(f"{unmoved}.forEach(e => e.scrollLeft = 0)")
             shot = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True)
             picture.write_bytes(base64.b64decode(shot["data"]))
-        return [*self.complaints, *found["result"]["value"]]
+        return [*self.complaints, *found]
+
+    def evaluate(self, expression: str) -> Any:
+        """What `expression` is in the page; RuntimeError where it throws."""
+        wanted = {"expression": expression, "returnByValue": True, "awaitPromise": True}
+        found = self.ask("Runtime.evaluate", **wanted)
+        if "exceptionDetails" in found:
+            raise RuntimeError(found["exceptionDetails"]["exception"]["description"])
+        return found["result"].get("value")
+
+    def point(self, x: float, y: float, *kinds: str, **more: Any) -> None:
+        """Do `kinds` of things (mouseMoved, mousePressed ...) at a place of the window [px]."""
+        for kind in kinds:
+            self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-(() => {
+(async () => {
   const LEAST_SIZE = 9, LEAST_CONTRAST = 4.5, SQUEEZED = { lines: 5, letters: 8 };
   const found = [];
   const channels = (colour) => {
@@ -48,6 +48,11 @@
   };
   for (const image of document.images)
     if (!image.complete || !image.naturalWidth) found.push(`broken picture ${image.src.slice(0, 60)}`);
+  for (const film of document.querySelectorAll("video")) {
+    const first = new Image();
+    first.src = film.poster;
+    if (!(await first.decode().then(() => film.poster, () => false))) found.push(`film that shows nothing ${film.src}`);
+  }
   const root = document.documentElement;
   if (root.scrollWidth > window.innerWidth) {
     const wide = [...document.querySelectorAll("body *")].filter(

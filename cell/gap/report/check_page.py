@@ -1,7 +1,8 @@
 """The page of a check: what is wrong with the recordings, and what they cannot say."""
 
 from cell.gap.check import Check, Level
-from cell.report.markup import Tone, masthead, page, section, table, verdict_box
+from cell.report.kit import Tone, page
+from cell.report.verdict import Verdict
 
 TONES: dict[Level, Tone] = {"good": "good", "fair": "fair", "bad": "bad"}
 HEADLINES: dict[Level, str] = {
@@ -18,18 +19,19 @@ def check_page(found: Check, subject: str) -> str:
         "Recordings": [f for f in found.findings if f.level == "fair" and f.what != IDENTIFIABLE],
         "What these runs cannot say": [f for f in found.findings if f.what == IDENTIFIABLE],
     }
-    body = [
-        masthead(f"Check of {len(found.runs)} runs", subject),
-        verdict_box(TONES[found.level], HEADLINES[found.level], [_summary(found)]),
-        *(
-            section(title, table(HEAD, [(f.what, f.run or "all", f.words, f.remedy) for f in some]))
+    return page(
+        "gap/report/check.html",
+        f"{subject}: check of its runs",
+        kicker=f"Check of {len(found.runs)} runs",
+        name=subject,
+        said=Verdict(TONES[found.level], HEADLINES[found.level], (_summary(found),)),
+        groups=[
+            (title, [(f.what, f.run or "all", f.words, f.remedy) for f in some])
             for title, some in groups.items()
-        ),
-    ]
-    return page(f"{subject}: check of its runs", body)
+        ],
+    )
 
 
-HEAD = ("what", "run", "seen", "do")
 IDENTIFIABLE = "identifiable"
 
 

@@ -1,12 +1,12 @@
 """Figures of the report, as SVG text."""
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import FuncNorm
 from matplotlib.figure import Figure
 
 from cell.gap.diagnosis.localise import Bin
@@ -15,20 +15,11 @@ from cell.gap.report.replayed import Replayed
 from cell.gap.report.sentence import motion
 from cell.gap.subject.subject import Quantity
 from cell.gap.verdict.schema import Compared
-from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, page_svg
+from cell.report.drawing import BLUE, INK, MUTED, ORANGE, RULE, STYLE, as_svg
 from drivers.types import Array
 
 FAINT, BEFORE, AFTER = MUTED, ORANGE, BLUE
 CHARACTER = 0.075  # inches of a tick's label
-
-
-def svg(figure: Figure) -> str:
-    """The figure as SVG that takes ink, paper and type from the page around it."""
-    text = io.StringIO()
-    with mpl.rc_context(STYLE | {"svg.hashsalt": "gap"}):
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    width = figure.get_size_inches()[0] * 72
-    return f"<div class='chart' style='--width:{width:.0f}pt'>{page_svg(text.getvalue())}</div>"
 
 
 def blank(
@@ -55,22 +46,22 @@ def heat_map(places: Sequence[Bin]) -> str:
         grid[at], sure[at] = abs(p.z), p.p < 0.05
     figure, axes = blank(max(5.0, 1.8 + 0.34 * len(columns)), max(2.0, 0.9 + 0.3 * len(rows)))
     axis = axes[0]
-    level = np.log10(1.0 + grid)
-    highest = max(1.0, float(np.nanmax(level)))
-    image = axis.imshow(level, cmap="YlOrRd", aspect="auto", vmin=0.0, vmax=highest)
+    highest = max(9.0, float(np.nanmax(grid)))
+    scale = FuncNorm((np.log1p, np.expm1), 0.0, highest)
+    image = axis.imshow(np.ma.masked_invalid(grid), cmap="YlOrRd", aspect="auto", norm=scale)
     axis.set_yticks(range(len(rows)), [" · ".join(row) for row in rows])
     words = [motion(condition) for condition in columns]
     axis.set_xticks(range(len(words)), words, **_slant_labels(words, 0.34))
     for i, j in zip(*np.nonzero(sure), strict=True):
         axis.plot(j, i, "o", ms=2.5, color=INK)
     bar = figure.colorbar(image, ax=axis, pad=0.01)
-    steps = (0, 1, 3, 10, 30) if highest < 2.0 else (0, 10, 100, 1000, 10000)
-    ticks = [z for z in steps if np.log10(1 + z) <= highest]
-    bar.set_ticks([float(np.log10(1 + z)) for z in ticks], labels=[str(z) for z in ticks])
+    steps = (0, 1, 3, 10, 30) if highest < 99.0 else (0, 10, 100, 1000, 10000)
+    ticks = [z for z in steps if z <= highest]
+    bar.set_ticks(ticks, labels=[str(z) for z in ticks])
     bar.set_label("sigma beyond noise", fontsize=8, color=INK)
     bar.ax.tick_params(labelsize=8, colors=INK)
     axis.set_xlabel("condition", fontsize=8)
-    return svg(figure)
+    return as_svg(figure)
 
 
 def _slant_labels(labels: Sequence[str], width: float) -> dict[str, Any]:
@@ -100,7 +91,7 @@ def candidate_bars(rows: Sequence[Compared], accepted: str) -> str:
     axis.axvline(0.0, color=INK, lw=0.8)
     axis.set_yticks(range(len(shown)), [row.name for row in shown])
     axis.set_xlabel("gain over the refitted base on runs left out [nats]", fontsize=8)
-    return svg(figure)
+    return as_svg(figure)
 
 
 def residual_traces(
@@ -119,17 +110,18 @@ def residual_traces(
         quantity = quantities[str(s.quantity[mine][0])]
         band = 2.0 * quantity.factor * s.reading[mine]
         axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0)
+        zones = set(s.zone[mine])
+        name = f"{s.channel[mine][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
         pair = ((before, BEFORE, "before"), (after, AFTER, "after"))
         for estimate, colour, word in pair[: 1 if after is before else 2]:
             axis.plot(s.t[mine], quantity.factor * estimate.raw[run].mean[mine], color=colour,
-                      lw=1.2, label=word)  # fmt: skip
-        zones = set(s.zone[mine])
-        place = f" {zones.pop()}" if len(zones) == 1 else ""
-        axis.set_ylabel(f"{s.channel[mine][0]}{place}\n[{quantity.unit}]", fontsize=8)
+                      lw=1.2, label=word, gid=f"{name}, {word}")  # fmt: skip
+        axis.set_ylabel(f"{name}\n[{quantity.unit}]", fontsize=8)
+        axis.sharex(axes[0])
         axis.axhline(0.0, color=INK, lw=0.5)
     axes[-1].set_xlabel("time [s]", fontsize=8)
     _legend_above(figure, axes[0])
-    return svg(figure)
+    return as_svg(figure)
 
 
 def midlines(run: Replayed) -> str:
@@ -147,7 +139,7 @@ def midlines(run: Replayed) -> str:
     for axis in axes[len(chosen) :]:
         axis.set_visible(False)
     _legend_above(figure, axes[0])
-    return svg(figure)
+    return as_svg(figure)
 
 
 def _midline(axis: Axes, run: Replayed, k: int) -> None:
@@ -188,4 +180,4 @@ def run_bars(names: Sequence[str], before: Array, after: Array) -> str:
     axis.set_xticks(at, names, **_slant_labels(names, 0.7))
     axis.set_ylim(0.0, 1.05 * max(float(before.max()), float(after.max()), 1e-9))
     axis.set_ylabel("excess gap [noise]", fontsize=8)
-    return svg(figure)
+    return as_svg(figure)

@@ -6,7 +6,6 @@ from cell.gap.fitting.spreads import Spread
 from cell.gap.report.units import number
 from cell.gap.subject.strip.scatter import KNOWN_EFFECTS
 from cell.gap.verdict.findings import Findings
-from cell.report.markup import table
 
 TELLING = 1.0  # sigma that a smaller spread must tell more to be worth a word
 SHOWN = {
@@ -18,20 +17,13 @@ SHOWN = {
 }
 
 
-def repeats(found: Findings) -> str:
-    """Spread of each quantity that differs from run to run, with its remedy, as HTML."""
+def repeats(found: Findings) -> list[tuple[str, ...]] | None:
+    """Spread of each quantity that differs from run to run, with its remedy; None where runs say
+    nothing of it.
+    """
     if not any(p.random for run in found.subject.runs for p in run.local):
-        return ""
-    scatter = found.judged.scatter
-    if not scatter:
-        return "<p>Runs differ by no more than the noise of what is measured.</p>"
-    note = (
-        "<p class='note'>One standard deviation from run to run, with its 95 % interval, estimated "
-        "from these runs beside the accepted model. Names, intervals and what is detectable count "
-        "it.</p>"
-    )
-    columns = ("what differs", "by", "95 %", "half would tell", "smaller by")
-    return note + table(columns, list(_rows(found)))
+        return None
+    return list(_rows(found))
 
 
 def remedies(

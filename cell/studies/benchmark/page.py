@@ -1,7 +1,6 @@
 """HTML page of a benchmark: every figure of the paper, beside the numbers of its text."""
 
 import io
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,16 +9,7 @@ import numpy as np
 
 from cell.record.documents import plain
 from cell.report.drawing import MUTED, as_svg, canvas
-from cell.report.markup import (
-    Tone,
-    definitions,
-    drawing,
-    masthead,
-    page,
-    section,
-    table,
-    verdict_box,
-)
+from cell.report.kit import Tone, page
 from cell.report.verdict import Verdict
 from cell.report.words import NO_VALUE, millimetres
 from cell.studies.benchmark import paper
@@ -64,10 +54,10 @@ def folded_figure(results: Results) -> str:
             shape = 1e3 * smooth(np.array(fold.shape))
             shape[:, 0] -= shape[:, 0].max()
             near = shape[:, 0] > -FOLD_WIDTH
-            left.plot(*shape[near].T, color=shade, lw=1.8)
-            right.plot(1e3 * fold.bending_length, shape[:, 1].max(), "o", color=shade, ms=5)
-            h = shape[:, 1].max()
-            right.annotate(f"{h:.1f}", (1e3 * fold.bending_length, h), (6, -6),
+            h, length = shape[:, 1].max(), 1e3 * fold.bending_length
+            left.plot(*shape[near].T, color=shade, lw=1.8, gid=f"bending length {length:.1f} mm")
+            right.plot(length, h, "o", color=shade, ms=5, gid="folded strip")
+            right.annotate(f"{h:.1f}", (length, h), (6, -6),
                            textcoords="offset points", color=shade, fontsize=8)  # fmt: skip
         c = np.array([0.0, 1.08e3 * max(fold.bending_length for fold in laid)])
         right.plot(c, paper.FOLDED_HEIGHT * c, color=MUTED, lw=1)
@@ -114,7 +104,23 @@ NOT_IN_SOURCE = (
 
 def page_of(results: Results) -> str:
     """The page of `results`, self-contained."""
-    return page(TITLE, list(_parts(results)))
+    summary = rows(results)
+    return page(
+        "studies/benchmark/benchmark.html",
+        TITLE,
+        version=results.made_with.get("cell", ""),
+        said=verdict_of(results),
+        claims=[("held" if c.held else "not held", c.says, c.here) for c in claims(results)],
+        asked=results.asked,
+        strips=[_strip_row(row) for row in summary],
+        ranges=[_range_row(row) for row in summary],
+        outside=_outside(results),
+        hidden=_hidden_effects(results),
+        figures={name: draw(results) for name, draw in FIGURES.items()},
+        photograph=photograph(results),
+        refused=[(r.part, r.reason) for r in results.results if isinstance(r, Refused)],
+        made_with=_made_with(results),
+    )
 
 
 def verdict_of(results: Results) -> Verdict:
@@ -136,85 +142,15 @@ def verdict_of(results: Results) -> Verdict:
     return Verdict(tone, headline, sentences, millimetres(strips.worst), "worst |d|, feedback")
 
 
-def _parts(results: Results) -> Iterator[str]:
-    yield masthead("Benchmark", results.made_with.get("cell", ""))
-    said = verdict_of(results)
-    yield verdict_box(said.tone, said.headline, said.sentences, said.figure, said.error)
-    claimed = [("held" if c.held else "not held", c.says, c.here) for c in claims(results)]
-    yield section(
-        "What the paper says, and what came out here",
-        table(("", "the paper's text", "here, through images"), claimed),
-    )
-    yield from _displacements(results)
-    yield from _range(results)
-    yield from _hidden_effects(results)
-    yield from _model(results)
-    yield from _motions(results)
-    refused = [(r.part, r.reason) for r in results.results if isinstance(r, Refused)]
-    yield section("What could not be measured", table(("part", "why"), refused))
-    yield section("Made with", definitions(_made_with(results), "rows"))
-
-
-def _displacements(results: Results) -> Iterator[str]:
-    summary = rows(results)
-    yield section(
-        "Displacement of the strips",
-        drawing(strips_figure(results), "displacement of each strip by each policy"),
-        table(
-            (
-                *("policy", "folded", "mean", "from", "to", "worst |d|", "on", "seen − true"),
-                *("repeats", "edges apart", "worst"),
-            ),
-            [_strip_row(row) for row in summary],
-        ),
-        note="One fold of each strip by each policy, closed loop through images, d as the camera "
-        "saw it, in mm; the softest strip on top. Negative: the layers touch too soon, as on the "
-        "triangle. Edges apart: once laid and released, by truth. Dashed and shaded: the paper's "
-        "numbers for its own ten fabrics.",
-    )
-    yield section(
-        "Repeatability",
-        drawing(repeats_figure(results), "folds of one strip with new noise"),
-        note=f"Folds of {results.asked.repeated} by each policy, each with new noise in the image: "
-        f"{results.asked.repeats}. The paper's fabrics also change from fold to fold; the "
-        "twin's do not.",
-    )
-
-
-def _range(results: Results) -> Iterator[str]:
-    summary, extent = rows(results), results.asked.extent
+def _outside(results: Results) -> str:
+    """How many strips lie outside of the range that was simulated, a policy after the other."""
     strays = [(p, *outside(results, p)) for p in THREE if p in results.asked.policies]
-    counted = "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of)
-    yield section(
-        "Simulated displacement over the paper's range",
-        drawing(range_figure(results), "simulated displacement of each policy"),
-        note="Shaded: all strips of the range in the rod, darker the middle 90 %, the line the "
-        "median. Squares: the strips folded through images. Strips outside of the range "
-        f"simulated: {counted or NO_VALUE}. The paper had one of ten outside.",
-    )
-    yield section(
-        "The range as maps",
-        drawing(maps_figure(results), "displacement over stiffness and damping"),
-        table(
-            ("policy", "mean |d|", "95 %", "worst", "no touch", "on the chain", "worst", "N"),
-            [_range_row(row) for row in summary],
-        ),
-        note=f"d in mm over {extent.grid} x {extent.grid} strips of the paper's (k, b) in the "
-        "rod, a logarithmic grid with corners; given the state, feedback with its noise and "
-        f"delay. On the chain, the other engine: {extent.chain} x {extent.chain} strips.",
-    )
-    yield section(
-        "Force that holds the fixed edge",
-        drawing(force_figure(results), "holding force of each policy"),
-        note="Mean over a fold from the take-over on, and the middle 90 % of the range. The "
-        "paper's strip weighs 9.7 N; the force decides whether a loose edge slips.",
-    )
+    return "; ".join(f"{p} {out} of {of}" for p, out, of in strays if of) or NO_VALUE
 
 
-def _hidden_effects(results: Results) -> Iterator[str]:
+def _hidden_effects(results: Results) -> dict[str, Any]:
+    """Misses with effects that no policy knows: a row an effect, a column a policy."""
     policies = [policy for policy in results.asked.policies if results.hidden_folds(policy)]
-    if not policies:
-        return
     found = {
         (r.policy, r.effect): misses_text(r) for p in policies for r in results.hidden_folds(p)
     }
@@ -223,62 +159,7 @@ def _hidden_effects(results: Results) -> Iterator[str]:
         (effect.replace("_", " ") or "none", *(found.get((p, effect), NO_VALUE) for p in policies))
         for effect in effects
     ]
-    yield section(
-        "Effects that the policy does not know",
-        table(("hidden", *policies), misses),
-        note="|d| in mm, mean / 95 % / worst, of strips drawn at random over the paper's range, "
-        "each with the effect at a size that textiles have, in the rod, observed with the noise "
-        f"and delay of images: {results.asked.extent.hidden} strips each. `planned` knows the "
-        "strip, not its effect.",
-    )
-
-
-def _model(results: Results) -> Iterator[str]:
-    yield section(
-        "The folded strip",
-        drawing(folded_figure(results), "folded strips at rest and their height"),
-        note="Folded and let go on the chain, from soft to stiff. The height h that the paper "
-        "uses for stiffness is 0.9066 bending lengths for the heavy elastica.",
-    )
-    yield section(
-        "Critical points",
-        drawing(critical_figure(results), "gripper position at the first touch"),
-        note="Where the gripper stands when the layers first touch while it moves level at "
-        "height z [mm]. Areas: all dampings of the paper's range, the line its least one. The "
-        "paper's measured points are not in its source.",
-    )
-    yield section(
-        "Strip states in a level motion",
-        drawing(level_figure(results), "strip states in a level motion"),
-        note="Bold: the first state in which the layers touch; the fold snaps just before.",
-    )
-
-
-def _motions(results: Results) -> Iterator[str]:
-    seen = photograph(results)
-    picture = f'<figure><img src="data:image/jpeg;base64,{seen}" alt="" width="100%"></figure>'
-    yield section(
-        "What the controller sees",
-        picture if seen else "",
-        note="A rendered image of a fold by feedback. Red: the line searched for the desk "
-        "contact (green). Blue: the gripper. Black: triangle and circle.",
-    )
-    yield section(
-        "State, action and displacement",
-        drawing(measures_figure(results), "state and action, and the lengths at the touch"),
-        note="Feedback decides the direction φ from gripper x, z and desk contact x. At the "
-        "first touch l₁ and l₂ give the displacement.",
-    )
-    yield section(
-        "Feedback on one strip",
-        drawing(policy_figure(results), "strip states under the learned policy"),
-        note="Green: the gripper's path under the learned policy. Dashed: triangle and circle.",
-    )
-    yield section(
-        "Adaptation to stiffness",
-        drawing(adaptation_figure(results), "paths for different stiffness"),
-        note="The learned policy's paths, blue for the softest strip, green for the stiffest.",
-    )
+    return {"head": ("hidden", *policies), "rows": misses}
 
 
 def _strip_row(row: Row) -> tuple[str, ...]:
@@ -300,3 +181,18 @@ def _made_with(results: Results) -> list[tuple[str, str]]:
     asked = results.asked
     rows = [("speed", f"{results.speed:g} m/s"), ("seed", str(asked.seed))]
     return [*rows, ("strips", ", ".join(asked.strips)), *results.made_with.items()]
+
+
+FIGURES = {
+    "strips": strips_figure,
+    "repeats": repeats_figure,
+    "range": range_figure,
+    "maps": maps_figure,
+    "force": force_figure,
+    "folded": folded_figure,
+    "critical": critical_figure,
+    "level": level_figure,
+    "measures": measures_figure,
+    "policy": policy_figure,
+    "adaptation": adaptation_figure,
+}

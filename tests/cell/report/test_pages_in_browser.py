@@ -1,15 +1,31 @@
 """Pages in a reader's browser: on a phone and on a desk, by day and by night, nothing is wrong."""
 
+import json
+import re
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from cell.gap.report.page import write_report as write_gap_report
+from cell.record.run import read_run
+from cell.record.tick import Tick
+from cell.record.writer import RunWriter
+from cell.report.calibration_page import write_calibration_report
 from cell.report.compare import write_comparison
 from cell.report.page import write_report
 from cell.report.runs_page import write_runs_page
+from cell.studies.benchmark.page import page_of
+from cell.studies.campaign import kept_outcomes
+from cell.studies.page import write_page
+from drivers.types import Frame
+from tests.cell.conftest import HEADER
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
+from tests.cell.studies.benchmark.test_benchmark import measured
+from tests.cell.studies.test_studies import filled
 from tests.support.browser import FOUND, LOOKS, Browser, browser
 from tests.support.listed_runs import list_runs
 
@@ -26,13 +42,39 @@ def reader() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def pages(finished: Path, killed: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with a film, a second of it before its states begin."""
+    place = tmp_path_factory.mktemp("filmed")
+    writer = RunWriter.create(place, HEADER, "all", patient=True, film="libx264")
+    for k in range(60):
+        stamp = k / 30 - 1.0
+        image = np.full((72, 128, 3), 4 * k, np.uint8)
+        writer.frame(Frame(stamp, stamp + 0.02, "made", k, image))
+        writer.tick(Tick(k / 60, 0.6 - 0.01 * k, 0.1, 0.0, 0.6, 0.1, "FOLD"))
+    writer.finish({"outcome": "path_done"})
+    return writer.folder
+
+
+@pytest.fixture(scope="module")
+def pages(
+    finished: Path, killed: Path, filmed: Path, tmp_path_factory: pytest.TempPathFactory
+) -> list[Path]:
     place = tmp_path_factory.mktemp("pages")
     gap = place / "gap.html"
     write_gap_report(*judged(Curves(hidden(bump, 0.3))), gap)
     compared = write_comparison([finished, killed], place / "compare.html")
     listed = write_runs_page(list_runs(finished.parent), place / "runs.html")
-    return [write_report(finished), write_report(killed), gap, compared, listed]
+    measured_page = place / "benchmark.html"
+    measured_page.write_text(page_of(measured()), "utf-8")
+    study = write_page(kept_outcomes(filled(place)))
+    made = [
+        study,
+        measured_page,
+        write_report(finished),
+        write_report(killed),
+        write_report(filmed),
+    ]
+    return [*made, gap, compared, listed, write_calibration_report(finished / "calibration.yaml")]
 
 
 @pytest.mark.parametrize("look", LOOKS, ids=lambda look: f"{look.width}-{look.scheme}")
@@ -43,16 +85,145 @@ def test_pages_show_no_error_no_overflow_and_text_that_can_be_read(
     assert not {name: problems for name, problems in found.items() if problems}
 
 
+POKE = """document.querySelectorAll('.pad').forEach((pad) => {
+  const box = pad.getBoundingClientRect(), at = {bubbles: true, cancelable: true, ctrlKey: true,
+    clientX: box.x + 0.4 * box.width, clientY: box.y + 0.5 * box.height, view: window};
+  pad.dispatchEvent(new PointerEvent("pointermove", {...at, pointerType: "mouse"}));
+  pad.dispatchEvent(new WheelEvent("wheel", {...at, deltaY: -300}));
+  pad.dispatchEvent(new PointerEvent("pointermove", {...at, pointerType: "touch"}));
+})"""
+
+
+def test_every_figure_is_read_and_zoomed_without_an_error(
+    pages: list[Path], reader: Browser
+) -> None:
+    for page in pages:
+        reader.problems(page, LOOKS[2])
+        reader.evaluate(POKE)
+        still = "document.querySelectorAll('figure[role=img] svg:not([data-chart])').length"
+        assert reader.evaluate(still) == 0, page.name
+        assert not reader.complaints, page.name
+
+
+class Chart:
+    """The figure called `says` of a page that a reader looks at; `panel` of those it can read."""
+
+    def __init__(self, reader: Browser, page: Path, says: str, panel: int) -> None:
+        reader.problems(page, LOOKS[2])
+        self.reader, self.svg = reader, f"document.querySelector('[aria-label*=\"{says}\"] svg')"
+        self.pad = f"{self.svg}.querySelectorAll('.pad')[{panel}]"
+        reader.evaluate(f"{self.pad}.scrollIntoView({{block: 'center'}})")
+        drawn = "requestAnimationFrame(() => requestAnimationFrame(done))"
+        reader.evaluate(f"new Promise((done) => {drawn})")  # until scrolling was announced
+
+    def at(self, across: float, up: float, *kinds: str, **more: Any) -> str:
+        """Do `kinds` of things at a place of the panel (shares), and read what the card says."""
+        box = self.reader.evaluate(f"{self.pad}.getBoundingClientRect().toJSON()")
+        x, y = box["x"] + across * box["width"], box["y"] + (1 - up) * box["height"]
+        self.reader.point(x, y, *kinds, **more)
+        card = "[...document.querySelectorAll('.reading:not([hidden]) p')].map(p => p.innerText)"
+        return str(self.reader.evaluate(f"{card}.join('; ').replace(/\\s+/g, ' ')"))
+
+    def shape(self) -> str:
+        """What the figure shows, without what only follows the pointer."""
+        quiet = "querySelectorAll('.rule, .ticks').forEach(e => e.remove())"
+        return str(
+            self.reader.evaluate(f"(c => (c.{quiet}, c.innerHTML))({self.svg}.cloneNode(1))")
+        )
+
+
+@pytest.fixture
+def signals(reader: Browser, finished: Path) -> Chart:
+    return Chart(reader, write_report(finished), "signals over time", 1)
+
+
+def limits(page: Path, figure: int) -> list[dict[str, Any]]:
+    found = re.findall(r'data-chart="([^"]*)"', page.read_text("utf-8"))
+    return list(json.loads(unescape(found[figure])))
+
+
+def test_pointer_reads_all_signals_of_a_moment_in_their_units(
+    signals: Chart, finished: Path
+) -> None:
+    said = signals.at(0.3, 0.5, "mouseMoved")
+    first, last = limits(finished / "report.html", 1)[1]["x"]["limits"]
+    t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
+    assert float(re.search(r"t (\S+) s", said)[1]) == pytest.approx(t, abs=0.03)
+    for name, column in (("gripper x", ticks.x), ("gripper z", ticks.z)):
+        wanted = 1e3 * float(np.interp(t, ticks.t, column))
+        assert float(re.search(rf"{name} (\S+) mm", said)[1]) == pytest.approx(wanted, abs=2.0)
+    assert "FOLD" in said
+
+
+def test_zoom_is_shared_keeps_values_and_is_taken_back(signals: Chart) -> None:
+    before, said = signals.shape(), signals.at(0.3, 0.5, "mouseMoved")
+    zoomed = signals.at(0.3, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
+    zoomed = signals.at(0.3, 0.5, "mouseMoved")
+    assert signals.shape() != before
+    parts = "[...new Set([...document.querySelectorAll('.pad')].filter(p => p.closest('svg') ==="
+    parts = f"{parts} {signals.svg}).map(p => p.__zoom.toString()))].length"
+    assert signals.reader.evaluate(parts) == 1
+    for name in ("gripper x", "gripper z"):
+        was, now = (float(re.search(rf"{name} (\S+) mm", text)[1]) for text in (said, zoomed))
+        assert now == pytest.approx(was, abs=1.0)
+    signals.reader.evaluate(
+        f"{signals.svg}.querySelector('.whole').dispatchEvent(new Event('click'))"
+    )
+    assert signals.shape() == before
+
+
+def test_name_in_the_legend_hides_its_curve(signals: Chart) -> None:
+    assert "contact x" in signals.at(0.3, 0.5, "mouseMoved")
+    press = (
+        f"[...{signals.svg}.querySelectorAll('.switch')].find(t => t.textContent === 'contact x')"
+    )
+    for shown in (False, True):
+        signals.reader.evaluate(f"{press}.dispatchEvent(new Event('click'))")
+        assert ("contact x" in signals.at(0.31, 0.5, "mouseMoved")) is shown
+
+
+def test_point_of_the_path_is_read_where_it_lies(reader: Browser, finished: Path) -> None:
+    page = write_report(finished)
+    axes = limits(page, 0)[0]
+    ticks = read_run(finished).ticks
+    k = len(ticks.t) // 4
+    (left, right), (low, high) = axes["x"]["limits"], axes["y"]["limits"]
+    across = (1e3 * ticks.x[k] - left) / (right - left)
+    chart = Chart(reader, page, "side view", 0)
+    said = chart.at(across, (1e3 * ticks.z[k] - low) / (high - low), "mouseMoved")
+    assert "gripper" in said
+    for name, value in (("x", ticks.x[k]), ("z", ticks.z[k])):
+        found = re.search(rf"; {name} (\S+) mm", said)
+        assert float(found[1].replace("−", "-")) == pytest.approx(1e3 * value, abs=6.0)
+
+
+def test_click_on_the_curves_leads_the_film_also_when_zoomed(reader: Browser, filmed: Path) -> None:
+    chart = Chart(reader, write_report(filmed), "signals over time", 1)
+    first, last = limits(filmed / "report.html", 1)[1]["x"]["limits"]
+    wait = "new Promise(r => film.readyState ? r() : film.addEventListener('loadedmetadata', r))"
+    reader.evaluate(f"(film => {wait})(document.querySelector('video'))")
+    for across in (0.25, 0.6):
+        chart.at(across, 0.5, "mousePressed", "mouseReleased", button="left", clickCount=1)
+        begun = reader.evaluate("document.querySelector('video').currentTime") - 1.0
+        assert begun == pytest.approx(first + across * (last - first), abs=0.02)
+        chart.at(across, 0.5, "mouseWheel", deltaX=0, deltaY=-400, modifiers=2)
+        line = reader.evaluate(f"{chart.svg}.querySelector('.now').getBoundingClientRect().x")
+        pad = reader.evaluate(f"{chart.pad}.getBoundingClientRect().toJSON()")
+        assert line == pytest.approx(pad["x"] + across * pad["width"], abs=3.0)
+        reader.evaluate(f"{chart.svg}.querySelector('.whole').dispatchEvent(new Event('click'))")
+
+
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:
     page = tmp_path / "bad.html"
     page.write_text(
         "<p style='color:#999'>faint</p><p style='font-size:7px'>small</p>"
-        "<img src='none.png'><div style='width:3000px'>wide</div><script>nothing()</script>"
+        "<img src='none.png'><video src='none.mp4'></video>"
+        "<div style='width:3000px'>wide</div><script>nothing()</script>"
         "<svg width=100 height=20><rect width=100 height=20 fill='#222'/>"
         "<text y=14 fill='#111'>hidden</text></svg>"
         "<table><td style='overflow-wrap:anywhere;width:1px'>one word below the other<td>x</table>"
     )
     found = " ".join(reader.problems(page, LOOKS[0]))
     for word in ("faint text, contrast 2.8", "small text 7.0", "broken picture", "overflow: 3",
-                 "Uncaught", "hidden", "squeezed cell"):  # fmt: skip
+                 "film that shows nothing", "Uncaught", "hidden", "squeezed cell"):  # fmt: skip
         assert word in found, word

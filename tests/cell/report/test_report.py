@@ -1,3 +1,4 @@
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -7,16 +8,20 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 import yaml
+from jinja2 import UndefinedError
 
+from cell.record.listing import read_row
 from cell.record.run import read_run
 from cell.record.tick import Tick
 from cell.record.writer import RunWriter
-from cell.report.drawing import page_svg
+from cell.report.compare import write_comparison
+from cell.report.drawing import as_svg, canvas, page_svg
 from cell.report.facts import advice
 from cell.report.figures import strip_figure
-from cell.report.markup import definitions, table
+from cell.report.kit import page as filled
 from cell.report.overlay import fold_tips, key_pictures, window_on
 from cell.report.page import report, write_report
+from cell.report.runs_page import write_runs_page
 from cell.report.verdict import verdict, verdict_of
 from cell.report.words import millimetres, outcome_title, seconds
 from drivers.errors import ConfigurationError
@@ -78,7 +83,6 @@ def test_page_is_well_formed_and_needs_nothing_else(page, dead_page):
         parsed = outline(text)
         assert parsed.open == []
         assert parsed.crossed == []
-        assert "script" not in parsed.tags
         assert all(a.startswith(("data:", "#", *BESIDE)) for a in parsed.addresses)
         assert "@import" not in text
         assert "url(http" not in text
@@ -257,9 +261,54 @@ def test_figures_take_their_colours_and_type_from_the_page(finished):
     assert not re.search(r"<svg[^>]* width=", svg)
 
 
-def test_text_from_a_run_cannot_become_markup():
-    assert "<b>" not in definitions([("strip", "<b>denim</b>")])
-    assert "<script" not in table(("a",), [("<script>",)])
+HOSTILE = "\"'><script>bad()</script>$_{[&"
+
+
+def test_text_from_a_run_cannot_become_markup(make_run, tmp_path):
+    folder = make_run(tmp_path, reason=HOSTILE, outcome="edges_apart")
+    header = yaml.safe_load((folder / "run.yaml").read_text())
+    hostile = {"strip": HOSTILE, "policy": HOSTILE, "provenance": {HOSTILE: HOSTILE}}
+    (folder / "run.yaml").write_text(yaml.safe_dump(header | hostile))
+    events = [{"t": 1.0, "kind": HOSTILE, "of": HOSTILE}]
+    events += [{"t": 0.0, "kind": "preflight", "checks": [{"name": HOSTILE, "reason": HOSTILE}]}]
+    (folder / "events.jsonl").write_text("".join(json.dumps(line) + "\n" for line in events))
+    compared = write_comparison([folder, folder], tmp_path / "compare.html")
+    listed = write_runs_page([read_row(folder)], tmp_path / "runs.html")
+    for made in (write_report(folder), compared, listed):
+        text = made.read_text("utf-8")
+        assert "<script>bad" not in text
+        assert HOSTILE.split("$")[0] in words(text)
+        parsed = outline(text)
+        assert (parsed.open, parsed.crossed) == ([], [])
+
+
+def test_fact_that_a_template_lacks_is_an_error():
+    with pytest.raises(UndefinedError, match="kicker"):
+        filled("report/templates/run.html", "title")
+
+
+def test_what_is_not_a_number_is_not_read():
+    with canvas(4, 3) as figure:
+        axes = figure.add_subplot()
+        axes.bar([0.0, 1.0], [2.0, float("nan")], label="bars")
+        axes.annotate("nowhere", (float("nan"), 1.0))
+        axes.text(0.5, 1.0, "here")
+        (found,) = json.loads(unescape(re.search(r'data-chart="([^"]*)"', as_svg(figure))[1]))
+    assert [cell[4] for cell in found["cells"]] == ["−0.4 to 0.4: bars 2"]
+    assert len(found["texts"]) == 1
+
+
+def test_figure_says_what_a_script_reads(page):
+    axes = json.loads(unescape(re.findall(r'data-chart="([^"]*)"', page)[1]))
+    assert [[curve["name"] for curve in each["curves"]] for each in axes[1:]] == [
+        ["gripper x", "contact x", "fold tip x"],
+        ["gripper z", "fold tip z", "gap of the layers"],
+    ]
+    assert "FOLD" in [cell[4] for cell in axes[0]["cells"]]
+    assert {each["share"] for each in axes} == {0}
+    assert [each["y"]["unit"] for each in axes[1:]] == ["mm", "mm"]
+    assert (axes[2]["x"]["name"], axes[2]["x"]["unit"]) == ("t", "s")
+    assert page.count("d3js.org") == 1
 
 
 def test_numbers_read_as_a_technician_writes_them():

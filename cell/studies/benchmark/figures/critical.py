@@ -41,7 +41,7 @@ def _panel(axes: Any, points: CriticalPoints) -> None:
         shade = scale(i / max(len(points.heights) - 1, 1))
         here = np.ma.masked_invalid(x[i])
         axes.fill_between(h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0)
-        axes.plot(h, x[i, :, 0], color=shade, lw=1.3)
+        axes.plot(h, x[i, :, 0], color=shade, lw=1.3, gid=f"gripper x, z = {1e3 * height:.0f} mm")
         axes.annotate(
             f"z = {1e3 * height:.0f}",
             (h[-1], x[i, -1, 0]),
@@ -49,7 +49,7 @@ def _panel(axes: Any, points: CriticalPoints) -> None:
             textcoords="offset points",
             va="center",
             fontsize=8,
-            color=shade,
+            color=MUTED,
             annotation_clip=False,
         )
     axes.set_xlabel("height h of the folded strip  [mm]")

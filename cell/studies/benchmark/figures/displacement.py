@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cell.report.drawing import INK, PAPER, RULE, as_svg, canvas
+from cell.report.drawing import GREEN, INK, PAPER, RULE, as_svg, canvas
 from cell.report.words import MINUS
 from cell.studies.benchmark import paper
 from cell.studies.benchmark.figures.style import (
@@ -60,13 +60,15 @@ def repeats_figure(results: Results) -> str:
             d = d[np.isfinite(d)]
             away = d - d.mean() if d.size else d
             widest = max(widest, float(np.max(np.abs(away), initial=0.0)))
-            axes.plot(away, np.full(d.size, row), **dot(policy), alpha=0.75, clip_on=False)
+            axes.plot(
+                away, np.full(d.size, row), **dot(policy), alpha=0.75, clip_on=False, gid=policy
+            )
         policy_rows(axes, policies)
         axes.set_xlim(-1.08 * widest, 1.08 * widest)
         axes.set_xlabel(f"d of {results.asked.repeated}, about the mean of its folds  [mm]")
         top = axes.get_xaxis_transform()
         text = f"paper: within {1e3 * paper.REPEATABILITY:.0f} mm"
-        axes.text(0, 1.02, text, transform=top, ha="center", color=BAND, fontsize=NOTE)
+        axes.text(0, 1.02, text, transform=top, ha="center", color=GREEN, fontsize=NOTE)
         return as_svg(figure)
 
 
@@ -132,7 +134,7 @@ def _paper_lines(axes: Any) -> None:
     axes.axvspan(-LIMIT, LIMIT, color=BAND, alpha=0.16, lw=0, zorder=0)
     style = {"transform": foot, "ha": "center", "va": "bottom", "fontsize": NOTE}
     box = {"facecolor": PAPER, "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
-    axes.text(0, 0.012, f"paper: feedback under {LIMIT:.0f}", color=BAND, zorder=3, **style)
+    axes.text(0, 0.012, f"paper: feedback under {LIMIT:.0f}", color=GREEN, zorder=3, **style)
     for policy, mean in paper.MEANS.items():
         place = 1e3 * mean
         axes.axvline(place, color=colour(policy), lw=0.9, ls=DASHES, alpha=0.8, zorder=1)
@@ -150,7 +152,8 @@ def _range_row(axes: Any, results: Results, policy: str, row: int) -> None:
         axes.barh(row, high - low, left=low, height=0.56, alpha=0.22, **shade)
         axes.plot([np.median(d)] * 2, [row - 0.28, row + 0.28], color=colour(policy), lw=1.6)
     seen = _d(results.folds(policy))
-    axes.plot(seen, np.full(seen.size, row), "s", ms=4.4, mfc=PAPER, mec=INK, mew=0.9, zorder=4)
+    mark = {"ms": 4.4, "mfc": PAPER, "mec": INK, "mew": 0.9, "zorder": 4}
+    axes.plot(seen, np.full(seen.size, row), "s", gid="through images", **mark)
 
 
 def _soft_to_stiff(results: Results) -> list[str]:

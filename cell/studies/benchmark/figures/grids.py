@@ -23,7 +23,7 @@ def maps_figure(results: Results) -> str:
     measured = [folds for folds in found if folds is not None]
     if not measured:
         return ""
-    with canvas(WIDTH, 2.35) as figure:
+    with canvas(WIDTH, 2.5) as figure:
         panels = figure.subplots(1, max(len(measured), FEWEST_COLUMNS), sharey=True, squeeze=False)[
             0
         ]
@@ -53,7 +53,7 @@ def force_figure(results: Results) -> str:
             low, high = np.quantile(folds.force, [0.05, 0.95])
             axes.plot([low, high], [row, row], color=colour(policy), lw=5, alpha=0.25)
             mean = float(np.mean(folds.force))
-            axes.plot(mean, row, **dot(policy))
+            axes.plot(mean, row, **dot(policy), gid=policy)
             axes.annotate(
                 f"{mean:.2f} N",
                 (high, row),
@@ -88,9 +88,9 @@ def _map(axes: Any, folds: RangeFolds) -> Any:
         spine.set_visible(False)
     size = np.abs(folds.d[np.isfinite(folds.d)])
     mean, worst = (size.mean(), size.max()) if size.size else (np.nan, np.nan)
-    axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=15)
-    caption = f"mean {numeral(float(mean))}, worst {numeral(float(worst))}"
-    axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=7.6, color=MUTED)
+    axes.set_title(folds.policy, fontsize=9.5, color=colour(folds.policy), loc="left", pad=25)
+    caption = f"mean {numeral(float(mean))}\nworst {numeral(float(worst))}"
+    axes.text(0, 1.03, caption, transform=axes.transAxes, fontsize=8.2, color=MUTED)
     axes.set_xlabel("stiffness  [N m/rad]", fontsize=8)
     return shown
 

@@ -48,7 +48,7 @@ def policy_figure(results: Results) -> str:
         desk(axes)
         _references(axes)
         _shapes(axes, found, INK)
-        axes.plot(*_mm(found.path).T, color=GREEN, lw=2.2)
+        axes.plot(*_mm(found.path).T, color=GREEN, lw=2.2, gid="gripper")
         axes.plot(*_mm(found.path)[-1], "o", color=GREEN, ms=5)
         _labels(axes)
         return as_svg(figure)
@@ -65,7 +65,9 @@ def adaptation_figure(results: Results) -> str:
         _references(axes)
         shades = stiffness_colours(len(found.paths))
         for path, c, shade in zip(found.paths, found.bending_lengths, shades, strict=True):
-            axes.plot(*_mm(path).T, color=shade, lw=1.5, label=f"{1e3 * c:.1f}")
+            name = f"{1e3 * c:.1f}"
+            gid = f"bending length {name} mm"
+            axes.plot(*_mm(path).T, color=shade, lw=1.5, label=name, gid=gid)
         axes.legend(
             title="bending length\n[mm]",
             title_fontsize=8.5,
@@ -98,8 +100,8 @@ def evolution(results: Results, policy: str) -> Evolution | None:
 
 def _shapes(axes: Any, found: Evolution, ink: str) -> None:
     for shape in found.shapes[:-1]:
-        axes.plot(*_mm(shape).T, color=MUTED, lw=0.8, alpha=0.75)
-    axes.plot(*smooth(_mm(found.shapes[-1])).T, color=ink, lw=2.2)
+        axes.plot(*_mm(shape).T, color=MUTED, lw=0.8, alpha=0.75, gid="strip")
+    axes.plot(*smooth(_mm(found.shapes[-1])).T, color=ink, lw=2.2, gid="strip, first touch")
     if found.touch_x is not None:
         axes.plot(1e3 * found.touch_x, 0, "o", color=ORANGE, ms=5.5, zorder=6)
         axes.annotate(
@@ -115,7 +117,7 @@ def _shapes(axes: Any, found: Evolution, ink: str) -> None:
 
 def _references(axes: Any) -> None:
     for name, path in (("triangular", triangular(LENGTH)), ("circular", circular(LENGTH))):
-        axes.plot(*(1e3 * path.points).T, color=colour(name), lw=1, ls=DASHES)
+        axes.plot(*(1e3 * path.points).T, color=colour(name), lw=1, ls=DASHES, gid=name)
         place = 1e3 * path.at(0.82 * path.length)
         axes.annotate(name, place, (-5, 5), textcoords="offset points", ha="right",
                       color=colour(name), fontsize=8.5)  # fmt: skip
@@ -125,7 +127,7 @@ def _state(axes: Any, found: Evolution) -> None:
     middle = len(found.shapes) // 3
     shape, phi = _mm(found.shapes[middle]), found.headings[middle]
     desk(axes)
-    axes.plot(*shape.T, color=INK, lw=2)
+    axes.plot(*shape.T, color=INK, lw=2, gid="strip")
     contact, gripper = 1e3 * found.contacts[middle], shape[-1]
     axes.plot(contact, 0, "x", color=GREEN, ms=8, mew=2, zorder=6)
     axes.annotate("desk contact x", (contact, 0), (0, -16), textcoords="offset points",
@@ -149,9 +151,9 @@ def _lengths(axes: Any, found: Evolution, touch_x: float, d: float) -> None:
     s = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape, axis=0).T))])
     upper = s[-1] - (d + touch_x)  # l1 = d + l2, and l2 is x where the lower layer lies flat
     desk(axes)
-    axes.plot(*(1e3 * shape[s <= touch_x]).T, color=ORANGE, lw=2.6)
-    axes.plot(*(1e3 * shape[(s >= touch_x) & (s <= upper)]).T, color=MUTED, lw=1.4)
-    axes.plot(*(1e3 * shape[s >= upper]).T, color=BLUE, lw=2.6)
+    axes.plot(*(1e3 * shape[s <= touch_x]).T, color=ORANGE, lw=2.6, gid="lower layer")
+    axes.plot(*(1e3 * shape[(s >= touch_x) & (s <= upper)]).T, color=MUTED, lw=1.4, gid="fold")
+    axes.plot(*(1e3 * shape[s >= upper]).T, color=BLUE, lw=2.6, gid="upper layer")
     axes.annotate("l₂", (500 * touch_x, 0), (0, -14), textcoords="offset points",
                   color=ORANGE, ha="center")  # fmt: skip
     place = 1e3 * shape[(s >= upper).nonzero()[0][0] :]

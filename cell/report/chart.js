@@ -1,0 +1,273 @@
+// D3 takes over the figures of a page: a pointer reads values off the paths, a drag, a pinch or
+// Ctrl and the wheel move and zoom, a name in a legend hides its curves.
+(() => {
+  const AT = 5, NEAR = 16; // from the pointer to a point that is read [pt]: before a field, beside one
+  const STEPS = 1000, MOST = 40; // steps of an axis; largest zoom
+  const card = document.createElement("div");
+  card.className = "reading";
+  card.hidden = true;
+
+  const scale = (axis, from, to) =>
+    (axis.scale === "log" ? d3.scaleLog() : d3.scaleLinear()).domain(axis.limits).range([from, to]);
+  const digits = (span) => Math.min(d3.precisionFixed(span / STEPS), span < 1 ? 9 : 2);
+  const spoken = (axis, value) => {
+    if (axis.words.length) return d3.least(axis.words, ([at]) => Math.abs(at - value))[1];
+    const fixed = `.${digits(Math.abs(axis.limits[1] - axis.limits[0]))}f`;
+    return `${d3.format(axis.scale === "log" ? ".3~g" : fixed)(value)} ${axis.unit}`.trim();
+  };
+  const pairs = /(-?[\d.]+) (-?[\d.]+)/g;
+
+  const set = (element, name, value) =>
+    value ? element.setAttribute(name, value) : element.removeAttribute(name);
+
+  // Points of a curve as pieces without a gap, in units of the drawing.
+  const pieces = (group) => {
+    const marks = [...group.querySelectorAll("use")];
+    if (marks.length) return marks.map((mark) => [[+mark.getAttribute("x"), +mark.getAttribute("y")]]);
+    const path = group.querySelector("path")?.getAttribute("d") ?? "";
+    return path.split("M").slice(1).map((piece) => [...piece.matchAll(pairs)].map(([, x, y]) => [+x, +y]));
+  };
+
+  class Panel {
+    constructor(svg, facts) {
+      Object.assign(this, facts, { svg, zoomed: d3.zoomIdentity, dots: [] });
+      this.group = svg.querySelector(`[id="${this.id}"]`);
+      const [left, top, right, bottom] = this.box;
+      this.scales = [scale(this.x, left, right), scale(this.y, bottom, top)];
+      for (const curve of this.curves) {
+        curve.group = this.group.querySelector(`[id="${curve.id}"]`);
+        curve.pieces = curve.read ? pieces(curve.group) : [];
+      }
+      this.curves = this.curves.filter((curve) => curve.group);
+      this.readable = this.curves.filter((curve) => curve.pieces.flat().length);
+      const ahead = ({ pieces }) => pieces.flat().every(([x], i, points) => !i || x >= points[i - 1][0] - 0.01);
+      this.along = !this.equal && !this.x.words.length && !this.y.words.length && this.readable.every(ahead);
+      this.movable = [...this.group.querySelectorAll("[id^=item-] :is(path, use)")].filter((e) => !e.closest("defs"))
+        .map((e) => ({ e, d: e.getAttribute("d"), x: e.getAttribute("x"), y: e.getAttribute("y") }));
+      this.moving = this.texts.map(([id, x, y]) => ({ e: this.group.querySelector(`[id="${id}"]`), x, y }))
+        .filter(({ e }) => e);
+      this.rule = d3.select(this.group).append("g").attr("class", "rule");
+      this.pad = d3.select(this.group).append("rect").attr("class", "pad")
+        .attr("x", left).attr("y", top).attr("width", right - left).attr("height", bottom - top);
+      this.group.append(...this.group.querySelectorAll("[id^=legend_]"));
+      this.pad
+        .on("pointermove pointerdown", (event) => this.read(event))
+        .on("pointerleave", (event) => event.pointerType === "mouse" && this.rest());
+    }
+
+    get mates() { return this.panels.filter((panel) => panel.share === this.share); }
+
+    get zooms() {
+      const plain = (axis) => ["linear", "log"].includes(axis.scale) && !axis.words.length;
+      return this.readable.length > 0 && plain(this.x) && plain(this.y) && !this.group.querySelector("image");
+    }
+
+    zoomable() {
+      const [left, top, right, bottom] = this.box, area = [[left, top], [right, bottom]];
+      this.zoom = d3.zoom().scaleExtent([1, MOST]).extent(area).translateExtent(area)
+        .filter((event) => !event.button && (event.type !== "wheel" || event.ctrlKey || event.metaKey) &&
+          (event.type !== "touchstart" || event.touches.length > 1))
+        .wheelDelta(({ deltaY, deltaMode }) => // a pinch on a trackpad comes as small steps
+          -deltaY * (deltaMode ? 0.05 : 0.002) * (Math.abs(deltaY) < 40 ? 8 : 1))
+        .on("zoom", (event) => this.follow(event.transform));
+      this.pad.call(this.zoom).classed("zooms", true);
+    }
+
+    // All panels that share the axis show the same part of it.
+    follow(t) {
+      const [left, , right] = this.box, start = ((left - t.x) / t.k - left) / (right - left);
+      for (const mate of this.mates) {
+        const [from, , to] = mate.box;
+        const shift = from - t.k * (from + start * (to - from));
+        const its = mate === this ? t : d3.zoomIdentity.translate(shift, t.y).scale(t.k);
+        mate.pad.property("__zoom", its);
+        mate.show(its);
+      }
+      this.rest();
+      this.whole(t.k > 1);
+    }
+
+    show(t) {
+      this.zoomed = t;
+      const zoomed = t.k > 1, X = (x) => t.applyX(x), Y = this.along ? (y) => y : (y) => t.applyY(y);
+      const moved = (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`;
+      for (const { e, d, x, y } of this.movable)
+        if (d) e.setAttribute("d", zoomed ? d.replace(pairs, moved) : d);
+        else {
+          e.setAttribute("x", zoomed ? X(+x) : x);
+          e.setAttribute("y", zoomed ? Y(+y) : y);
+          set(e, "visibility", !this.holds(X(+x), Y(+y)) && zoomed && "hidden");
+        }
+      for (const { e, x, y } of this.moving) {
+        set(e, "transform", zoomed && `translate(${X(x) - x} ${Y(y) - y})`);
+        set(e, "visibility", !this.holds(X(x), Y(y)) && zoomed && "hidden");
+      }
+      this.axis("x", t.rescaleX(this.scales[0]), zoomed);
+      if (!this.along) this.axis("y", t.rescaleY(this.scales[1]), zoomed);
+      this.svg.zoomed = t;
+      this.svg.dispatchEvent(new Event("zoomed"));
+    }
+
+    holds(x, y) {
+      const [left, top, right, bottom] = this.box;
+      return x >= left - 1 && x <= right + 1 && y >= top - 1 && y <= bottom + 1;
+    }
+
+    // Ticks of what is shown take the place of those that were drawn.
+    axis(which, shown, zoomed) {
+      const drawn = this.group.querySelectorAll(`[id^=${which}tick_]`);
+      for (const tick of drawn) set(tick, "display", zoomed && "none");
+      const [left, top, right, bottom] = this.box, along = which === "x";
+      const has = (what) => [...drawn].some((tick) => tick.querySelector(what));
+      const count = along ? 7 : 5, ticks = zoomed && drawn.length ? shown.ticks(count) : [];
+      const lines = d3.select(this.group).selectAll(`g.ticks.${which}`).data([0])
+        .join((enter) => enter.insert("g", ":nth-child(2)").attr("class", `ticks ${which}`));
+      const each = lines.selectAll("g").data(ticks).join("g")
+        .attr("transform", (v) => (along ? `translate(${shown(v)} 0)` : `translate(0 ${shown(v)})`));
+      if (has("path"))
+        each.selectAll("path").data([0]).join("path").attr("d", along ? `M0 ${top}V${bottom}` : `M${left} 0H${right}`);
+      if (has("text"))
+        each.selectAll("text").data((v) => [v]).join("text").text(shown.tickFormat(count))
+          .attr("x", along ? 0 : left - 3.5).attr("y", along ? bottom + 10 : 3);
+    }
+
+    whole(shown) {
+      const lowest = d3.greatest(this.mates, ({ box }) => box[3]), [, , right, bottom] = lowest.box;
+      lowest.back?.remove();
+      if (!shown) return;
+      lowest.back = d3.select(this.svg).append("g").attr("class", "whole")
+        .attr("role", "button").attr("tabindex", 0).attr("transform", `translate(${right - 38} ${bottom + 13})`)
+        .on("click keydown", (event) => {
+          event.stopPropagation();
+          if (event.type === "click" || event.key === "Enter") this.follow(d3.zoomIdentity);
+        });
+      lowest.back.append("rect").attr("width", 38).attr("height", 13).attr("rx", 3);
+      lowest.back.append("text").attr("x", 19).attr("y", 9.4).text("show all");
+    }
+
+    read(event) {
+      const [px, py] = d3.pointer(event, this.svg), t = this.zoomed;
+      const readable = this.mates.some((mate) => mate.readable.length);
+      const found = this.along && readable ? this.readAlong(px) : this.readPoint(px, py);
+      for (const mate of this.mates) mate.mark(found.share);
+      if (!found.rows.length) return this.rest();
+      card.replaceChildren(...[found.head, ...found.rows].filter(Boolean).map((row) => {
+        const line = document.createElement("p");
+        for (const [i, part] of [row].flat().entries()) {
+          const word = document.createElement(i === 1 ? "b" : "span");
+          word.textContent = part.text ?? part;
+          if (part.colour) word.style.setProperty("--key", part.colour);
+          line.append(word);
+        }
+        return line;
+      }));
+      if (t.k === 1 && this.zoom && event.pointerType === "mouse") {
+        const hint = document.createElement("small");
+        hint.textContent = "double click or Ctrl + wheel: zoom; drag: move";
+        card.append(hint);
+      }
+      card.hidden = false;
+      const { width, height } = card.getBoundingClientRect(), room = document.documentElement.clientWidth;
+      const beside = event.clientX + 16 + width < room ? event.clientX + 16 : event.clientX - 16 - width;
+      card.style.left = `${Math.max(6, Math.min(beside, room - width - 6))}px`;
+      card.style.top = `${Math.max(6, Math.min(event.clientY + 14, innerHeight - height - 6))}px`;
+    }
+
+    // What every curve over the shared axis is at one place of it.
+    readAlong(px) {
+      const rows = [], share = (px - this.box[0]) / (this.box[2] - this.box[0]);
+      for (const mate of this.mates) {
+        const at = mate.box[0] + share * (mate.box[2] - mate.box[0]), place = mate.zoomed.invertX(at);
+        mate.dots = [];
+        for (const curve of mate.readable) {
+          const [x, y] = (!curve.hidden && pointAt(curve.pieces, place)) || [];
+          if (y === undefined) continue;
+          mate.dots.push([mate.zoomed.applyX(x), y, colour(curve)]);
+          rows.push([{ text: curve.name, colour: colour(curve) }, spoken(mate.y, mate.scales[1].invert(y))]);
+        }
+        for (const [left, , right, , said] of mate.cells) if (place >= left && place < right) rows.unshift(said);
+      }
+      const axis = this.mates.map((mate) => mate.x).find(({ name }) => name) ?? this.x;
+      return { share, rows, head: [axis.name, spoken(axis, this.scales[0].invert(this.zoomed.invertX(px)))] };
+    }
+
+    // The point at the pointer, the field under it, or the point next to it.
+    readPoint(px, py) {
+      for (const mate of this.mates) mate.dots = [];
+      const under = ([left, top, right, bottom]) => px >= left && px < right && py >= top && py <= bottom;
+      const cell = this.cells.find(under);
+      const near = this.readable.filter((curve) => !curve.hidden).map((curve) => {
+        const away = ([x, y]) => Math.hypot(this.zoomed.applyX(x) - px, this.zoomed.applyY(y) - py);
+        const point = d3.least(curve.pieces.flat(), away);
+        return { curve, point, away: away(point) };
+      });
+      const best = d3.least(near, ({ away }) => away);
+      if (cell && !(best?.away < AT)) return { rows: [cell[4]] };
+      if (!(best?.away < NEAR)) return { rows: [] };
+      const [x, y] = best.point, tint = colour(best.curve);
+      this.dots = [[this.zoomed.applyX(x), this.zoomed.applyY(y), tint]];
+      const row = (axis, of, at) => [axis.name, spoken(axis, of.invert(at))];
+      const rows = [row(this.x, this.scales[0], x), row(this.y, this.scales[1], y)];
+      return { head: [{ text: best.curve.name, colour: tint }], rows };
+    }
+
+    mark(share) {
+      const [left, top, right, bottom] = this.box;
+      this.rule.selectAll("line").data(share === undefined ? [] : [left + share * (right - left)]).join("line")
+        .attr("x1", (x) => x).attr("x2", (x) => x).attr("y1", top).attr("y2", bottom);
+      this.rule.selectAll("circle").data(this.dots).join("circle")
+        .attr("cx", ([x]) => x).attr("cy", ([, y]) => y).attr("r", 2.6).style("fill", ([, , tint]) => tint);
+    }
+
+    rest() {
+      card.hidden = true;
+      for (const mate of this.mates) mate.rule.selectAll("*").remove();
+    }
+  }
+
+  // The point of the curve at `place`, between those that were drawn; of marks, the one that is next.
+  function pointAt(found, place) {
+    for (const piece of found) {
+      if (piece.length < 2) continue;
+      const after = d3.bisector(([x]) => x).left(piece, place);
+      if (after === 0 || after === piece.length) continue;
+      const [[x0, y0], [x1, y1]] = [piece[after - 1], piece[after]];
+      return [place, x1 > x0 ? y0 + ((y1 - y0) * (place - x0)) / (x1 - x0) : y1];
+    }
+    const marks = found.filter((piece) => piece.length === 1).map(([point]) => point);
+    const next = d3.least(marks, ([x]) => Math.abs(x - place));
+    return next && Math.abs(next[0] - place) < 3 ? next : null;
+  }
+
+  function colour(curve) {
+    const style = getComputedStyle(curve.group.querySelector("use, path"));
+    return style.stroke === "none" ? style.fill : style.stroke;
+  }
+
+  // A name in a legend hides and shows what it names.
+  function legends(svg, panels) {
+    for (const name of svg.querySelectorAll("[id^=legend_] text")) {
+      const curves = panels.flatMap((panel) => panel.curves).filter((curve) => curve.label === name.textContent);
+      if (!curves.length) continue;
+      const turn = (event) => {
+        if (event.type === "keydown" && event.key !== "Enter") return;
+        event.stopPropagation();
+        for (const curve of curves) curve.group.style.display = (curve.hidden = !curve.hidden) ? "none" : "";
+        name.classList.toggle("off", curves[0].hidden);
+      };
+      d3.select(name).classed("switch", true).attr("role", "button").attr("tabindex", 0).on("click keydown", turn);
+    }
+  }
+
+  document.body.append(card);
+  addEventListener("scroll", () => { card.hidden = true; }, true);
+  addEventListener("pointerdown", ({ target }) => { card.hidden ||= !target.matches(".pad"); });
+  for (const svg of document.querySelectorAll("svg[data-chart]")) {
+    const panels = JSON.parse(svg.dataset.chart).map((facts) => new Panel(svg, facts));
+    for (const panel of panels) {
+      panel.panels = panels;
+      if (panel.zooms) panel.zoomable();
+    }
+    legends(svg, panels);
+  }
+})();

@@ -1,0 +1,74 @@
+"""Pages from templates: Jinja2 with escaping, files beside the code, everything inlined."""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+Tone = Literal["good", "fair", "bad"]
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A table's cell that leads to `href`, a path from the page."""
+
+    text: str
+    href: str
+
+
+def page(template: str, title: str, /, **facts: Any) -> str:
+    """A whole HTML document: `template`, a path in the package `cell`, filled with `facts`.
+
+    What `title` and `facts` hold is escaped. Raises jinja2.UndefinedError for a fact that the
+    template uses and that is not there.
+    """
+    from markupsafe import Markup
+
+    body = _environment().get_template(template).render(facts)
+    frame = _environment().get_template("report/templates/base.html")
+    return frame.render(title=title, body=Markup(body), charts="<svg" in body)  # noqa: S704 escaped
+
+
+@cache
+def _environment() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    made = Environment(
+        loader=PackageLoader("cell", ""),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters |= {"keep_units": _keep_units, "with_code": _with_code}
+    made.globals["file"] = _file
+    return made
+
+
+def _file(name: str) -> "Markup":
+    """A file of this package as it is, for style and scripts."""
+    from markupsafe import Markup
+
+    return Markup(files("cell.report").joinpath(name).read_text(encoding="utf-8"))  # noqa: S704 ours
+
+
+def _keep_units(text: str) -> "Markup":
+    """`text` in which no line ends between a number and its unit or sign."""
+    from markupsafe import Markup, escape
+
+    kept = re.sub(r"(\d|±) (?=(?:mm|ms|s|%)\b|%|(?<=± )\d)", "\\1&nbsp;", str(escape(text)))
+    return Markup(kept)  # noqa: S704 escaped above
+
+
+def _with_code(line: str) -> "Markup":
+    """`line` with what stands between backticks as code."""
+    from markupsafe import Markup, escape
+
+    parts = str(escape(line)).split("`")
+    coded = (f"<code>{part}</code>" if i % 2 else part for i, part in enumerate(parts))
+    return Markup("".join(coded))  # noqa: S704 escaped above
