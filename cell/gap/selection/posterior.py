@@ -104,7 +104,7 @@ def posterior(
 ) -> Posterior:
     """Probabilities of the fitted sets; `probed` is the library as it responds at the base.
 
-    Where spreads of the base are `believed`, an effect that only they tell from the base is
+    Where spreads of the base are `believed`, an effect that only they separate from the base is
     material: what the base would have to strain for it counts as what it leaves.
     """
     about = _About.of(fits, probed, by, beliefs, believed=believed)

@@ -43,9 +43,9 @@ def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
     inside = np.isfinite(motion.torques[0])
     block = np.floor(motion.t[inside] / WIDTH).astype(int)
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
-    for found, told in zip((motion.v, motion.a), motion.shake[:, 0], strict=True):
+    for found, stated in zip((motion.v, motion.a), motion.shake[:, 0], strict=True):
         means, _ = average(found[inside].T, edges)
-        assert told == pytest.approx(means.std(), rel=0.3)
+        assert stated == pytest.approx(means.std(), rel=0.3)
 
 
 def test_torques_near_an_end_or_a_reading_that_is_absent_are_absent():
