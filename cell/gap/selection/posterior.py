@@ -98,9 +98,9 @@ def posterior(
     fits: Fits,
     probed: Sequence[Probed],
     by: LikelihoodScale,
+    beliefs: Beliefs = USUAL,
     *,
     believed: bool = False,
-    beliefs: Beliefs = USUAL,
 ) -> Posterior:
     """Probabilities of the fitted sets; `probed` is the library as it responds at the base.
 
