@@ -74,10 +74,11 @@ def investigate(
         fits = _refit_singles(subject, fitted, screened, simulate)
         fits = _refit_further(subject, fitted, fits, screened, simulate, progress)
     progress("judge", 0.8)
-    sets = posterior(fits, screened.probed, fits.scale)
-    choice = chosen(subject, simulate, fits, sets, gap=fitted.gap)
+    believed = subject.scope.believed
+    sets = posterior(fits, screened.probed, fits.scale, believed=believed)
+    choice = chosen(subject, simulate, fits, sets, gap=fitted.doubted)
     judged = judge(subject, choice, simulate, whole, rng)
-    sets = posterior(choice.fits, screened.probed, choice.by)
+    sets = posterior(choice.fits, screened.probed, choice.by, believed=believed)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
@@ -129,7 +130,16 @@ def _judged_base(
         tuple(localise(base, noise, allowed)),
         tuple(weak_directions(base)),
         tuple(scatter),
+        _is_strained(subject, base),
     )
+
+
+def _is_strained(subject: Subject, base: Estimate) -> bool:
+    """Whether the base fits by values that what is known of them all but rules out."""
+    known = [(v - p.start) / p.spread for p, v in zip(base.model.base, base.shared, strict=False)
+             if np.isfinite(p.spread)]  # fmt: skip
+    beyond = float(special.chdtrc(len(known), np.square(known).sum())) if known else 1.0
+    return subject.scope.believed and beyond < LEVEL
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:
@@ -197,7 +207,7 @@ def _refit_singles(
     least = by.least * by.inefficiency
     fits = Fits((base,))
     promising = any(s.gain > least for s in screened.singles)
-    if not (promising or fitted.gap or ranked_pairs(screened.known, 1, least)):
+    if not (promising or fitted.doubted or ranked_pairs(screened.known, 1, least)):
         return fits
     singles = [
         Score(s.names, s.gain, {}, after=begun[s.names[0]]) if s.names[0] in begun else s
@@ -231,7 +241,7 @@ def _refit_further(
 
     if len(fits.models) == 1 or is_exhausted(fits):
         return fits
-    unnamed = fitted.gap and not choose(fits).accepted.model.effects
+    unnamed = fitted.doubted and not choose(fits).accepted.model.effects
     if not unnamed and not _leaves_more(fits, anywhere=True):
         return fits
     progress("refit other single effects", 0.4)

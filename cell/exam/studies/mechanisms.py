@@ -1,5 +1,8 @@
 """Causes hidden in mechanisms of two to seven joints, found blind."""
 
+import resource
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -8,7 +11,7 @@ import numpy as np
 from cell.campaign.statistic import Quantity, Statistic
 from cell.campaign.study import Study, Values
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism.synthetic import OUTSIDE, TRACKED, make_runs
+from cell.gap.subject.mechanism.synthetic import OUTSIDE, TRACKED, amounts, make_runs
 from cell.gap.verdict.schema import Verdict
 
 TURN = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
@@ -26,38 +29,58 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else name
     if kind not in ("tracked", "outside", "nothing"):
         kind = "effect"
-    cart = bool(rng.random() < 0.2) and kind != "tracked"
+    cart = bool(rng.random() < 0.2) and kind != "tracked" and name != "bent_link"
     joints = 2 if cart else int(rng.integers(2, 5 if kind == "tracked" else 8))
     return {"kind": kind, "hidden": name, "joints": joints, "cart": cart,
             "size": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(2**31))}  # fmt: skip
 
 
 def measure(case: Values) -> Values:
-    """What the verdict says of a case: `right`, by `class`, `wrong` names."""
+    """What the verdict says of a case: `right`, by `class`, `wrong` names; whether each interval of
+    a size that was `covered` holds it; processor time `cpu` [s] and peak `memory` [MB].
+    """
+    hidden, joints, size, cart = (case[k] for k in ("hidden", "joints", "size", "cart"))
     with TemporaryDirectory() as place:
         folder = Path(place)
-        file = make_runs(folder, case["hidden"], case["joints"], case["size"], case["seed"],
-                         cart=case["cart"])  # fmt: skip
+        file = make_runs(folder, hidden, joints, size, case["seed"], cart=cart)
+        began = time.process_time()
         verdict = fit([folder / "runs"], file, folder / "out")
-    return {**score(case["hidden"], verdict), "verdict": verdict.verdict,
-            "named": [e.name for e in verdict.effects], "ambiguous": verdict.ambiguous}  # fmt: skip
+        cpu = time.process_time() - began
+    truth = amounts(hidden, joints, size, cart=cart)
+    return {**score(hidden, verdict), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
+            "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
+            "ambiguous": verdict.ambiguous}  # fmt: skip
 
 
 def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
     """Whether a verdict on what was `hidden` is right, right by class, or names what is not there.
 
-    Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open.
+    Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open, and
+    a class of effects claims one of them.
     """
     named = [e.name for e in verdict.effects]
     if hidden == "nothing":
         right = verdict.verdict == "no_gap"
         return {"right": right, "by_class": right, "wrong": bool(named)}
     if hidden in OUTSIDE:
-        return {"right": not named, "by_class": not named, "wrong": bool(named)}
+        right = verdict.verdict == "unexplained"
+        return {
+            "right": right,
+            "by_class": right,
+            "wrong": bool(named) or verdict.verdict == "ambiguous",
+        }
     others = [name for name in named if name != hidden]
     among = hidden in named or any(hidden in group for group in verdict.ambiguous)
     return {"right": named == [hidden] and not verdict.ambiguous,
             "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
+
+
+def coverage(hidden: str, truth: Mapping[str, float], verdict: Verdict) -> list[bool]:
+    """Whether the interval of each size that is known of a `hidden` effect holds the `truth`."""
+    found = next((e.parameters for e in verdict.effects if e.name == hidden), {})
+    return [(p.low is None or p.low <= truth[name]) and (p.high is None or truth[name] <= p.high)
+            for name, p in found.items() if name in truth]  # fmt: skip
 
 
 STUDY = Study(
@@ -70,6 +93,10 @@ STUDY = Study(
         Quantity("right", Statistic.SHARE, "%", 100.0, label="right", digits=0),
         Quantity("by_class", Statistic.SHARE, "%", 100.0, label="right by class", digits=0),
         Quantity("wrong", Statistic.SHARE, "%", 100.0, label="wrong names", digits=0),
+        Quantity("covered", Statistic.SHARE, "%", 100.0, label="sizes held", digits=0),
+        Quantity("cpu", Statistic.MEDIAN, "s", 1.0, label="median time", digits=0),
+        Quantity("cpu", Statistic.WORST_SIZE, "s", 1.0, label="longest time", digits=0),
+        Quantity("memory", Statistic.WORST_SIZE, "MB", 1.0, label="memory", digits=0),
     ),
     usual=120,
     quick=1,

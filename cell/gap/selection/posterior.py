@@ -95,10 +95,19 @@ class Posterior:
 
 
 def posterior(
-    fits: Fits, probed: Sequence[Probed], by: LikelihoodScale, beliefs: Beliefs = USUAL
+    fits: Fits,
+    probed: Sequence[Probed],
+    by: LikelihoodScale,
+    beliefs: Beliefs = USUAL,
+    *,
+    believed: bool = False,
 ) -> Posterior:
-    """Probabilities of the fitted sets; `probed` is the library as it responds at the base."""
-    about = _About.of(fits, probed, by, beliefs)
+    """Probabilities of the fitted sets; `probed` is the library as it responds at the base.
+
+    Where spreads of the base are `believed`, an effect that only they separate from the base is
+    material: what the base would have to strain for it counts as what it leaves.
+    """
+    about = _About.of(fits, probed, by, beliefs, believed=believed)
     chance = beliefs.expected / max(len(probed), 2.0 * beliefs.expected)
     odds = float(special.logit(chance))
     nats = [about.evidence(m.estimate) + odds * len(m.model.effects) for m in fits.models]
@@ -119,7 +128,13 @@ class _About:
 
     @classmethod
     def of(
-        cls, fits: Fits, probed: Sequence[Probed], by: LikelihoodScale, beliefs: Beliefs
+        cls,
+        fits: Fits,
+        probed: Sequence[Probed],
+        by: LikelihoodScale,
+        beliefs: Beliefs,
+        *,
+        believed: bool,
     ) -> "_About":
         """Wild samples are judged at the best fit, alike for all sets: each at its own would let a
         bad model call what it does not explain wild.
@@ -127,7 +142,8 @@ class _About:
         base, best = fits.base.estimate, min(fits.models, key=lambda m: m.estimate.objective)
         r = _in_units_of(base, best.estimate)[0] / by.scale
         weight = np.sqrt(robust.weights(r) / by.inefficiency) / by.scale
-        return cls(base, weight, _spikes(base, probed, beliefs.immaterial), beliefs)
+        spikes = _spikes(base, probed, beliefs.immaterial, believed=believed)
+        return cls(base, weight, spikes, beliefs)
 
     def evidence(self, fit: Estimate) -> float:
         """Log evidence [nats] of a fit, averaged over how wrong its laws may be."""
@@ -188,9 +204,12 @@ def _smooth(t: Array, error: Array, memory: float) -> Array:
     return np.asarray(near * local[:, None] * local + np.eye(len(t)))
 
 
-def _spikes(base: Estimate, probed: Sequence[Probed], immaterial: float) -> dict[str, Array]:
+def _spikes(
+    base: Estimate, probed: Sequence[Probed], immaterial: float, *, believed: bool
+) -> dict[str, Array]:
     """Whitened responses (N, k) by name to immaterial amounts of each effect: in all the ways that
-    it was probed, no more than the share `immaterial` of the floor once the base has moved.
+    it was probed, no more than the share `immaterial` of the floor once the base has moved, the
+    base's strain included where its spreads are `believed`.
     """
     about = projection(base, robustly=False)
     floors = [run.samples.floor for run in base.evidence.runs]
@@ -199,7 +218,8 @@ def _spikes(base: Estimate, probed: Sequence[Probed], immaterial: float) -> dict
     found = {}
     for p in probed:
         ways = np.concatenate([group[:, :1] for group in p.responses], axis=1)
-        norms = np.linalg.norm(about.left(ways), axis=0)
+        left = about.left(ways)
+        norms = np.sqrt(np.sum((ways if believed else left) * left, axis=0))
         seen = norms > 1e-6
         if seen.any():
             found[p.candidate.name] = ways[:, seen] * (size / norms[seen] / np.sqrt(seen.sum()))

@@ -189,7 +189,8 @@ class Scope:
 
     `terms` are never causes: they describe what stays unexplained. `scatter` names the random
     unknowns of runs. `left` is the share of the excess gap that several effects named together
-    may leave: more, and they only imitate a cause outside the library.
+    may leave: more, and they only imitate a cause outside the library. Where spreads of the base
+    are `believed`, a base that fits by values far beyond them is doubted as one that leaves a gap.
     """
 
     base: tuple[Parameter, ...]
@@ -198,6 +199,7 @@ class Scope:
     terms: tuple[Candidate, ...] = ()
     scatter: tuple[Scattering, ...] = ()
     left: float = 0.5
+    believed: bool = False
 
 
 class Subject(Protocol):

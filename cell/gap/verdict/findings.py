@@ -33,7 +33,8 @@ class Fitted:
 
     `inflation` by channel is the factor on the stated noise that repeats demand; `drift` is None
     where no condition was repeated; `weak` are directions that the runs do not determine, `scatter`
-    the quantities that differ from run to run.
+    the quantities that differ from run to run; `strained` where it fits by values that what was
+    known of them all but rules out.
     """
 
     base: Validated
@@ -43,6 +44,12 @@ class Fitted:
     places: tuple[Bin, ...]
     weak: tuple[Undetermined, ...]
     scatter: tuple[Spread, ...] = ()
+    strained: bool = False
+
+    @property
+    def doubted(self) -> bool:
+        """Whether an effect is looked for that would explain more than the base does."""
+        return self.gap or self.strained
 
     @property
     def gap(self) -> bool:

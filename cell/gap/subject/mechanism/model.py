@@ -126,10 +126,12 @@ def compile_model(
         spec.option.timestep = step
         if spec.option.integrator == mujoco.mjtIntegrator.mjINT_EULER:
             spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        return spec.compile()
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ConfigurationError(f"{origin}: does not load: {reason[:160]}; mend it") from None
+    model.body_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE  # or edited frames are ignored
+    return model
 
 
 def check_joints(model: Any, origin: str) -> None:

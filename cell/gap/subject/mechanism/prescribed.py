@@ -13,7 +13,9 @@ from typing import Any
 import mujoco
 import numba
 import numpy as np
-from scipy.signal import savgol_filter
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, filtfilt, welch
 
 from cell.gap.subject.mechanism.case import Case, ModelFields
 from cell.gap.subject.mechanism.model import Mechanism
@@ -21,16 +23,22 @@ from cell.gap.subject.mechanism.passive import Torques
 from cell.gap.subject.mechanism.runs import Recording
 from drivers.types import Array, frozen
 
-ORDER = 3  # of the local polynomials that smooth and differentiate
+ORDER = 3  # of the Butterworth filter, run forth and back
+CUTOFF = 1.5  # of the frequency that holds most of the rate; Butterworth's passband is flat below
+MOST, FLOOR = 0.99, 10.0  # of the rate's power, beyond so many times the encoder's noise
+SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
+SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
-PER_WIDTH = 6  # places of the motion that are kept within a filter's width
 KEPT = 2048  # inverse dynamics that are remembered
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
     """A measured motion on an even grid: `t` (m,) [s]; `q`, `v`, `a` (m, joints) and the measured
-    `torques` (signals, m), all smoothed alike.
+    `torques` (signals, m), all low-passed alike below `cutoff` [rad/s].
+
+    `shake` (2, joints) is one sigma of the errors of v and a that noise of the encoders makes in
+    the means of samples.
     """
 
     name: str
@@ -39,39 +47,83 @@ class Motion:
     v: Array
     a: Array
     torques: Array
+    cutoff: float
+    shake: Array
 
 
 def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str],
-              pace: float) -> Motion:  # fmt: skip
-    """The motion of a recording, smoothed by local cubics over a quarter of a radian at `pace`
-    [rad/s] (Savitzky and Golay 1964).
+              pace: float, width: float) -> Motion:  # fmt: skip
+    """The motion of a recording that moves at `pace` [rad/s], to be compared in samples of `width`
+    [s].
+
+    Positions and torques pass one filter without phase (Butterworth, forth and back), and rates are
+    those of the filtered positions: what is linear in a mechanism holds as well after as before.
     """
     t = recording.t
     dt = max(float(np.median(np.diff(t))), t[-1] / GRID)
     grid = np.arange(0.0, t[-1], dt)
-    width = max(5, 2 * round(0.25 / pace / dt) + 1)
-    width = min(width, (len(grid) - 1) // 2 * 2 - 1)
 
-    def even(name: str) -> Array:
-        x = recording.columns[name]
-        some = np.isfinite(x)
-        found = np.interp(grid, t[some], x[some])
-        gaps = np.interp(grid, t, some.astype(float)) < 1.0
-        return np.where(gaps, np.nan, found) if name in torques else found
+    def even(names: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
+        columns = [recording.columns[name] for name in names]
+        some = [np.isfinite(x) for x in columns]
+        values = [np.interp(grid, t[s], x[s]) for s, x in zip(some, columns, strict=True)]
+        return np.array(values), np.array([np.interp(grid, t, s) < 1.0 for s in some], dtype=bool)
 
-    q = np.array([even(name) for name in joints]).T
-    every = max(1, width // PER_WIDTH)
-    parts = [savgol_filter(q, width, ORDER, deriv=k, delta=dt, axis=0)[::every] for k in range(3)]
-    smooth = np.array([_smooth(even(name), width)[::every] for name in torques])
-    at, speed, acceleration = map(frozen, parts)
-    return Motion(recording.name, frozen(grid[::every]), at, speed, acceleration, frozen(smooth))
+    raw, lost = even(joints)
+    measured, absent = even(torques)
+    cutoff = min(_cutoff(raw, dt, pace), 0.8 * np.pi / dt)
+    smooth = _low_pass(measured, dt, cutoff)
+    reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
+    for row, gaps in zip(smooth, absent | np.any(lost, axis=0, keepdims=True), strict=True):
+        row[_near(gaps, reach)] = np.nan
+    filtered = _low_pass(raw, dt, cutoff)
+    white = (raw - filtered).std(axis=1) / np.sqrt(1.0 - cutoff * dt / np.pi)
+    shake = np.outer(_noise_gain(dt, cutoff, width), white)
+    every = max(1, int(1.0 / cutoff / dt))
+    q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
+    return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
+                  cutoff, frozen(shake))  # fmt: skip
 
 
-def _smooth(x: Array, width: int) -> Array:
-    """A column filtered as the motion is; absent where a reading within the filter is."""
-    some = np.isfinite(x)
-    found = savgol_filter(np.where(some, x, 0.0), width, ORDER)
-    return np.where(np.convolve(~some, np.ones(width), "same") > 0.5, np.nan, found)
+def _cutoff(q: Array, dt: float, pace: float) -> float:
+    """Frequency [rad/s] below which positions (joints, m) have nearly all of their rates' power;
+    what lies beyond is left to noise, whose accelerations grow with the cutoff's power of 2.5.
+    """
+    w, power = welch(q, 2.0 * np.pi / dt, nperseg=min(256, q.shape[1]))
+    noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
+    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
+    holds = [w[np.argmax(r >= MOST * r[-1])] for r in rates]
+    return float(np.clip(CUTOFF * max(holds), SLOWEST * pace, FASTEST * pace))
+
+
+def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
+    """Rows of x (n, m) without what is faster than `cutoff` [rad/s]."""
+    found: Array = filtfilt(*butter(ORDER, cutoff * dt / np.pi), x, axis=-1)
+    return found
+
+
+def _derivatives(t: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Columns x (m, n) over t (m,), and their first and second derivatives."""
+    spline = make_interp_spline(t, x, k=5)
+    return x, spline(t, nu=1), spline(t, nu=2)
+
+
+def _noise_gain(dt: float, cutoff: float, width: float) -> Array:
+    """Errors (2,) of mean rates and accelerations of filtered positions, of a unit of white noise
+    in each; means are over `width` [s].
+    """
+    box = np.ones(max(1, round(width / dt)))
+    half = len(box) + round(2.0 * SETTLED / cutoff / dt)
+    one = np.zeros((1, 2 * half + 1))
+    one[0, half - len(box) // 2 : half - len(box) // 2 + len(box)] = box / len(box)
+    made = _derivatives(dt * np.arange(2.0 * half + 1.0), _low_pass(one, dt, cutoff).T)
+    return np.array([np.linalg.norm(x) for x in made[1:]])
+
+
+def _near(gaps: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Where a gap, or an end, is nearer than `reach` readings."""
+    around = np.pad(gaps.astype(float), reach, constant_values=1.0)
+    return np.convolve(around, np.ones(2 * reach + 1), "valid") > 0.5
 
 
 class Prescribed:
@@ -88,6 +140,17 @@ class Prescribed:
         """Torques (signals, k) of each case at its readings."""
         with ThreadPoolExecutor(self._jobs) as pool:
             return list(pool.map(self._torque, cases))
+
+    def encoder_error(self, motion: Motion, t: Array) -> Array:
+        """Errors (torques, k) at times t (k,) that noise of the encoders makes in torques."""
+        model, (q, v, a) = self._model, (motion.q, motion.v, motion.a)
+        plain = self._inverse(motion, model, q, v, a, None)
+        squares = np.zeros_like(plain)
+        for error in np.diag(motion.shake[0]):
+            squares += (self._inverse(motion, model, q, v + error, a, None) - plain) ** 2
+        for error in np.diag(motion.shake[1]):
+            squares += (self._inverse(motion, model, q, v, a + error, None) - plain) ** 2
+        return np.abs(self._sensor_readings(np.sqrt(squares), model, motion, t))
 
     def _torque(self, case: Case) -> Array:
         model = copy.copy(self._model)
@@ -114,7 +177,7 @@ class Prescribed:
         for effect, values in case.paths:
             if effect.path is not None:
                 needed = needed - effect.path(self._mechanism, values, q, v)
-        return self._sensor_readings(needed, model, case)
+        return self._sensor_readings(needed, model, case.content.motion, case.content.cut.t)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
@@ -128,8 +191,8 @@ class Prescribed:
             rows.append(np.interp(case.content.cut.t, motion.t, row))
         return np.array(rows)
 
-    def _sensor_readings(self, needed: Array, model: Any, case: Case) -> Array:
-        """What the sensors of torque read of the torques (m, joints) that are needed."""
+    def _sensor_readings(self, needed: Array, model: Any, motion: Motion, t: Array) -> Array:
+        """What sensors of torque read at t (k,) of the torques (m, joints) that are needed."""
         rows = []
         base = self._mechanism.model
         for _, joint in self._mechanism.torques:
@@ -137,8 +200,7 @@ class Prescribed:
             gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
             gear = model.actuator_gear[number, 0]
             rows.append(needed[:, joint] / (gear * gain))
-        t = case.content.cut.t
-        return np.array([np.interp(t, case.content.motion.t, row) for row in rows])
+        return np.array([np.interp(t, motion.t, row) for row in rows])
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
                  case: Case | None) -> Array:  # fmt: skip
@@ -187,9 +249,8 @@ def _behind(
     """Motion of the links behind gears that twist or have play, under `torque` (m, joints)."""
     q, v, a = moved
     links = q - _turn(torque, values, kind)
-    dt, width = motion.t[1] - motion.t[0], 2 * PER_WIDTH + 1
-    bent, turn, jerk = (savgol_filter(links - q, width, ORDER, deriv=k, delta=dt, axis=0)
-                        for k in range(3))  # fmt: skip
+    smooth = _low_pass((links - q).T, motion.t[1] - motion.t[0], motion.cutoff)
+    bent, turn, jerk = _derivatives(motion.t, smooth.T)
     return q + bent, v + turn, a + jerk
 
 

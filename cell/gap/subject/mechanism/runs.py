@@ -187,15 +187,18 @@ def _rms(t: Array, x: Array) -> tuple[float, float]:
     return float(xm.std()), float(np.gradient(xm, tm).std()) if len(xm) > 2 else 0.0
 
 
-def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
-    """Readings in samples of `width` [s] at least.
+def width_of(recording: Recording, least: float) -> float:
+    """Width of the samples of a run [s]: `least`, or more where it has too many readings."""
+    return max(least, float(recording.t[-1]) * PER_BLOCK / MOST_READINGS)
 
-    At most PER_BLOCK of a sample and MOST_READINGS of a run are used. Readings in which any column
-    is absent are left out.
+
+def cut(recording: Recording, columns: Sequence[str], width: float) -> Cut:
+    """Readings in samples of `width` [s].
+
+    At most PER_BLOCK of a sample are used. Readings in which any column is absent are left out.
     """
     t = recording.t
     whole = np.array([recording.columns[c] for c in columns])
-    width = max(width, t[-1] * PER_BLOCK / MOST_READINGS)
     good = np.flatnonzero(np.isfinite(whole).all(axis=0))
     block = np.floor(t[good] / width).astype(np.int64)
     chosen, edges = list[int](), [0]

@@ -26,7 +26,7 @@ from cell.gap.subject.mechanism.library import (
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
 from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
-from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples
+from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples, width_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
 from cell.gap.subject.scene import Signal as Drawn
@@ -38,6 +38,7 @@ from cell.gap.subject.subject import (
     Request,
     Residuals,
     Run,
+    Samples,
     Scattering,
     Scope,
 )
@@ -105,7 +106,7 @@ class MechanismSubject:
                               f"keep the {b.field} of {b.owner} steady")
                    for b in self.opened.base if b.by_run]  # fmt: skip
         return Scope(tuple(base), tuple(c for c in candidates if c.name not in without),
-                     quantities, describing_terms(m), tuple(scatter))  # fmt: skip
+                     quantities, describing_terms(m), tuple(scatter), believed=True)  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
         return candidates(self._mechanism, self.opened.file.effects)
@@ -120,11 +121,12 @@ class MechanismSubject:
 
     def _run(self, recording: Recording) -> Run:
         o, m = self.opened, self._mechanism
-        made = cut(recording, [s.name for s in o.signals], BLOCK / o.pace)
+        names, width = [s.name for s in o.signals], width_of(recording, BLOCK / o.pace)
+        made = cut(recording, names, width)
         local: tuple[Parameter, ...] = ()
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
-            motion = motion_of(recording, joints, [s.name for s in o.signals], o.pace)
+            motion = motion_of(recording, joints, names, o.pace, width)
             filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
             good = np.isfinite(filtered).all(axis=0)
             made = _only(replace(made, values=filtered), good)
@@ -137,13 +139,17 @@ class MechanismSubject:
             local = self._initial(start)
             speed = np.gradient(made.values[0], made.t)
         mean_speed, _ = average(speed[None], made.edges)
+        known = samples(o.signals, made, mean_speed)
+        if isinstance(self._engine, Prescribed):
+            known = _with_shake(known, self._engine.encoder_error(content.motion, made.t), made)
         local += tuple(
             Parameter(f"{b.parameter.name}_run", b.parameter.unit, 0.0, -np.inf, np.inf,
                       b.parameter.step, b.by_run or 0.0, random=True, common=True)
             for b in self._by_run
         )  # fmt: skip
-        return Run(recording.name, recording.condition, samples(o.signals, made, mean_speed),
-                   local, (content, recording), recording.index)  # fmt: skip
+        return Run(
+            recording.name, recording.condition, known, local, (content, recording), recording.index
+        )
 
     def _start(self, recording: Recording) -> tuple[Array, Array]:
         """Positions and rates (joints,) in which the run begins, as measured or stated."""
@@ -317,6 +323,13 @@ def _only(made: Cut, good: NDArray[np.bool_]) -> Cut:
     block = np.repeat(np.arange(len(made.edges) - 1), np.diff(made.edges))[good]
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     return replace(made, t=made.t[good], values=made.values[:, good], edges=edges)
+
+
+def _with_shake(known: Samples, error: Array, made: Cut) -> Samples:
+    """Samples whose torques are as uncertain as the motion makes them: by `error` (torques, k)."""
+    _, squares = average(error, made.edges)  # torques come first
+    more = np.sqrt(np.concatenate([squares, np.zeros(len(known) - len(squares))]))
+    return replace(known, noise=np.hypot(known.noise, more), reading=np.hypot(known.reading, more))
 
 
 def _content(run: Run) -> Content:

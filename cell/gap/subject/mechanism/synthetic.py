@@ -19,7 +19,7 @@ from drivers.yaml_edit import dump_text
 
 RUNS, SPAN, STEP, EVERY = 8, 4.0, 4e-4, 10  # ... s, s, steps a reading
 ANGLE, TORQUE = 3e-4, 0.02  # rad, share of a joint's weight: one sigma of a reading
-STIFF = 300.0  # 1/rad: gain of a servo whose motor follows its command, of the weight it bears
+STIFF = 3e4  # 1/rad: gain of a servo that follows its command to 0.02 mrad, of the weight it bears
 Columns = dict[str, Array]
 
 
@@ -115,16 +115,21 @@ def _payload(m: Any, _c: Chain, s: float) -> None:
     m.body_mass[last] = whole
 
 
-def _constant(m: Any, _c: Chain, s: float) -> None:
-    m.actuator_gainprm[:, 0] *= 1.0 + 0.08 * s
-    m.actuator_biasprm[:, 1] *= 1.0 + 0.08 * s
-
-
 def _bend_link(m: Any, _c: Chain, s: float) -> None:
-    """A link that is bent: the last one leaves its joint at another angle."""
-    turn, last = np.zeros(4), m.nbody - 1
-    mujoco.mju_axisAngle2Quat(turn, np.array([0.6, 0.8, 0.0]), 0.12 * s)
-    m.body_quat[last] = turn
+    """A link that is bent and twisted: the last joint's axis stands askew on it.
+
+    Across the axis: a bend about it is what an encoder reads that is off.
+    """
+    turn = np.zeros(4)
+    x, y, _ = m.jnt_axis[-1]
+    mujoco.mju_axisAngle2Quat(turn, np.array([0.6 * y, -0.6 * x, 0.8]), 0.25 * s)
+    m.body_quat[-1] = turn
+
+
+def _constant(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
+    """Motors that give more for their current than it is taken for: known to 10 to 20 %."""
+    for i in range(c.joints):
+        columns[f"t{i + 1}"] /= 1.0 + 0.15 * s
 
 
 def _bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
@@ -159,15 +164,32 @@ def _supply(columns: Columns, c: Chain, s: float, rng: np.random.Generator) -> N
 
 EDITS: Mapping[str, Edit] = {
     "dry_friction": _friction, "quadratic_damping": _quadratic, "cable_spring": _spring,
-    "armature": _armature, "payload": _payload, "torque_constant": _constant,
-    "bent_link": _bend_link,
+    "armature": _armature, "payload": _payload, "bent_link": _bend_link,
 }  # fmt: skip
 READINGS: Mapping[str, Reading] = {
-    "torque_bias": _bias, "encoder_bias": _encoder, "loose_bolt": _bolt,
-    "catching_cable": _catch, "wandering_supply": _supply,
+    "torque_bias": _bias, "torque_constant": _constant, "encoder_bias": _encoder,
+    "loose_bolt": _bolt, "catching_cable": _catch, "wandering_supply": _supply,
 }  # fmt: skip
 TRACKED = ("control_delay", "joint_elasticity")
 OUTSIDE = ("loose_bolt", "catching_cable", "wandering_supply", "bent_link")
+
+
+def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dict[str, float]:
+    """What `hidden` by `size` is in the library's parameters; nothing for causes outside of it."""
+    weight = Chain.of(joints, cart=cart).weight
+    names = [f"j{i + 1}" for i in range(joints)]
+    each = {"dry_friction": ("torque", 0.06 * weight), "armature": ("inertia", 0.01 * weight),
+            "quadratic_damping": ("coefficient", 0.03 * weight),
+            "cable_spring": ("stiffness", 0.15 * weight),
+            "joint_elasticity": ("compliance", 0.02 / weight),
+            "torque_bias": ("torque", -0.06 * (-1.0) ** np.arange(joints) * weight),
+            "torque_constant": ("error", 0.15 * np.ones(joints))}  # fmt: skip
+    if hidden in each:
+        key, values = each[hidden]
+        return {f"{key}_{n}": size * float(v) for n, v in zip(names, values, strict=True)}
+    single = {"payload": ("mass", 0.15 * 0.7 ** (joints - 1)), "control_delay": ("time", 0.006),
+              "encoder_bias": (f"bias_{names[-1]}", 0.05)}  # fmt: skip
+    return {key: size * value for name, (key, value) in single.items() if name == hidden}
 
 
 def make_runs(
@@ -213,7 +235,6 @@ def _move(
     if hidden == "joint_elasticity":  # the servo's gain is the gear's stiffness: the link springs
         soft = chain.weight / (0.02 * size)
         model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 1] = soft, -soft
-        model.dof_damping[:] *= 0.3
     rates = pace * (1.5 + 0.6 * rng.random((2, n)))
     phases = rng.uniform(0.0, 6.3, (2, n))
     reach = 0.5 * 0.85 ** np.arange(n)

@@ -1,0 +1,93 @@
+"""Measured motion: filtered as its torques are, and as sure as its encoders are."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from cell.gap.fit import fit
+from cell.gap.subject.mechanism import synthetic
+from cell.gap.subject.mechanism.library import effect_of, ordered_values
+from cell.gap.subject.mechanism.prescribed import motion_of
+from cell.gap.subject.mechanism.runs import Recording, average
+from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
+from cell.gap.subject.run_folders import find_runs
+from cell.gap.subject.subject import Request
+from drivers.types import Array
+
+T = np.arange(0.0, 6.0, 0.004)
+PACE, WIDTH = 6.0, 0.06
+HIDDEN = (
+    "nothing", "dry_friction", "quadratic_damping", "cable_spring", "armature", "payload",
+    "torque_constant", "torque_bias", "encoder_bias", "control_delay", "joint_elasticity",
+)  # fmt: skip
+
+
+def recording(**columns: Array) -> Recording:
+    return Recording("00", "a", 0, T, columns)
+
+
+def test_a_linear_law_holds_for_the_filtered_motion_as_for_the_measured():
+    tones = [(0.5, 2.0), (0.2, 7.0), (0.05, 20.0)]  # rad, rad/s
+    q = sum(a * np.sin(w * T) for a, w in tones)
+    v = sum(a * w * np.cos(w * T) for a, w in tones)
+    a = -sum(a * w**2 * np.sin(w * T) for a, w in tones)
+    motion = motion_of(recording(j=q, tau=0.3 * a + 0.5 * v + 2.0 * q), ["j"], ["tau"], PACE, WIDTH)
+    predicted = (0.3 * motion.a + 0.5 * motion.v + 2.0 * motion.q)[:, 0]
+    assert np.nanmax(np.abs(motion.torques[0] - predicted)) < 0.01 * np.std(predicted)
+
+
+def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, len(T))
+    motion = motion_of(recording(j=noise, tau=0.0 * T), ["j"], ["tau"], PACE, WIDTH)
+    inside = np.isfinite(motion.torques[0])
+    block = np.floor(motion.t[inside] / WIDTH).astype(int)
+    edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
+    for found, stated in zip((motion.v, motion.a), motion.shake[:, 0], strict=True):
+        means, _ = average(found[inside].T, edges)
+        assert stated == pytest.approx(means.std(), rel=0.3)
+
+
+def test_torques_near_an_end_or_a_reading_that_is_absent_are_absent():
+    tau = np.sin(T)
+    tau[750] = np.nan
+    motion = motion_of(recording(j=np.sin(T), tau=tau), ["j"], ["tau"], PACE, WIDTH)
+    there = np.isfinite(motion.torques[0])
+    assert there[np.abs(motion.t - 2.0) < 0.5].all()
+    for near in (0.0, T[750], T[-1]):
+        assert not there[np.abs(motion.t - near) < 0.05].any()
+
+
+@pytest.mark.parametrize("hidden", HIDDEN)
+def test_what_is_hidden_in_a_mechanism_is_what_the_library_says_of_it(
+    tmp_path, monkeypatch, hidden
+):
+    monkeypatch.setattr(synthetic, "RUNS", 2)
+    monkeypatch.setattr(synthetic, "SPAN", 2.0)
+    file = synthetic.make_runs(tmp_path, hidden, 2, 1.0, 3)
+    mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
+    truth = synthetic.amounts(hidden, 2, 1.0)
+    assert left(mechanism, hidden, truth) < 1.2
+    if truth:
+        assert left(mechanism, hidden, {}) > 1.5
+
+
+def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -> float:
+    """What a model with the truth leaves of the first run, rms in units of noise; worst signal."""
+    values = ordered_values(effect_of(hidden), mechanism.opened.mechanism, truth) if truth else None
+    base = np.array([p.start for p in mechanism.scope.base])
+    run = mechanism.runs[0]
+    known = {} if values is None else {hidden: values}
+    (found,) = mechanism.simulate([Request(run, base, known, np.zeros(0))])
+    z = found.mean / run.samples.noise
+    rows = [run.samples.quantity == name for name in mechanism.scope.quantities]
+    return max(float(np.sqrt(np.mean(z[mine] ** 2))) for mine in rows)
+
+
+@pytest.mark.slow
+def test_a_payload_is_named_where_links_far_from_what_is_stated_would_do_as_well(tmp_path):
+    file = synthetic.make_runs(tmp_path, "payload", 2, 1.05, 128373791, cart=True)
+    verdict = fit([tmp_path / "runs"], file, tmp_path / "out")
+    assert [e.name for e in verdict.effects] == ["payload"]
+    mass = verdict.effects[0].parameters["mass"]
+    assert mass.low < synthetic.amounts("payload", 2, 1.05)["mass"] < mass.high
