@@ -27,7 +27,7 @@ def refitted(monkeypatch: pytest.MonkeyPatch, *, gain: float, gap: bool) -> list
     monkeypatch.setattr(investigate.search, "other_sign", lambda *_: [])
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     base = SimpleNamespace(estimate=None, model=SimpleNamespace(name="", names=frozenset()))
-    fitted: Any = SimpleNamespace(base=base, gap=gap)
+    fitted: Any = SimpleNamespace(base=base, doubted=gap)
     screened: Any = SimpleNamespace(known=None, singles=(Score(("seam",), gain, {}),))
     investigate._refit_singles(subject, fitted, screened, lambda _asked: [])
     return asked
@@ -69,7 +69,7 @@ def test_where_a_gap_has_no_name_yet_effects_beyond_the_best_are_refitted_too(
         merge=lambda _more: fits,
     )
     singles = tuple(Score((name,), 1.0, {}) for name in ("seam", "crease"))
-    fitted: Any = SimpleNamespace(gap=gap)
+    fitted: Any = SimpleNamespace(doubted=gap)
     screened: Any = SimpleNamespace(singles=singles)
     subject: Any = SimpleNamespace(scope=SimpleNamespace(candidates=()))
     investigate._refit_further(

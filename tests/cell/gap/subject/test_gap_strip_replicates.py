@@ -67,6 +67,6 @@ def test_a_response_along_the_path_of_a_replicate_is_that_along_its_own(strip: S
 
 def test_a_run_along_another_path_is_no_replicate(strip: Strip) -> None:
     first, other, second = (run.content for run in strip.runs)
-    leaders = strip._replicated
+    leaders = strip._replicates
     assert leaders[other.way.digest] is other
     assert leaders[first.way.digest] is leaders[second.way.digest]
