@@ -51,27 +51,54 @@ class Motion:
     shake: Array
 
 
+def cutoff_of(recordings: Sequence[Recording], joints: Sequence[str], pace: float) -> float:
+    """Frequency [rad/s] below which motions at `pace` [rad/s] have nearly all of their rates'
+    power, of the middle one of the `recordings`: what differs between them is noise.
+
+    What lies beyond is left to the encoders, whose noise in accelerations grows with the cutoff's
+    power of 2.5.
+    """
+    found = [_cutoff(recording, joints) for recording in recordings]
+    return float(np.clip(np.median(found), SLOWEST * pace, FASTEST * pace))
+
+
+def _cutoff(recording: Recording, joints: Sequence[str]) -> float:
+    grid = _grid(recording)
+    q, _ = _resample(recording, joints, grid)
+    w, power = welch(q, 2.0 * np.pi / (grid[1] - grid[0]), nperseg=min(256, len(grid)))
+    noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
+    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
+    return CUTOFF * max(float(w[np.argmax(r >= MOST * r[-1])]) for r in rates)
+
+
+def _grid(recording: Recording) -> Array:
+    """Even times (m,) [s] of a recording, as dense as its readings are in the middle."""
+    t = recording.t
+    return np.arange(0.0, t[-1], max(float(np.median(np.diff(t))), t[-1] / GRID))
+
+
+def _resample(
+    recording: Recording, names: Sequence[str], grid: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Columns (k, m) at the times `grid` (m,), and where they are absent."""
+    t, columns = recording.t, [recording.columns[name] for name in names]
+    some = [np.isfinite(x) for x in columns]
+    values = [np.interp(grid, t[s], x[s]) for s, x in zip(some, columns, strict=True)]
+    return np.array(values), np.array([np.interp(grid, t, s) < 1.0 for s in some], dtype=bool)
+
+
 def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str],
-              pace: float, width: float) -> Motion:  # fmt: skip
-    """The motion of a recording that moves at `pace` [rad/s], to be compared in samples of `width`
-    [s].
+              cutoff: float, width: float) -> Motion:  # fmt: skip
+    """The motion of a recording below `cutoff` [rad/s], to be compared in samples of `width` [s].
 
     Positions and torques pass one filter without phase (Butterworth, forth and back), and rates are
     those of the filtered positions: what is linear in a mechanism holds as well after as before.
     """
-    t = recording.t
-    dt = max(float(np.median(np.diff(t))), t[-1] / GRID)
-    grid = np.arange(0.0, t[-1], dt)
-
-    def even(names: Sequence[str]) -> tuple[Array, NDArray[np.bool_]]:
-        columns = [recording.columns[name] for name in names]
-        some = [np.isfinite(x) for x in columns]
-        values = [np.interp(grid, t[s], x[s]) for s, x in zip(some, columns, strict=True)]
-        return np.array(values), np.array([np.interp(grid, t, s) < 1.0 for s in some], dtype=bool)
-
-    raw, lost = even(joints)
-    measured, absent = even(torques)
-    cutoff = min(_cutoff(raw, dt, pace), 0.8 * np.pi / dt)
+    grid = _grid(recording)
+    dt = grid[1] - grid[0]
+    raw, lost = _resample(recording, joints, grid)
+    measured, absent = _resample(recording, torques, grid)
+    cutoff = min(cutoff, 0.8 * np.pi / dt)
     smooth = _low_pass(measured, dt, cutoff)
     reach = min(round(SETTLED / cutoff / dt), len(grid) // 10)
     for row, gaps in zip(smooth, absent | np.any(lost, axis=0, keepdims=True), strict=True):
@@ -83,17 +110,6 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
     return Motion(recording.name, frozen(grid[::every]), q, v, a, frozen(smooth[:, ::every]),
                   cutoff, frozen(shake))  # fmt: skip
-
-
-def _cutoff(q: Array, dt: float, pace: float) -> float:
-    """Frequency [rad/s] below which positions (joints, m) have nearly all of their rates' power;
-    what lies beyond is left to noise, whose accelerations grow with the cutoff's power of 2.5.
-    """
-    w, power = welch(q, 2.0 * np.pi / dt, nperseg=min(256, q.shape[1]))
-    noise = np.median(power[:, len(w) * 3 // 4 :], axis=1, keepdims=True)
-    rates = np.cumsum(np.maximum(power - FLOOR * noise, 0.0) * w**2, axis=1)
-    holds = [w[np.argmax(r >= MOST * r[-1])] for r in rates]
-    return float(np.clip(CUTOFF * max(holds), SLOWEST * pace, FASTEST * pace))
 
 
 def _low_pass(x: Array, dt: float, cutoff: float) -> Array:
@@ -172,12 +188,14 @@ class Prescribed:
         return self._joint_torques(model, case, q, v, inverse)
 
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
-        user = np.array(model.jnt_user)
-        needed = inverse - self._torques.along(q, v, inverse, user)
+        motion: Motion = case.content.motion
+        given = self._torques.along(q, v, inverse, np.array(model.jnt_user))
         for effect, values in case.paths:
             if effect.path is not None:
-                needed = needed - effect.path(self._mechanism, values, q, v)
-        return self._sensor_readings(needed, model, case.content.motion, case.content.cut.t)
+                given = given + effect.path(self._mechanism, values, q, v)
+        if given.any():  # a jump of friction passed the filter with the torques that it is part of
+            given = _low_pass(given.T, motion.t[1] - motion.t[0], motion.cutoff).T
+        return self._sensor_readings(inverse - given, model, motion, case.content.cut.t)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind

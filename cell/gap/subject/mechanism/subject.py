@@ -25,7 +25,7 @@ from cell.gap.subject.mechanism.library import (
     user_numbers,
 )
 from cell.gap.subject.mechanism.load import Opened, open_all
-from cell.gap.subject.mechanism.prescribed import Prescribed, motion_of
+from cell.gap.subject.mechanism.prescribed import Prescribed, cutoff_of, motion_of
 from cell.gap.subject.mechanism.runs import Cut, Recording, average, cut, samples, width_of
 from cell.gap.subject.run_folders import RunFolder
 from cell.gap.subject.scene import Scene
@@ -71,6 +71,8 @@ class MechanismSubject:
         self._engine: Prescribed | Forward
         if m.mode == "prescribed":
             self._engine = Prescribed(m, self._torques, jobs)
+            joints = [j.name for j in m.joints]
+            self._cutoff = cutoff_of(opened.recordings, joints, opened.pace)
         else:
             settle = opened.file.start.settle or 0.0
             self._engine = Forward(m, self._torques, opened.signals, opened.mix, opened.offset,
@@ -126,7 +128,7 @@ class MechanismSubject:
         local: tuple[Parameter, ...] = ()
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
-            motion = motion_of(recording, joints, names, o.pace, width)
+            motion = motion_of(recording, joints, names, self._cutoff, width)
             filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
             good = np.isfinite(filtered).all(axis=0)
             made = _only(replace(made, values=filtered), good)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from cell.gap.fit import fit
-from cell.gap.subject.mechanism import synthetic
+from cell.gap.subject.mechanism import prescribed, synthetic
 from cell.gap.subject.mechanism.library import effect_of, ordered_values
-from cell.gap.subject.mechanism.prescribed import motion_of
+from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
 from cell.gap.subject.mechanism.runs import Recording, average
 from cell.gap.subject.mechanism.subject import MechanismSubject, open_mechanism
 from cell.gap.subject.run_folders import find_runs
@@ -16,7 +16,7 @@ from cell.gap.subject.subject import Request
 from drivers.types import Array
 
 T = np.arange(0.0, 6.0, 0.004)
-PACE, WIDTH = 6.0, 0.06
+CUTOFF, WIDTH = 60.0, 0.06
 HIDDEN = (
     "nothing", "dry_friction", "quadratic_damping", "cable_spring", "armature", "payload",
     "torque_constant", "torque_bias", "encoder_bias", "control_delay", "joint_elasticity",
@@ -32,14 +32,16 @@ def test_a_linear_law_holds_for_the_filtered_motion_as_for_the_measured():
     q = sum(a * np.sin(w * T) for a, w in tones)
     v = sum(a * w * np.cos(w * T) for a, w in tones)
     a = -sum(a * w**2 * np.sin(w * T) for a, w in tones)
-    motion = motion_of(recording(j=q, tau=0.3 * a + 0.5 * v + 2.0 * q), ["j"], ["tau"], PACE, WIDTH)
+    motion = motion_of(
+        recording(j=q, tau=0.3 * a + 0.5 * v + 2.0 * q), ["j"], ["tau"], CUTOFF, WIDTH
+    )
     predicted = (0.3 * motion.a + 0.5 * motion.v + 2.0 * motion.q)[:, 0]
     assert np.nanmax(np.abs(motion.torques[0] - predicted)) < 0.01 * np.std(predicted)
 
 
 def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
     noise = np.random.default_rng(1).normal(0.0, 1e-3, len(T))
-    motion = motion_of(recording(j=noise, tau=0.0 * T), ["j"], ["tau"], PACE, WIDTH)
+    motion = motion_of(recording(j=noise, tau=0.0 * T), ["j"], ["tau"], CUTOFF, WIDTH)
     inside = np.isfinite(motion.torques[0])
     block = np.floor(motion.t[inside] / WIDTH).astype(int)
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
@@ -51,7 +53,7 @@ def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
 def test_torques_near_an_end_or_a_reading_that_is_absent_are_absent():
     tau = np.sin(T)
     tau[750] = np.nan
-    motion = motion_of(recording(j=np.sin(T), tau=tau), ["j"], ["tau"], PACE, WIDTH)
+    motion = motion_of(recording(j=np.sin(T), tau=tau), ["j"], ["tau"], CUTOFF, WIDTH)
     there = np.isfinite(motion.torques[0])
     assert there[np.abs(motion.t - 2.0) < 0.5].all()
     for near in (0.0, T[750], T[-1]):
@@ -70,6 +72,24 @@ def test_what_is_hidden_in_a_mechanism_is_what_the_library_says_of_it(
     assert left(mechanism, hidden, truth) < 1.2
     if truth:
         assert left(mechanism, hidden, {}) > 1.5
+
+
+def test_friction_passes_the_filter_of_the_torques_that_it_is_part_of(tmp_path, monkeypatch):
+    monkeypatch.setattr(synthetic, "RUNS", 2)
+    monkeypatch.setattr(synthetic, "SPAN", 2.0)
+    file = synthetic.make_runs(tmp_path, "dry_friction", 2, 1.0, 3)
+    mechanism = open_mechanism(file, find_runs([tmp_path / "runs"]))
+    truth = synthetic.amounts("dry_friction", 2, 1.0)
+    alike = left(mechanism, "dry_friction", truth)
+    monkeypatch.setattr(prescribed, "_low_pass", lambda x, _dt, _cutoff: x)
+    assert alike < 0.9 * left(mechanism, "dry_friction", truth)
+
+
+def test_one_cutoff_serves_all_runs_whatever_one_of_them_holds():
+    quick = np.sin(T) + 0.2 * np.sin(40.0 * T)
+    runs = [recording(j=np.sin(1.1 * T)), recording(j=np.sin(T)), recording(j=quick)]
+    alone, among = (cutoff_of(some, ["j"], 3.0) for some in (runs[2:], runs))
+    assert among == cutoff_of(runs[:2], ["j"], 3.0) < alone
 
 
 def left(mechanism: MechanismSubject, hidden: str, truth: Mapping[str, float]) -> float:
