@@ -67,14 +67,14 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "fault", "within"),
+    ("spoil", "fault", "within", "still"),
     [
-        (frozen, "image_frozen", 0.15),
-        (silent, "image_stale", 0.5),
-        (black, "low_confidence", 0.55),
+        (frozen, "image_frozen", 0.15, 0.15 + STOP_TIME),
+        (silent, "image_stale", 0.5, 0.35),  # it stands, and waits for an image, before it is named
+        (black, "low_confidence", 0.55, 0.55 + STOP_TIME),
     ],
 )
-def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within) -> None:
+def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within, still) -> None:
     begin = 6.0
 
     def change(devices: Devices) -> Devices:
@@ -89,7 +89,9 @@ def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within) ->
     assert events["fault"].t - origin - begin < within
     assert result.duration - begin < within + STOP_TIME
     ticks = run.ticks
-    assert np.hypot(np.diff(ticks.x[-3:]), np.diff(ticks.z[-3:])).max() < 2e-4
+    steps = np.hypot(np.diff(ticks.x), np.diff(ticks.z))
+    assert steps[-2:].max() < 2e-4
+    assert steps[ticks.t[:-1] > origin + begin + still].max(initial=0.0) < 2e-4
     assert "FAULT" in [event.facts.get("state") for event in run.events()]
 
 
