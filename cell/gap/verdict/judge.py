@@ -47,11 +47,13 @@ def chosen(
 
 
 def judge(
-    subject: Subject, choice: Choice, simulate: Simulate, whole: Evidence, rng: np.random.Generator
-) -> Judged:
+    subject: Subject, choice: Choice, sets: Posterior, simulate: Simulate, whole: Evidence,
+    rng: np.random.Generator,
+) -> Judged:  # fmt: skip
     """Test the accepted model of `choice` for what it leaves, drift and alternatives.
 
-    `whole` are the runs with every random unknown that they may have.
+    `sets` is what its fits make probable, `whole` are the runs with every random unknown that they
+    may have.
     """
     best = choice.accepted.estimate
     invariances = _invariances(choice, simulate)
@@ -64,7 +66,8 @@ def judge(
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
-    close = _rivals(choice) if best.model.effects else []
+    believed = sets if subject.scope.believed else None
+    close = _rivals(choice, believed) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
@@ -83,10 +86,10 @@ def judge(
     )
 
 
-def _rivals(choice: Choice) -> list[Alternative]:
+def _rivals(choice: Choice, believed: Posterior | None) -> list[Alternative]:
     """What explains the runs about as well as the accepted model, by what accepted it."""
     if choice.sets is None:
-        return rivals(choice.accepted, choice.fits, choice.by)
+        return rivals(choice.accepted, choice.fits, choice.by, believed)
     return probable_rivals(choice.accepted, choice.fits, choice.by, choice.sets)
 
 
