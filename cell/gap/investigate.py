@@ -264,7 +264,9 @@ def _refit_further(
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
         fits = more(fits, 2)
-    return tried(fits, search.without_each(fits))
+    fits = tried(fits, search.without_each(fits))
+    known = search.with_shape_parameters(candidates, fits)
+    return tried(fits, search.substitutes(simulate, fits, known))
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

@@ -51,7 +51,8 @@ def measure(case: Values) -> Values:
         verdict = fit([folder / "runs"], file, folder / "out")
         cpu = time.process_time() - began
     truth = amounts(hidden, joints, size, cart=cart)
-    return {**score(hidden, verdict, cart=cart), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
+    return {**score(hidden, verdict, cart=cart),
+            "covered": coverage(hidden, truth, verdict), "cpu": cpu,
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
             "ambiguous": verdict.ambiguous}  # fmt: skip

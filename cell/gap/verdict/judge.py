@@ -21,7 +21,7 @@ from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.rivals import Alternative, classes, probable_rivals, rivals
+from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
 from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
@@ -47,13 +47,17 @@ def chosen(
 
 
 def judge(
-    subject: Subject, choice: Choice, sets: Posterior, simulate: Simulate, whole: Evidence,
+    subject: Subject,
+    choice: Choice,
+    sets: Posterior,
+    simulate: Simulate,
+    whole: Evidence,
     rng: np.random.Generator,
-) -> Judged:  # fmt: skip
+) -> Judged:
     """Test the accepted model of `choice` for what it leaves, drift and alternatives.
 
-    `sets` is what its fits make probable, `whole` are the runs with every random unknown that they
-    may have.
+    `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
+    that they may have.
     """
     best = choice.accepted.estimate
     invariances = _invariances(choice, simulate)
@@ -66,8 +70,8 @@ def judge(
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
-    believed = sets if subject.scope.believed else None
-    close = _rivals(choice, believed) if best.model.effects else []
+    believed = subject.scope.believed
+    close = _rivals(choice, sets, believed=believed) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
@@ -86,11 +90,15 @@ def judge(
     )
 
 
-def _rivals(choice: Choice, believed: Posterior | None) -> list[Alternative]:
-    """What explains the runs about as well as the accepted model, by what accepted it."""
-    if choice.sets is None:
-        return rivals(choice.accepted, choice.fits, choice.by, believed)
-    return probable_rivals(choice.accepted, choice.fits, choice.by, choice.sets)
+def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternative]:
+    """What explains the runs about as well as the accepted model, by what accepted it, and what is
+    more probable; where priors are `believed`, they refute, too.
+    """
+    known = (choice.accepted, choice.fits, choice.by)
+    if choice.sets is not None:
+        return probable_rivals(*known, choice.sets)
+    close = rivals(*known, sets if believed else None)
+    return [*close, *more_probable(*known, sets)]
 
 
 def fit_rest_law(

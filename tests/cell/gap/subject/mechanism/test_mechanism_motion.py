@@ -127,7 +127,8 @@ def standing(tmp_path) -> MechanismSubject:
     phase = np.clip(t / 3.0, 0.0, 1.0)
     q = 1.5 * phase**4 * (35 - 84 * phase + 70 * phase**2 - 20 * phase**3)
     v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
-    given = np.select([t < 3.0, t < 5.0, t < 7.0], [0.1 * a + 0.5 * np.tanh(v / 0.01), 0.3, 0.0], 0.7)
+    moving = 0.1 * a + 0.5 * np.tanh(v / 0.01)
+    given = np.select([t < 3.0, t < 5.0, t < 7.0], [moving, 0.3, 0.0], 0.7)
     for k in range(2):
         head = {"mechanism": "one", "index": k}
         write_run(tmp_path / "runs" / f"{k}", {"t": t, "j": q, "tau": given}, head)
