@@ -32,7 +32,7 @@
 
   // Areas come as marks at the drawing's corner: paths in their own place are read, zoomed, moved.
   const inline = (svg) => {
-    const { height } = svg.viewBox.baseVal;
+    const { height } = svg.viewBox.baseVal, taken = new Set();
     for (const use of svg.querySelectorAll("[id^=axes-] use")) {
       const [x, y] = [+use.getAttribute("x"), +use.getAttribute("y")];
       const drawn = svg.querySelector(`[id="${use.getAttribute("xlink:href").slice(1)}"]`);
@@ -42,7 +42,10 @@
       path.setAttribute("d", drawn.getAttribute("d").replace(pairs, (_, a, b) => `${a} ${(+b + y).toFixed(3)}`));
       for (const name of ["style", "clip-path"]) set(path, name, use.getAttribute(name));
       use.replaceWith(path);
+      taken.add(drawn);
     }
+    const left = new Set([...svg.querySelectorAll("use")].map((use) => use.getAttribute("xlink:href").slice(1)));
+    for (const drawn of taken) if (!left.has(drawn.id)) drawn.remove();
   };
 
   // Boxes of `panels` one below the other in a drawing `wide`, and its height; null where names
@@ -308,7 +311,8 @@
         for (const band of mate.bands) {
           const ends = (!band.hidden && endsAt(band.pieces, place)) || [];
           const [low, high] = ends.map((y) => spoken(mate.y, mate.scales[1].invert(y)));
-          if (low) rows.push([{ text: band.name, colour: colour(band) }, `${low} to ${high}`]);
+          const bare = low?.slice(0, mate.y.unit ? -mate.y.unit.length : undefined).trim();
+          if (low) rows.push([{ text: band.name, colour: colour(band) }, `${bare} to ${high}`]);
         }
         for (const [left, , right, , said] of mate.cells) if (place >= left && place < right) rows.unshift(said);
       }
