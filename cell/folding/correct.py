@@ -24,7 +24,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
     if learning is not None and learning not in WORDS:
         bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
-    memory = Memory(settings.name)
+    memory = Memory(settings.name, request.memory)
     if not _learns(settings, request, learning, memory):
         return replace(request, correction=Correction(0.0, 0.0), learns=False)
     strip = find_configs(request.configs).strip(request.strip)

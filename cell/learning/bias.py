@@ -2,8 +2,8 @@
 
 A fold's measured minus predicted displacement is y = c + s + p + noise with the bias c of the cell,
 s of the strip and p of the specimen, independent normal priors (a linear mixed model; Pinheiro and
-Bates, 2000, ch. 2). A ruler measures r, the rig's error, alone. c and r begin anew where the folds
-show that the cell changed.
+Bates, 2000, ch. 2). A ruler measures r, the rig's error, alone. c and r begin anew where two folds
+in a row show that the cell changed. One that stands alone is wild, and teaches nothing.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,11 @@ from cell.config.learning import LearningSettings
 from cell.learning.experience import Experience
 from drivers.types import Array
 
-SURPRISE = 4.0  # sigmas of one fold that show a change: 6e-5 by chance
-TWICE = 2.5  # sigmas of two folds in a row, to the same side: 8e-5 by chance
+WILD = 4.0  # sigmas of one fold that is set aside until the next one comes: 6e-5 by chance
+TWICE = 2.5  # sigmas of two folds in a row, to the same side, that show a change: 8e-5 by chance
 
 Unknown = tuple[str, str | int]  # a level of the hierarchy and its member
+Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, its sigma
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,28 +53,45 @@ class _Learner:
 
     def __init__(self, settings: LearningSettings) -> None:
         self._settings = settings
-        self._rows: list[tuple[tuple[Unknown, ...], float, float]] = []  # unknowns, y, sigma
+        self._rows: list[Row] = []
         self._runs: list[str] = []  # that began an epoch, from the second on
         self._epoch_folds: list[int] = []  # rows of the folds of this epoch
-        self._last: float = 0.0  # surprise of the fold before
+        self._before: tuple[float, Experience] | None = None  # surprise of the fold before
 
     def learn(self, experience: Experience) -> None:
-        """Add the next experience; begin an epoch where it, or it and the one before, disagree."""
+        """Add the next experience; begin an epoch where it and the one before disagree with all."""
         if experience.kind == "ruler":
             self._rows.append(((self._rig,), experience.rig, self._settings.ruler))
             return
-        unknowns = self._of(experience.strip, experience.specimen)
-        mean, variance = self._predict(unknowns)
-        y, noise = experience.displacement, self._settings.repeat
-        surprise = (y - mean) / np.hypot(np.sqrt(variance), noise) if self._epoch_folds else 0.0
-        twice = min(abs(surprise), abs(self._last)) > TWICE and surprise * self._last > 0
-        if twice and len(self._epoch_folds) > 1:
-            self._begin(experience.run, [self._epoch_folds[-1]])
-        elif abs(surprise) > SURPRISE:
-            self._begin(experience.run, [])
-        self._last = surprise
+        surprise, before = self._surprise(experience), self._before
+        self._before = (surprise, experience)
+        if before and min(abs(surprise), abs(before[0])) > TWICE and surprise * before[0] > 0:
+            self._begin(*before)
+            self._before = None
+        elif abs(surprise) > WILD:
+            return
+        self._add(experience)
+
+    def _begin(self, surprise: float, first: Experience) -> None:
+        """An epoch that begins with the fold before, which differed by `surprise`."""
+        if abs(surprise) <= WILD:
+            self._rows.pop(self._epoch_folds[-1])
+        self._runs.append(first.run)
+        self._epoch_folds = []
+        self._add(first)
+
+    def _surprise(self, experience: Experience) -> float:
+        """Sigmas by which a fold differs from the bias so far; 0 for the first of an epoch."""
+        if not self._epoch_folds:
+            return 0.0
+        mean, variance = self._predict(self._of(experience.strip, experience.specimen))
+        sigma = np.hypot(np.sqrt(variance), self._settings.repeat)
+        return float((experience.displacement - mean) / sigma)
+
+    def _add(self, experience: Experience) -> None:
         self._epoch_folds.append(len(self._rows))
-        self._rows.append((self._of(experience.strip, experience.specimen), y, noise))
+        unknowns = self._of(experience.strip, experience.specimen)
+        self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
     def bias(self, strip: str, specimen: str) -> Bias:
         """Bias of the next fold."""
@@ -97,14 +115,6 @@ class _Learner:
     def _of(self, strip: str, specimen: str) -> tuple[Unknown, ...]:
         return ("cell", len(self._runs)), ("strip", strip), ("specimen", f"{strip}/{specimen}")
 
-    def _begin(self, run: str, taken_along: list[int]) -> None:
-        """An epoch that begins with the folds `taken_along`, rows of the one before."""
-        self._runs.append(run)
-        self._epoch_folds = taken_along
-        for row in taken_along:
-            unknowns, y, noise = self._rows[row]
-            self._rows[row] = ((("cell", len(self._runs)), *unknowns[1:]), y, noise)
-
     def _sigma(self, unknown: Unknown) -> float:
         level, member = unknown
         if level == "cell" and member != 0:
@@ -113,12 +123,11 @@ class _Learner:
 
     def _predict(self, unknowns: tuple[Unknown, ...]) -> tuple[float, float]:
         """Mean [m] and variance [m^2] of the sum of `unknowns`, given the rows."""
-        rows = [(*row, unknowns) for row in self._rows]
-        names = sorted({*unknowns, *(name for row in rows for name in row[0])}, key=str)
+        names = sorted({*unknowns, *(name for row in self._rows for name in row[0])}, key=str)
         place = {name: i for i, name in enumerate(names)}
         precision = np.diag([self._sigma(name) ** -2 for name in names])
         weighted = np.zeros(len(names))
-        for used, y, noise, _ in rows:
+        for used, y, noise in self._rows:
             at = _indicator(used, place)
             precision += np.outer(at, at) / noise**2
             weighted += at * y / noise**2
