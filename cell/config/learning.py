@@ -23,4 +23,5 @@ class LearningSettings(Settings):
     changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
     repeat: float = Field(0.0003, gt=0, le=0.01)
     ruler: float = Field(0.0005, gt=0, le=0.01)
+    laid: float = Field(0.0007, gt=0, le=0.01)  # by which a camera misreads laid edges: laid.yaml
     limit: float = Field(0.008, gt=0, le=0.008)  # of the correction

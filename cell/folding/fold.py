@@ -113,7 +113,7 @@ def fold(
         request.runs, header, keep, patient=devices.plant is not None, film=request.film
     )
     context = FoldContext(settings.controller, strip, policy, calibration)
-    context.unseen = 0.0 if correction is None else correction.unseen
+    context.place = 0.0 if correction is None else correction.place
     with writer.under_way(), _measuring(context, devices, sight):
         outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page

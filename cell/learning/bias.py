@@ -7,9 +7,10 @@ in a row show that the cell changed. One that stands alone is wild, and teaches 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import expit
 
 from cell.config.learning import LearningSettings
 from cell.learning.experience import Experience
@@ -24,7 +25,8 @@ Row = tuple[tuple[Unknown, ...], float, float]  # unknowns, their measured sum, 
 
 @dataclass(frozen=True, slots=True)
 class Bias:
-    """Bias of the next fold: mean and one sigma [m] of what the camera sees, and of the `rig`.
+    """Bias of the next fold: mean and one sigma [m] of what the camera sees, and of the `rig`;
+    `laid` is the offset [m] at which the cell lays edges.
 
     `parts` [m] are the means of cell, strip and specimen. `folds` counts the measured folds since
     the cell last changed, at the run `since`; it is None while no change was seen.
@@ -36,6 +38,7 @@ class Bias:
     parts: tuple[float, float, float]
     folds: int
     since: str | None
+    laid: float = 0.0
 
 
 def bias(
@@ -45,7 +48,31 @@ def bias(
     learner = _Learner(settings)
     for experience in experiences:
         learner.learn(experience)
-    return learner.bias(strip, specimen)
+    found = learner.bias(strip, specimen)
+    runs = [experience.run for experience in experiences]
+    begun = 0 if found.since is None else runs.index(found.since)
+    return replace(found, laid=laid_offset(experiences[begun:], found.rig, settings))
+
+
+def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
+    """Offset [m] at which a cell lays edges that the camera shows `rig` [m] too small.
+
+    Either something is off by about `changed`, or nothing is and the camera misreads each specimen
+    by about `laid`: the mean over both, weighted by their evidence (Bishop, 2006, ch. 3.4).
+    """
+    known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
+    if not known:
+        return 0.0
+    seen = np.array([e.edges for e in known], dtype=float) + rig
+    names = np.array([f"{e.strip}/{e.specimen}" for e in known])
+    covariance = settings.laid**2 * (names[:, None] == names) + settings.repeat**2 * np.eye(
+        len(seen)
+    )
+    weights = np.linalg.solve(covariance, np.ones(len(seen)))
+    variance = 1.0 / (weights.sum() + settings.changed**-2)
+    mean = variance * float(weights @ seen)
+    evidence = 0.5 * (np.log(variance / settings.changed**2) + mean**2 / variance)
+    return float(mean * expit(evidence))
 
 
 class _Learner:

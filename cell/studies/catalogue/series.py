@@ -24,10 +24,10 @@ from policies.adaptive.train.piece import truth
 
 RIGHT = "right"
 WRONG: Mapping[str, Mapping[str, Mapping[str, float]]] = {
-    "tool 3 mm off": {"tcp_offset": {"x": 0.003}},
+    "tool 3 mm off": {"tcp_offset": {"x": 0.003, "z": 0.0}},
     "desk 1 mm low": {"desk_height": {"height": -0.001}},
     "images 20 ms old": {"camera_latency": {"time": 0.02}},
-    "images shifted 2 mm": {"homography_shift": {"x": 0.002}},
+    "images shifted 2 mm": {"homography_shift": {"x": 0.002, "z": 0.0}},
     "board 0.3 % off": {"homography_scale": {"scale": 0.003}},
     "arm 10 ms late": {"control_delay": {"time": 0.01}},
     "strip 2 mm longer": {"length_error": {"error": 0.002}},
@@ -92,8 +92,9 @@ def _facts(case: Values, result: FoldResult) -> Values:
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     seen = result.displacement
     left = None if seen is None else seen + learning["unseen"]
-    facts = {key: known.get(key) for key in ("outcome", "true", "edges", "within_1", "within_2")}
+    facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
     facts |= {"left": left, "corrected": learning["seen"], "unseen": learning["unseen"]}
+    facts |= {"edges_seen": result.edge_offset, "place": learning["place"]}
     if "believed_time" not in known:
         return facts
     length, time, rubbing = truth(StripFile.model_validate(case["strip"]))
@@ -141,7 +142,9 @@ STUDY = Study(
         Quantity("left_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
         Quantity("left_2", Statistic.MEAN_SIZE, label="fold 2"),
         Quantity("left_5", Statistic.MEAN_SIZE, label="fold 5"),
-        Quantity("edges_5", Statistic.MEAN_SIZE, label="|edges| of fold 5"),
+        Quantity("edges_1", Statistic.MEAN_SIZE, label="|edges| of fold 1"),
+        Quantity("edges_2", Statistic.MEAN_SIZE, label="of fold 2"),
+        Quantity("edges_5", Statistic.MEAN_SIZE, label="of fold 5"),
         Quantity("worse", Statistic.MEAN, label="worse by learning"),
         Quantity("time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0),
         Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
