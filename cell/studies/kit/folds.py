@@ -46,13 +46,33 @@ def fold_strip(
     With a `memory` the cell learns from it there, and all its folds are of one specimen.
     """
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
+    request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
+    known = calibration or cached_calibration(configs)
+    return fold(request, calibration=known, opened=opened, page=False)
+
+
+def _learning(
+    strip: str,
+    policy: str,
+    folder: Path,
+    memory: Path | None,
+    choice: DeviceSelection,
+    configs: Path | None = None,
+    checkpoint: Path | None = None,
+) -> Request:
+    """The request of a fold, corrected by what is learned in `memory`, if any."""
     request = Request(
         strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
         specimen=SPECIMEN, memory=memory,
     )  # fmt: skip
-    request = with_correction(request, "off" if memory is None else "on")
-    known = calibration or cached_calibration(configs)
-    return fold(request, calibration=known, opened=opened, page=False)
+    return with_correction(request, "off" if memory is None else "on")
+
+
+def changed_since(strip: StripFile, memory: Path) -> str | None:
+    """The run since which a cell says that something moved, by its folds of `strip` in `memory`."""
+    name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
+    learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
+    return None if learned is None else learned.since
 
 
 def fold_unknown(
