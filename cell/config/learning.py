@@ -24,4 +24,5 @@ class LearningSettings(Settings):
     repeat: float = Field(0.0003, gt=0, le=0.01)
     ruler: float = Field(0.0005, gt=0, le=0.01)
     laid: float = Field(0.0007, gt=0, le=0.01)  # by which a camera misreads laid edges: laid.yaml
+    off: float = Field(0.2, gt=0, lt=1)  # share of cells that lay edges off, assumed
     limit: float = Field(0.008, gt=0, le=0.008)  # of the correction

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit
+from scipy.special import expit, logit
 
 from cell.config.learning import LearningSettings
 from cell.learning.experience import Experience
@@ -57,8 +57,8 @@ def bias(
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
     """Offset [m] at which a cell lays edges that the camera shows `rig` [m] too small.
 
-    Either something is off by about `changed`, or nothing is and the camera misreads each specimen
-    by about `laid`: the mean over both, weighted by their evidence (Bishop, 2006, ch. 3.4).
+    Either something is `off`, by about `changed`, or nothing is and the camera misreads each
+    specimen by about `laid`: the mean over both, by their posterior (Bishop, 2006, ch. 3.4).
     """
     known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
     if not known:
@@ -72,7 +72,7 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
     variance = 1.0 / (weights.sum() + settings.changed**-2)
     mean = variance * float(weights @ seen)
     evidence = 0.5 * (np.log(variance / settings.changed**2) + mean**2 / variance)
-    return float(mean * expit(evidence))
+    return float(mean * expit(evidence + logit(settings.off)))
 
 
 class _Learner:

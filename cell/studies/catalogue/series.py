@@ -88,7 +88,7 @@ def _facts(case: Values, result: FoldResult) -> Values:
     known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
     facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
     facts |= {"corrected": learning["seen"], "place": learning["place"]}
-    facts |= {"left": result.displacement, "edges_seen": result.edge_offset}
+    facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
     if "predicted" in known and result.displacement is not None:
         facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
     if "believed_time" not in known:
@@ -127,9 +127,9 @@ STUDY = Study(
         Quantity("true_2", Statistic.P95_SIZE, label="95 %"),
         Quantity("true_2", Statistic.WORST_SIZE, label="worst"),
         Quantity("true_3", Statistic.MEAN_SIZE, label="of fold 3"),
-        Quantity("left_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
-        Quantity("left_2", Statistic.MEAN_SIZE, label="fold 2"),
-        Quantity("left_3", Statistic.MEAN_SIZE, label="fold 3"),
+        Quantity("seen_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
+        Quantity("seen_2", Statistic.MEAN_SIZE, label="fold 2"),
+        Quantity("seen_3", Statistic.MEAN_SIZE, label="fold 3"),
         Quantity("edges_1", Statistic.MEAN_SIZE, label="|edges| of fold 1"),
         Quantity("edges_2", Statistic.MEAN_SIZE, label="of fold 2"),
         Quantity("edges_3", Statistic.MEAN_SIZE, label="of fold 3"),
