@@ -145,7 +145,7 @@ def _read(
             read.append(held)
             image = _draw(image, held, calibration)
             if held.end is not None and _sure(held):
-                touch = layers.tell(held.measurement, held.end)
+                touch = layers.update(held.measurement, held.end)
         overlay.add(frame.stamp, image)
         progress(frame.stamp)
     return read, touch

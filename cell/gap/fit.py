@@ -40,7 +40,7 @@ from drivers.yaml_edit import dump_text
 Overlay = Callable[[Findings, Verdict, Path], None]
 """Writes a recording of measured and simulated runs; handed in by who has a viewer."""
 
-VERSION = "30"  # of the engine: another one starts anew
+VERSION = "31"  # of the engine: another one starts anew
 
 
 def quiet(stage: str, share: float) -> None:

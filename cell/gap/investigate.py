@@ -77,8 +77,8 @@ def investigate(
     believed = subject.scope.believed
     sets = posterior(fits, screened.probed, fits.scale, believed=believed)
     choice = chosen(subject, simulate, fits, sets, gap=fitted.doubted)
-    judged = judge(subject, choice, simulate, whole, rng)
     sets = posterior(choice.fits, screened.probed, choice.by, believed=believed)
+    judged = judge(subject, choice, sets, simulate, whole, rng)
     progress("show on held-out runs", 0.9)
     unseen = with_spreads(evidence(test), fitted.scatter)
     shown = show(subject, simulate, fitted.base, choice.accepted, unseen, rng)
@@ -259,7 +259,9 @@ def _refit_further(
     if pair and not is_exhausted(fits) and _leaves_more(fits, anywhere=False):
         progress("refit triples", 0.7)
         fits = more(fits, 2)
-    return tried(fits, search.without_each(fits))
+    fits = tried(fits, search.without_each(fits))
+    known = search.with_shape_parameters(candidates, fits)
+    return tried(fits, search.substitutes(simulate, fits, known))
 
 
 def _leaves_more(fits: Fits, *, anywhere: bool) -> bool:

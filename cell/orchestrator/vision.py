@@ -82,7 +82,7 @@ class StripReader:
     def begin(self, frame: Frame, gripper: Pose, now: float, *, touches: bool) -> None:  # noqa: ARG002
         """Read `frame` now."""
         measurement = self._perception.look(frame, gripper)
-        touch = self._touch.tell(measurement, gripper) if touches else None
+        touch = self._touch.update(measurement, gripper) if touches else None
         shift = nan if self._standing is None else self._standing.shift(frame.image, gripper)
         self._seen = Seen(measurement, touch, shift)
 
@@ -191,7 +191,7 @@ class Vision:
             return False
         self._frame = frame
         self._waiting = frame if state in MEASURED_STATES else None
-        self._identical = self._sanity.tell(frame, now, arm.pose_at(frame.stamp)).identical
+        self._identical = self._sanity.update(frame, now, arm.pose_at(frame.stamp)).identical
         return True
 
     def _read(self, state: State, now: float, arm: ArmHistory, reader: Reader | None) -> bool:

@@ -97,7 +97,7 @@ class StripSight:
         if self._perception is None or self._standing is None:
             raise Fault("no_perception", "images are to be read before a picture was judged")
         measurement = self._perception.look(frame, gripper)
-        touch = self._touch.tell(measurement, gripper) if touches else None
+        touch = self._touch.update(measurement, gripper) if touches else None
         return Seen(measurement, touch, self._standing.shift(frame.image, gripper))
 
 

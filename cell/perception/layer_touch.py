@@ -44,7 +44,7 @@ class LayerTouch:
         self._falls: list[Fall] = []
         self._touch: SeenTouch | None = None
 
-    def tell(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
+    def update(self, measurement: StripMeasurement, gripper: Pose) -> SeenTouch | None:
         """The touch, from the frame that completes the evidence on, else None.
 
         `gripper` is the measured pose at the measurement's stamp. The touch's own time is earlier.

@@ -33,7 +33,7 @@ class ImageSanity:
         self._shown: Pose | None = None
         self._identical = 0
 
-    def tell(self, frame: Frame, now: float, gripper: Pose) -> ImageHealth:
+    def update(self, frame: Frame, now: float, gripper: Pose) -> ImageHealth:
         """Health after `frame`, checked when the clock says `now` [s].
 
         `gripper` is the measured pose at the frame's stamp.

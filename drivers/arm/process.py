@@ -93,7 +93,7 @@ def _by_itself(loop: Loop, pipe: Connection, timing: Timing, clock: WallClock) -
     """Step on the robot's clock until the cell closes or dies."""
     while loop.halted is None and not pipe.poll():
         loop.step()
-        timing.tell(clock.now(), loop.success)
+        timing.update(clock.now(), loop.success)
 
 
 def _receive(pipe: Connection) -> dict[str, Any] | None:

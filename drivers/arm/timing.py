@@ -19,7 +19,7 @@ class Timing:
     last: float | None = None
     heard: float = 0.0
 
-    def tell(self, now: float, success: float) -> None:
+    def update(self, now: float, success: float) -> None:
         """Record a state that arrived at `now` [s] and its share of commands in time."""
         self.heard += success
         if self.last is not None:

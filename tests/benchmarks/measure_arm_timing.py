@@ -102,7 +102,7 @@ def hold_still(address: str, seconds: float, realtime: RealTime) -> None:
     while (now := time.monotonic()) < end:
         motion.writeOnce(franka.CartesianPose(pose))
         state, _ = motion.readOnce()
-        timing.tell(now, state.control_command_success_rate)
+        timing.update(now, state.control_command_success_rate)
     last = franka.CartesianPose(pose)
     last.motion_finished = True
     motion.writeOnce(last)

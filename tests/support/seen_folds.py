@@ -76,7 +76,7 @@ def agreement(
             continue
         frame, pose = camera.frame(fold, sequence), fold.pose(stamp)
         sight = perception.look(frame, pose)
-        touch = detector.tell(sight, pose)
+        touch = detector.update(sight, pose)
         if touch is not None:
             told = stamp - fold.touch.time
             break

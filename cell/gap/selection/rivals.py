@@ -9,6 +9,7 @@ from cell.gap.selection.likelihood import LEVEL, MARGIN, LikelihoodScale, margin
 from cell.gap.selection.posterior import Posterior
 
 NEAR = 3.0  # sigma between fitted predictions
+EVEN = 0.5  # probability that an effect is there
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,29 @@ def probable_rivals(
     accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
 ) -> list[Alternative]:
     """Models of equal size that are about as probable as the accepted one, or more so."""
-    found, mine = [], sets.lead(accepted.model.names)
-    for other in fits.of_size(len(accepted.model.effects)):
-        behind = mine - sets.lead(other.model.names)
-        if other.model.names != accepted.model.names and behind < MARGIN:
-            found.append(Alternative(other, behind, margin(accepted, other, by).distance))
+    others = [_beside(accepted, m, by, sets) for m in fits.of_size(len(accepted.model.effects))]
+    found = [r for r in others if r.model is not accepted and r.behind < MARGIN]
     return sorted(found, key=lambda r: r.behind)
+
+
+def _beside(
+    accepted: Validated, other: Validated, by: LikelihoodScale, sets: Posterior
+) -> Alternative:
+    behind = sets.lead(accepted.model.names) - sets.lead(other.model.names)
+    return Alternative(other, behind, margin(accepted, other, by).distance)
+
+
+def more_probable(
+    accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
+) -> list[Alternative]:
+    """For each accepted effect that is rather absent than there, the best model without it."""
+    found = []
+    for effect in sorted(e for e in accepted.model.names if sets.inclusion[e] < EVEN):
+        names = next(m.names for m in sets.models if effect not in m.names)
+        other = fits.of(names)
+        if names and other is not None:
+            found.append(_beside(accepted, other, by, sets))
+    return found
 
 
 def classes(accepted: Validated, found: Sequence[Alternative]) -> list[list[str]]:

@@ -33,7 +33,8 @@ class Budget:
     few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
     then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
     shape parameter begins also at the share `guess` of what is believed of it, and has to gain the
-    share `shapely` of what an effect has to.
+    share `shapely` of what an effect has to. For each effect of the accepted model so many
+    `substitutes` are fitted in its place.
     """
 
     singles: int = 5
@@ -48,6 +49,7 @@ class Budget:
     finished: float = 0.1
     guess: float = 1 / 3
     shapely: float = 0.5
+    substitutes: int = 2
 
 
 BUDGET = Budget()
@@ -282,6 +284,24 @@ def without_each(fits: Fits) -> list[Score]:
             less = [tuple(n for n in names if n != gone) for gone in names]
             scores += [Score(kept, 0.0, {}, after=fit) for kept in less]
     return scores
+
+
+def substitutes(simulate: Simulate, fits: Fits, candidates: Sequence[Candidate]) -> list[Score]:
+    """The accepted model with each of its effects replaced by what, beside the others, would
+    explain most in its place: of two effects much alike a search forward meets only one.
+    """
+    accepted, found = choose(fits).accepted, dict[tuple[str, ...], Score]()
+    for gone in sorted(accepted.model.names):
+        others = fits.of(accepted.model.names - {gone})
+        if others is None or not others.model.effects:
+            continue
+        fit = others.estimate
+        new = [c for c in candidates if c.name not in accepted.model.names]
+        probed = run_all(simulate, [probe(fit, c) for c in new])
+        for s in ranking(table(projection(fit), probed))[: BUDGET.substitutes]:
+            beside = s.beside(fit)
+            found.setdefault(beside.names, beside)
+    return list(found.values())
 
 
 def better_base(simulate: Simulate, fits: Fits) -> Estimate | None:

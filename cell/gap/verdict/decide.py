@@ -8,7 +8,7 @@ import numpy as np
 from cell.gap.diagnosis import held_out_gap
 from cell.gap.fitting import robust
 from cell.gap.fitting.gauss_newton import Estimate
-from cell.gap.selection.likelihood import LEVEL, clip_wild, margin, removed
+from cell.gap.selection.likelihood import LEVEL, clip_wild, left, margin, removed
 from cell.gap.subject.subject import Run
 from cell.gap.verdict.findings import Findings
 from cell.gap.verdict.schema import Kind, Unexplained
@@ -20,13 +20,15 @@ class Bars:
     Source: set by hand in sight of exams.
 
     A named model has removed the share `most`, where more than noise is left, and `half` of a gap
-    on held-out runs that is `clear`; one below `noise` there is none. A model rests on one run that
-    gives the share `one` of its gain.
+    on held-out runs that is `clear`, or leaves no more than the `law` of a true cause gets wrong;
+    one below `noise` there is none. A model rests on one run that gives the share `one` of its
+    gain.
     """
 
     most: float = 0.6
     clear: float = 1.0
     half: float = 0.5
+    law: float = 1.0
     noise: float = 0.3
     one: float = 0.9
 
@@ -78,8 +80,8 @@ def in_doubt(found: Findings) -> bool:
     if len(found.accepted.model.effects) > 1 or found.judged.remains:
         return True
     after = found.shown.after
-    left = _bounded_gap(after, robust.scale(np.concatenate(after.residuals)))
-    return left > BARS.noise or lone_run(found) is not None
+    remaining = _bounded_gap(after, robust.scale(np.concatenate(after.residuals)))
+    return remaining > BARS.noise or lone_run(found) is not None
 
 
 def unseen_gap(found: Findings) -> float:
@@ -90,8 +92,9 @@ def unseen_gap(found: Findings) -> float:
 
 
 def _mostly(found: Findings) -> bool:
-    """Whether the whole model leaves only noise, or has removed most of the excess gap; where a
-    run went another way, the others alone must bear the model out.
+    """Whether the whole model leaves only noise, or as little as a law may get wrong, or has
+    removed most of the excess gap; where a run went another way, the others alone must bear the
+    model out.
     """
     judged, by = found.judged, found.by
     if not judged.remains:
@@ -100,17 +103,20 @@ def _mostly(found: Findings) -> bool:
     each = margin(found.accepted, base, by).each
     others = [run.name != judged.outlying_run for run in base.estimate.evidence.runs]
     gain = float(each[others].sum())
-    return gain > by.least and removed(found.accepted, base, by, judged.outlying_run) > BARS.most
+    best, without = found.accepted, judged.outlying_run
+    little = left(best, by, without) <= BARS.law or removed(best, base, by, without) > BARS.most
+    return gain > by.least and little
 
 
 def unseen_remains(found: Findings) -> bool:
-    """Whether runs that took no part show a clear gap, and the model does not even halve it; no
-    sample counts beyond what is wild among those that the model leaves.
+    """Whether runs that took no part show a clear gap, and the model neither halves it nor leaves
+    as little as a law may get wrong; no sample counts beyond what is wild among those that the
+    model leaves.
     """
     shown = found.shown
     scale = robust.scale(np.concatenate(shown.after.residuals))
     before, after = (_bounded_gap(estimate, scale) for estimate in (shown.before, shown.after))
-    return before > BARS.clear and after > BARS.half * before
+    return before > BARS.clear and after > max(BARS.half * before, BARS.law)
 
 
 def _bounded_gap(estimate: Estimate, scale: float) -> float:

@@ -21,7 +21,7 @@ from cell.gap.selection.choice import Choice, by_evidence, choose
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import LEVEL
 from cell.gap.selection.posterior import Posterior
-from cell.gap.selection.rivals import Alternative, classes, probable_rivals, rivals
+from cell.gap.selection.rivals import Alternative, classes, more_probable, probable_rivals, rivals
 from cell.gap.selection.screening import probe
 from cell.gap.subject.subject import Subject
 from cell.gap.verdict.findings import Judged, Shown
@@ -47,11 +47,17 @@ def chosen(
 
 
 def judge(
-    subject: Subject, choice: Choice, simulate: Simulate, whole: Evidence, rng: np.random.Generator
+    subject: Subject,
+    choice: Choice,
+    sets: Posterior,
+    simulate: Simulate,
+    whole: Evidence,
+    rng: np.random.Generator,
 ) -> Judged:
     """Test the accepted model of `choice` for what it leaves, drift and alternatives.
 
-    `whole` are the runs with every random unknown that they may have.
+    `sets` are the probabilities of what was fitted; `whole` are the runs with every random unknown
+    that they may have.
     """
     best = choice.accepted.estimate
     invariances = _invariances(choice, simulate)
@@ -64,7 +70,7 @@ def judge(
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
-    close = _rivals(choice) if best.model.effects else []
+    close = _rivals(choice, sets) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
@@ -83,11 +89,14 @@ def judge(
     )
 
 
-def _rivals(choice: Choice) -> list[Alternative]:
-    """What explains the runs about as well as the accepted model, by what accepted it."""
-    if choice.sets is None:
-        return rivals(choice.accepted, choice.fits, choice.by)
-    return probable_rivals(choice.accepted, choice.fits, choice.by, choice.sets)
+def _rivals(choice: Choice, sets: Posterior) -> list[Alternative]:
+    """What explains the runs about as well as the accepted model, by what accepted it, and what is
+    more probable.
+    """
+    known = (choice.accepted, choice.fits, choice.by)
+    if choice.sets is not None:
+        return probable_rivals(*known, choice.sets)
+    return [*rivals(*known), *more_probable(*known, sets)]
 
 
 def fit_rest_law(

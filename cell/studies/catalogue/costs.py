@@ -59,7 +59,7 @@ def image_and_reading(seed: int, look: str) -> Mapping[str, list[float]]:
         pose, begun = made.pose(sequence / camera.rate), time.thread_time()
         frame = twin.frame(made, sequence)
         rendered = time.thread_time()
-        touch.tell(perception.look(frame, pose), pose)
+        touch.update(perception.look(frame, pose), pose)
         costs["image"].append(1e3 * (rendered - begun))
         costs["reading"].append(1e3 * (time.thread_time() - rendered))
     return {name: values[1:] for name, values in costs.items()}

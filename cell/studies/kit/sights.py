@@ -69,7 +69,7 @@ def sights(fold: TwinFold, every: int = 1) -> Iterator[Sight]:
             continue
         pose = fold.pose(stamp)
         seen = perception.look(twin.frame(fold, sequence), pose)
-        touch = detector.tell(seen, pose)
+        touch = detector.update(seen, pose)
         yield Sight(stamp, pose, seen, touch, fold)
         if touch is not None:
             return

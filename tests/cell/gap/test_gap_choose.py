@@ -11,7 +11,7 @@ from cell.gap.selection.choice import by_evidence, choose, is_exhausted
 from cell.gap.selection.fits import Fits
 from cell.gap.selection.likelihood import removed
 from cell.gap.selection.posterior import Posterior, Weighed
-from cell.gap.selection.rivals import probable_rivals
+from cell.gap.selection.rivals import classes, more_probable, probable_rivals
 from cell.gap.subject.subject import Scope
 from drivers.types import Array
 from tests.cell.gap import test_gap_engine
@@ -95,6 +95,20 @@ def test_where_no_margin_explains_a_gap_the_evidence_chooses_and_says_what_is_as
     assert [(r.model.model.names, r.behind) for r in close] == [({"wave"}, 2.0)]
     doubtful = Posterior((Weighed(names["bump"], 3.0, 0.9), Weighed(names[""], 0.0, 0.1)))
     assert not by_evidence(choose(fits, doubtful), doubtful).accepted.model.effects
+
+
+def test_an_accepted_effect_that_is_rather_absent_shares_its_place_with_what_is_more_probable() -> (
+    None
+):
+    fits = pool_of(hidden(bump, 0.3), ("bump",), ("wave",))
+    found = choose(fits)
+    base, bumpy, wavy = (frozenset(n) for n in ((), {"bump"}, {"wave"}))
+    for p, expected in ((0.6, []), (0.4, [["bump", "wave"]])):
+        both = [Weighed(bumpy, 30.0 + np.log(p), p), Weighed(wavy, 30.0 + np.log(1 - p), 1 - p)]
+        ranked = sorted(both, key=lambda w: -w.p)
+        sets = Posterior((*ranked, Weighed(base, 0.0, 0.0)))
+        doubts = more_probable(found.accepted, fits, found.by, sets)
+        assert classes(found.accepted, doubts) == expected
 
 
 def astray(*runs: int) -> Law:

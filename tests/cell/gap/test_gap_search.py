@@ -18,10 +18,13 @@ from cell.gap.selection.screening import probe, ranking, table
 from cell.gap.selection.search import (
     shape_parameters,
     shortlist,
+    substitutes,
     with_shape_parameters,
     without_each,
 )
 from cell.gap.subject.subject import Parameter, Request, Residuals, Scope
+from drivers.types import Array
+from tests.cell.gap import test_gap_engine
 from tests.cell.gap.test_gap_engine import Curves, Law, bump, hidden, wave
 from tests.cell.gap.test_gap_engine import fitted as at
 from tests.cell.gap.test_gap_robust import validated
@@ -49,6 +52,26 @@ def test_singles_begin_again_from_a_better_pair_though_it_was_not_accepted() -> 
     assert [s.names for s in scores[-2:]] == [("wave",), ("bump",)]
     assert all(s.after is pair.estimate for s in scores)
     assert [s.names for s in without_each(Fits((base,)))] == []
+
+
+def broad(t: Array, speed: float, index: int) -> Array:
+    return bump(t, speed, index) + 0.3 * np.exp(-(((t - 0.35) / 0.2) ** 2))
+
+
+def test_each_effect_of_the_accepted_model_is_replaced_by_what_explains_most_beside_the_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    laws = {**test_gap_engine.LAWS, "broad": broad}
+    monkeypatch.setattr(test_gap_engine, "LAWS", laws)
+    subject = Curves(
+        lambda t, s, i: 0.2 * broad(t, s, i) - 0.15 * wave(t, s, i), names=("bump", "wave", "broad")
+    )
+    sets = ((), ("bump",), ("wave",), ("bump", "wave"))
+    fits = Fits(tuple(validated(at(subject, names), subject) for names in sets))
+    scores = substitutes(subject.simulate, fits, subject.scope.candidates)
+    assert {s.names for s in scores} == {("broad", "wave"), ("broad", "bump")}
+    assert all(s.after is not None and s.after.model.names < frozenset(s.names) for s in scores)
+    assert substitutes(subject.simulate, Fits(fits.models[:2]), subject.scope.candidates) == []
 
 
 class Bending(Curves):

@@ -43,7 +43,7 @@ def _watch(
         t, height = k / 60, gap(k / 60)
         profile = _profile(height)
         sight = StripMeasurement(t, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE)
-        touch = detector.tell(sight, GRIPPER)
+        touch = detector.update(sight, GRIPPER)
         if touch is not None:
             return touch, t
     return None, float("nan")
@@ -67,15 +67,15 @@ def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     assert touch.confidence > 0.7
 
 
-def test_touch_stays_told() -> None:
+def test_touch_stays_as_it_was_first_seen() -> None:
     detector = LayerTouch(PerceptionSettings(), DENIM)
-    told = []
+    seen = []
     for k in range(60):
         gap = _closing(0.05, 0.5)(k / 60)
         sight = StripMeasurement(k / 60, k, 0.3, 1.0, _profile(gap), 1.0, (TIP, 0.008), gap, PLACE)
-        told.append(detector.tell(sight, GRIPPER))
-    first = next(touch for touch in told if touch is not None)
-    assert told[-1] == first
+        seen.append(detector.update(sight, GRIPPER))
+    first = next(touch for touch in seen if touch is not None)
+    assert seen[-1] == first
 
 
 def test_fold_that_comes_to_rest_above_the_lower_layer_is_no_touch() -> None:
@@ -140,7 +140,7 @@ def test_a_touch_that_no_fold_can_have_is_none() -> None:
             k / 60, k, TIP - 0.01, 1.0, profile, 1.0, (TIP, 0.008), height, PLACE
         )
         near = Pose(PLACE - 0.01, 0.01, np.pi / 2)
-        assert detector.tell(sight, near) is None
+        assert detector.update(sight, near) is None
 
 
 def replace_length(strip: StripFile, length: float) -> StripFile:

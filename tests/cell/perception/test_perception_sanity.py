@@ -16,7 +16,7 @@ def _frame(sequence: int, level: int) -> Frame:
 def _counts(poses: list[Pose], levels: list[int]) -> list[int]:
     sanity = ImageSanity()
     told = enumerate(zip(poses, levels, strict=True))
-    return [sanity.tell(_frame(k, level), k / 60, pose).identical for k, (pose, level) in told]
+    return [sanity.update(_frame(k, level), k / 60, pose).identical for k, (pose, level) in told]
 
 
 def _path(step: float, count: int) -> list[Pose]:
@@ -24,7 +24,7 @@ def _path(step: float, count: int) -> list[Pose]:
 
 
 def test_age_is_from_the_stamp_not_the_arrival() -> None:
-    health = ImageSanity().tell(_frame(6, 1), 0.15, HERE)
+    health = ImageSanity().update(_frame(6, 1), 0.15, HERE)
     assert abs(health.age - 0.05) < 1e-9
 
 
@@ -55,10 +55,10 @@ def test_turning_gripper_before_a_frozen_camera_is_noticed() -> None:
 
 def test_one_changed_byte_is_a_fresh_image_however_far_the_gripper_moved() -> None:
     sanity = ImageSanity()
-    sanity.tell(_frame(0, 7), 0.0, HERE)
+    sanity.update(_frame(0, 7), 0.0, HERE)
     changed = _frame(1, 7)
     changed.image[3, 3, 1] += 1
-    assert sanity.tell(changed, 0.02, Pose(0.5, 0.1, 0.0)).identical == 1
+    assert sanity.update(changed, 0.02, Pose(0.5, 0.1, 0.0)).identical == 1
 
 
 def test_gripper_that_moved_before_the_image_froze_does_not_count() -> None:
@@ -68,7 +68,7 @@ def test_gripper_that_moved_before_the_image_froze_does_not_count() -> None:
 
 def test_the_same_frame_told_twice_is_not_a_repetition() -> None:
     sanity = ImageSanity()
-    assert sanity.tell(_frame(0, 7), 0.0, HERE).identical == 1
-    again = sanity.tell(_frame(0, 7), 0.1, Pose(0.5, 0.1, 0.0))
+    assert sanity.update(_frame(0, 7), 0.0, HERE).identical == 1
+    again = sanity.update(_frame(0, 7), 0.1, Pose(0.5, 0.1, 0.0))
     assert again.identical == 1
     assert abs(again.age - 0.1) < 1e-9

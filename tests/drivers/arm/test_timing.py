@@ -8,7 +8,7 @@ from drivers.arm.timing import EDGES_MS, Timing
 def test_intervals_are_counted_in_their_bins_and_the_longest_is_kept() -> None:
     timing = Timing()
     for now, success in ((0.0, 1.0), (0.001, 1.0), (0.002, 0.5), (0.2, 0.5)):
-        timing.tell(now, success)
+        timing.update(now, success)
     told = timing.content()
     assert sum(told["counts"]) == 3
     assert told["counts"][-1] == 1
