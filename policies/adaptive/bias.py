@@ -36,7 +36,7 @@ class Untrained(Settings):
 
 
 @cache
-def untrained() -> Untrained:
+def untrained_spread() -> Untrained:
     """That of this version."""
     return load(UNTRAINED, Untrained)
 

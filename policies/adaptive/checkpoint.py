@@ -12,7 +12,7 @@ import numpy as np
 from drivers.errors import ConfigurationError
 from drivers.files import read_bytes, replace_file, writing
 from drivers.types import Array
-from policies.adaptive.bias import untrained
+from policies.adaptive.bias import untrained_spread
 from policies.adaptive.critic import NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 from policies.adaptive.transfer import Transfer
@@ -52,7 +52,7 @@ def load_transfer(path: FilePath | None = None) -> Transfer:
         transfer = Transfer.read(found["transfer"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
-    return Transfer(replace(transfer.bias, untrained=untrained().added))
+    return Transfer(replace(transfer.bias, untrained=untrained_spread().added))
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:

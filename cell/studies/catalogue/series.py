@@ -1,6 +1,6 @@
 """Folds of one specimen in a row by a cell that learns, in a right cell and in wrong ones.
 
-The controller is not told what is wrong. In a wrong cell a ruler measures the first fold, once.
+The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
 """
 
 from collections.abc import Mapping

@@ -18,7 +18,7 @@ from cell.studies.kit.poor_images import dropping
 from cell.studies.kit.predicted import CERTAIN, QUANTITIES, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
-from policies.adaptive.bias import untrained
+from policies.adaptive.bias import untrained_spread
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
 from policies.adaptive.train.transfer import WITHIN
@@ -54,7 +54,7 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         opened = dropping(share, case["noise"])
         result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
-        found = dict(compare(result)) | {"untrained": untrained().added}
+        found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)
     if "believed_length" in found:

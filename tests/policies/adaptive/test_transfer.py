@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import ConfigurationError
-from policies.adaptive.bias import THICKNESS, Bias, bias_terms, untrained
+from policies.adaptive.bias import THICKNESS, Bias, bias_terms, untrained_spread
 from policies.adaptive.checkpoint import (
     COMMITTED,
     THROUGH_IMAGES,
@@ -65,7 +65,7 @@ def test_committed_weights_say_how_their_transfer_came_about() -> None:
     assert origin["left_out"]["folds"] >= 48
     assert origin["left_out"]["bias"] < 1e-3
     fitted = Transfer.read(origin["transfer"]).bias
-    assert load_transfer() == Transfer(replace(fitted, untrained=untrained().added))
+    assert load_transfer() == Transfer(replace(fitted, untrained=untrained_spread().added))
 
 
 def test_checkpoint_from_the_rod_alone_corrects_nothing(tmp_path: Path) -> None:
