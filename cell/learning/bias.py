@@ -49,9 +49,43 @@ def bias(
     for experience in experiences:
         learner.learn(experience)
     found = learner.bias(strip, specimen)
-    runs = [experience.run for experience in experiences]
-    begun = 0 if found.since is None else runs.index(found.since)
-    return replace(found, laid=laid_offset(experiences[begun:], found.rig, settings))
+    if found.since is None:
+        found = _unless_usual(found, learner.epoch, strip, specimen, settings)
+    return replace(found, laid=laid_offset(learner.epoch, found.rig, settings))
+
+
+def _unless_usual(
+    found: Bias,
+    experiences: Sequence[Experience],
+    strip: str,
+    specimen: str,
+    settings: LearningSettings,
+) -> Bias:
+    """The mean of what is `found`, where something is `off`, and of what a right cell leaves: there
+    a specimen's bias is `usual`, and the camera's own error is as large.
+    """
+    if not experiences:
+        return found
+    y = np.array([e.displacement for e in experiences])
+    strips = np.array([e.strip for e in experiences])
+    pieces = np.array([f"{e.strip}/{e.specimen}" for e in experiences])
+    same = (pieces[:, None] == pieces).astype(float)
+    noise = settings.repeat**2 * np.eye(len(y))
+    right = (settings.usual**2 + settings.misread**2) * same + noise
+    wrong = settings.cell**2 + settings.strip**2 * (strips[:, None] == strips)
+    wrong = wrong + settings.specimen**2 * same + noise
+    usual = settings.usual**2 * (pieces == f"{strip}/{specimen}") @ np.linalg.solve(right, y)
+    p = expit(_log_density(y, wrong) - _log_density(y, right) + logit(settings.off))
+    seen = float(p * found.seen + (1.0 - p) * usual)
+    share = seen / found.seen if found.seen else 0.0
+    cell, fabric, piece = (share * part for part in found.parts)
+    return replace(found, seen=seen, parts=(cell, fabric, piece))
+
+
+def _log_density(y: Array, covariance: Array) -> float:
+    """Of y (n,) by a normal distribution about 0 with `covariance` (n, n), up to a constant."""
+    spread = np.linalg.slogdet(covariance)[1]
+    return float(-0.5 * (y @ np.linalg.solve(covariance, y) + spread))
 
 
 def laid_offset(experiences: Sequence[Experience], rig: float, settings: LearningSettings) -> float:
@@ -83,6 +117,7 @@ class _Learner:
         self._rows: list[Row] = []
         self._runs: list[str] = []  # that began an epoch, from the second on
         self._epoch_folds: list[int] = []  # rows of the folds of this epoch
+        self.epoch: list[Experience] = []  # these folds
         self._before: tuple[float, Experience] | None = None  # surprise of the fold before
 
     def learn(self, experience: Experience) -> None:
@@ -104,7 +139,7 @@ class _Learner:
         if abs(surprise) <= WILD:
             self._rows.pop(self._epoch_folds[-1])
         self._runs.append(first.run)
-        self._epoch_folds = []
+        self._epoch_folds, self.epoch = [], []
         self._add(first)
 
     def _surprise(self, experience: Experience) -> float:
@@ -117,6 +152,7 @@ class _Learner:
 
     def _add(self, experience: Experience) -> None:
         self._epoch_folds.append(len(self._rows))
+        self.epoch.append(experience)
         unknowns = self._of(experience.strip, experience.specimen)
         self._rows.append((unknowns, experience.displacement, self._settings.repeat))
 
