@@ -19,7 +19,8 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy.
+    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy,
+    and `edges` [m], the offset of the laid edges as seen, had they been laid without a correction.
 
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
     `rig` [m], the offset of the laid edges by the ruler minus that by the camera.
@@ -32,6 +33,7 @@ class Experience:
     kind: Literal["camera", "ruler"]
     displacement: Offset = 0.0
     rig: Offset = 0.0
+    edges: Offset | None = None
 
 
 READER = TypeAdapter(Experience)
