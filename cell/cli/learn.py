@@ -36,7 +36,7 @@ def learn(
                 f"cell learn: {what!r} is neither show, forget, off nor on; a run goes with "
                 "--edges, the offset of its laid edges by a ruler, as `--edges 3.5mm`"
             )
-        _learn_from_ruler(memory, Path(what), edges)
+        _learn_from_ruler(settings.name, Path(what), edges)
         return
     if edges is not None:
         raise ConfigurationError("--edges: goes with a run, as `cell learn runs/RUN --edges 3.5mm`")
@@ -50,12 +50,11 @@ def learn(
         sys.stdout.write(f"{settings.name}: learning is {what}\n")
 
 
-def _learn_from_ruler(memory: "Memory", folder: Path, edges: str) -> None:
+def _learn_from_ruler(cell: str, folder: Path, edges: str) -> None:
     from cell.config.length import metres
-    from cell.learning.experience import ruler_experience
+    from cell.folding.correct import learn_from_ruler
 
-    experience = ruler_experience(folder, metres("--edges", edges, 0.1), memory)
-    memory.add(experience)
+    experience = learn_from_ruler(folder, metres("--edges", edges, 0.1), cell)
     sys.stdout.write(
         f"{folder.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
     )

@@ -23,4 +23,8 @@ class LearningSettings(Settings):
     changed: float = Field(0.003, gt=0, le=0.02)  # of the cell after something moved
     repeat: float = Field(0.0003, gt=0, le=0.01)
     ruler: float = Field(0.0005, gt=0, le=0.01)
+    laid: float = Field(0.0007, gt=0, le=0.01)  # by which a camera misreads laid edges: laid.yaml
+    off: float = Field(0.2, gt=0, lt=1)  # share of cells or specimens with something off, assumed
+    usual: float = Field(0.0004, gt=0, le=0.01)  # of a right cell's specimens: left_out of weights
+    misread: float = Field(0.00025, gt=0, le=0.01)  # by which a camera misreads a specimen's touch
     limit: float = Field(0.008, gt=0, le=0.008)  # of the correction

@@ -1,6 +1,7 @@
 """Corrects folds by what the cell learned from earlier ones, and lets it learn from them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 from cell.arm.real_robot import is_real
 from cell.config.cell import CellFile
@@ -9,7 +10,7 @@ from cell.config.places import find_configs
 from cell.devices.open import real_camera
 from cell.folding.fold import Request
 from cell.learning.correction import Correction, learned_correction, subject_of
-from cell.learning.experience import Memory
+from cell.learning.experience import Experience, Memory, ruler_experience
 
 WORDS = ("auto", "on", "off")
 
@@ -24,7 +25,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
     if learning is not None and learning not in WORDS:
         bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
-    memory = Memory(settings.name)
+    memory = Memory(settings.name, request.memory)
     if not _learns(settings, request, learning, memory):
         return replace(request, correction=Correction(0.0, 0.0), learns=False)
     strip = find_configs(request.configs).strip(request.strip)
@@ -40,3 +41,15 @@ def _learns(settings: CellFile, request: Request, learning: str | None, memory: 
         return False
     on = settings.learning.use == "on" and learning != "auto"
     return on or is_real(settings, request.choice) or real_camera(settings, request.choice)
+
+
+def learn_from_ruler(run: Path, edges: float, cell: str, folder: Path | None = None) -> Experience:
+    """What the cell called `cell` learns from the edges of `run`, `edges` [m] apart by a ruler.
+
+    `folder` as in `Memory`. Raises ConfigurationError as `ruler_experience` does, and where nothing
+    can be kept.
+    """
+    memory = Memory(cell, folder)
+    experience = ruler_experience(run, edges, memory)
+    memory.add(experience)
+    return experience

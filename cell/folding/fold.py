@@ -71,6 +71,7 @@ class Request:
     specimen: str | None = None  # of the strip, as the operator names it
     correction: Correction = field(default_factory=lambda: Correction(0.0, 0.0))
     learns: bool = False  # whether the cell keeps the fold's bias
+    memory: Path | None = None  # folder of what the cell learned, instead of the user's
     film: Encoder | None = None  # by which a film of its images is kept
 
 
@@ -112,7 +113,7 @@ def fold(
         request.runs, header, keep, patient=devices.plant is not None, film=request.film
     )
     context = FoldContext(settings.controller, strip, policy, calibration)
-    context.unseen = 0.0 if correction is None else correction.unseen
+    context.place = 0.0 if correction is None else correction.place
     with writer.under_way(), _measuring(context, devices, sight):
         outcome, truth = _record_fold(
             request, context, devices, writer, observers, interrupted, page=page
@@ -173,7 +174,7 @@ def _learn(
     subject = subject_of(request.policy, request.checkpoint, strip.name, request.specimen)
     experience = experience_of(folder.name, subject, outcome, request.correction)
     if request.learns and experience is not None:
-        Memory(settings.name).add(experience)
+        Memory(settings.name, request.memory).add(experience)
 
 
 def conduct(

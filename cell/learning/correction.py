@@ -6,10 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+import numpy as np
+
 from cell.config.learning import LearningSettings
 from cell.config.unknown import NAME as UNKNOWN
 from cell.learning.bias import Bias, bias
 from cell.learning.experience import Experience, Memory
+from cell.orchestrator.lay import edge_place
 from cell.orchestrator.outcome import Outcome
 from policies.policy import Policy
 
@@ -47,14 +50,17 @@ class Subject:
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Bias [m] by which a fold is corrected: as `seen` by the camera, and `unseen` by it.
+    """Bias [m] by which a fold is corrected: as `seen` by the camera, and `unseen` by it; `place`
+    [m] is where the grasped edge is laid so that it ends at x = 0.
 
-    `learned` is the model's answer that it was taken from; None for a value that was given.
+    `learned` is the model's answer that it was taken from; None for a value that was given. A
+    ruler's word on laid edges says nothing of the touch, so that nothing `unseen` is learned.
     """
 
     seen: float
     unseen: float
     learned: Bias | None = None
+    place: float = 0.0
 
     @property
     def total(self) -> float:
@@ -71,13 +77,18 @@ class Correction:
 
     def sentence(self) -> str | None:
         """Text for the operator; None where nothing was corrected."""
-        if abs(self.total) < WORTH_SAYING:
+        parts = []
+        if abs(self.total) >= WORTH_SAYING:
+            parts.append(f"aimed {-1e3 * self.total:+.1f} mm, the opposite of the bias")
+        if abs(self.place) >= WORTH_SAYING:
+            parts.append(f"laid the edge {-1e3 * self.place:+.1f} mm, the opposite of its offset")
+        if not parts:
             return None
-        text = f"aimed {-1e3 * self.total:+.1f} mm, the opposite of the bias"
         if self.learned is None:
-            return f"{text} that was given"
+            return f"{'; '.join(parts)} that was given"
         count = self.learned.folds
-        text += f" learned from {count} {'fold' if count == 1 else 'folds'} of this cell"
+        folds = f"{count} {'fold' if count == 1 else 'folds'}"
+        text = f"{'; '.join(parts)} learned from {folds} of this cell"
         if self.learned.since is None:
             return text
         return f"{text}; since run {self.learned.since} something moved: check the calibration"
@@ -96,15 +107,14 @@ def subject_of(policy: str, checkpoint: Path | None, strip: str, specimen: str |
 
 
 def learned_correction(memory: Memory, subject: Subject, settings: LearningSettings) -> Correction:
-    """The correction that the cell has learned for `subject`, at most `settings.limit`.
+    """The correction that the cell has learned for `subject`, each at most `settings.limit`.
 
     Raises ConfigurationError where the experiences cannot be read.
     """
     mine = [one for one in memory.experiences() if one.policy == subject.policy]
     found = bias(mine, subject.strip, subject.specimen, settings)
-    total = found.seen + found.rig
-    share = min(1.0, settings.limit / abs(total)) if total else 1.0
-    return Correction(share * found.seen, share * found.rig, found)
+    seen, place = np.clip([found.seen, found.laid], -settings.limit, settings.limit).tolist()
+    return Correction(seen, 0.0, found, place)
 
 
 def experience_of(
@@ -123,6 +133,7 @@ def experience_of(
     # A policy without predictions of its own aims at 0 in truth, so at -unseen in images.
     expected = -correction.unseen if predicted is None else predicted.displacement
     uncorrected = expected - correction.seen
+    edges = outcome.edge_offset
     return Experience(
         run=run,
         policy=subject.policy,
@@ -130,12 +141,15 @@ def experience_of(
         specimen=subject.specimen or run,
         kind="camera",
         displacement=touch.displacement - uncorrected,
+        edges=None if edges is None else edges + edge_place(touch, correction.place),
     )
 
 
 def correction_of(facts: Mapping[str, Any] | None) -> Correction:
     """The correction that a record states; none where it states none."""
     facts = facts or {}
-    seen, unseen = (facts.get(key, 0.0) for key in ("seen", "unseen"))
-    numbers = all(isinstance(value, int | float) for value in (seen, unseen))
-    return Correction(float(seen), float(unseen)) if numbers else Correction(0.0, 0.0)
+    values = [facts.get(key, 0.0) for key in ("seen", "unseen", "place")]
+    if not all(isinstance(value, int | float) for value in values):
+        return Correction(0.0, 0.0)
+    seen, unseen, place = map(float, values)
+    return Correction(seen, unseen, None, place)

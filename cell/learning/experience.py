@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from cell.record.json_lines import json_line, read_json_lines
-from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
 
@@ -20,7 +19,8 @@ Offset = Annotated[float, Field(ge=-1.0, le=1.0, allow_inf_nan=False)]  # m
 
 @dataclass(frozen=True, slots=True)
 class Experience:
-    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy.
+    """One measured fold: `displacement` [m], measured minus predicted by the uncorrected policy,
+    and `edges` [m], the offset of the laid edges as seen, had they been laid without a correction.
 
     `policy` names the policy with its weights. A `ruler` experience holds no displacement but
     `rig` [m], the offset of the laid edges by the ruler minus that by the camera.
@@ -33,6 +33,7 @@ class Experience:
     kind: Literal["camera", "ruler"]
     displacement: Offset = 0.0
     rig: Offset = 0.0
+    edges: Offset | None = None
 
 
 READER = TypeAdapter(Experience)
@@ -120,6 +121,8 @@ def ruler_experience(folder: Path, edges: float, memory: Memory) -> Experience:
     `memory` knows to which policy, fabric and specimen the run belongs. Raises ConfigurationError
     for a run that cannot be read, whose edges no camera saw, or that the cell did not learn from.
     """
+    from cell.record.run import read_run  # and the libraries of its tables
+
     run = read_run(folder)
     seen = None if run.result is None else run.result.edge_offset
     if seen is None:

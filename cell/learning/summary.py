@@ -37,6 +37,7 @@ def _row(
         "of_strip": found.parts[1],
         "of_specimen": found.parts[2],
         "unseen": found.rig,
+        "laid": found.laid,
         "since": found.since,
     }
 
@@ -49,7 +50,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         f"  {row['strip']}, {row['specimen']}, {row['policy']}: bias {_mm(row['bias'])} +- "
         f"{1e3 * row['sigma']:.1f} mm after {row['folds']} folds (cell {_mm(row['cell'])}, strip "
         f"{_mm(row['of_strip'])}, specimen {_mm(row['of_specimen'])}); unseen by the camera "
-        f"{_mm(row['unseen'])} mm"
+        f"{_mm(row['unseen'])} mm; edges laid {_mm(row['laid'])} mm off"
         for row in rows
     ]
     changes = dict.fromkeys(row["since"] for row in rows if row["since"])

@@ -29,8 +29,8 @@ class FoldContext:
 
     `reader` reads images once preflight has accepted the image of the strip. `seen_touch` is the
     layer_touch once it is seen, `laid` the fold after the retreat, `predicted` the policy's latest
-    prediction. On the wall clock `beside` measures the images. Laid edges lie `unseen` [m] farther
-    apart than images show. The plant is not part of it.
+    prediction. On the wall clock `beside` measures the images. The grasped edge is laid at `place`
+    [m]. The plant is not part of it.
     """
 
     settings: CellSettings
@@ -42,7 +42,7 @@ class FoldContext:
     laid: LaidFold | None = None
     predicted: FoldPrediction | None = None
     beside: Beside | None = None
-    unseen: float = 0.0
+    place: float = 0.0
 
 
 @dataclass(slots=True)

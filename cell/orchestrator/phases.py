@@ -164,7 +164,7 @@ def lay(cell: FoldContext, record: Record, begin: Snapshot) -> Phase:
     """Lower the grasped edge to the desk past the taut layer's end, and push it to its place."""
     touch, settings = _seen_touch(cell), cell.settings.fold
     rest = max(cell.strip.thickness, touch.distance) + CLEARANCE
-    end = edge_place(touch, cell.unseen)
+    end = edge_place(touch, cell.place)
     path = lay_path(touch, begin.arm.pose, rest, end, settings)
     yield from follow_lay(path, settings.lay_speed, begin)
     snapshot = yield from move(Pose(end, rest, np.pi))

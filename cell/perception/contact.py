@@ -13,7 +13,7 @@ from drivers.types import Array, Image
 SPACING = 0.0003  # m between samples along the line
 FRONT = -0.005  # m of height where desk shows before the strip
 AVERAGE = 9  # samples over which a sample is averaged against noise
-MARGIN = 0.004  # m of desk that must follow
+MARGIN = 0.004  # m of strip that must come before, and of desk that must follow
 HALF = ZERO + SCALE // 2  # level of which half is strip
 
 
@@ -59,6 +59,7 @@ class Contact:
 def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
     """First point along the line, from the fixed end, where strip changes to desk.
 
+    In images that are shifted the line begins beside the strip, and crosses its end.
     `levels` (h, w) is the smoothed matte of the window whose first pixel is `origin` (2,) [px].
     """
     desk = _sample(levels, line.front - origin)
@@ -70,8 +71,8 @@ def find_contact(levels: Image, line: SearchLine, origin: Array) -> Contact:
         return Contact(float("nan"), 0.0)
     ahead = int(MARGIN / SPACING)
     clear = np.convolve(strip, np.ones(ahead), mode="full")[ahead - 1 : ahead - 1 + len(strip)]
-    started = np.maximum.accumulate(strip)
-    ends = np.flatnonzero(started[:-1] & strip[:-1] & ~strip[1:] & (clear[1:] == 0))
+    held = np.convolve(strip, np.ones(ahead), mode="full")[: len(strip)]
+    ends = np.flatnonzero(strip[:-1] & (held[:-1] >= ahead - 1) & ~strip[1:] & (clear[1:] == 0))
     if len(ends) == 0:
         x = float(line.x[-1]) if strip[-1] else float("nan")
         return Contact(x, 1.0 if strip[-1] else 0.0)

@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path as FilePath
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from drivers.errors import ConfigurationError
 from drivers.files import read_bytes, replace_file, writing
 from drivers.types import Array
+from policies.adaptive.bias import untrained_spread
 from policies.adaptive.critic import NAMES, OUTPUTS, Critic
 from policies.adaptive.features import COUNT
 from policies.adaptive.transfer import Transfer
@@ -38,15 +40,19 @@ def about(path: FilePath | None = None) -> dict[str, Any]:
 def load_transfer(path: FilePath | None = None) -> Transfer:
     """The transfer to folds through images at `path`, or the committed one.
 
-    A checkpoint whose training ended in the rod has none, which reads as no bias. Raises
-    ConfigurationError for a file that is missing, broken, or of another policy.
+    A checkpoint whose training ended in the rod has none, which reads as no bias. The sigma that
+    its folds add is that of the unknown strips of this version. Raises ConfigurationError for a
+    file that is missing, broken, or of another policy.
     """
     place = path or COMMITTED
     found = about(place).get(THROUGH_IMAGES)
+    if found is None:
+        return Transfer()
     try:
-        return Transfer() if found is None else Transfer.read(found["transfer"])
+        transfer = Transfer.read(found["transfer"])
     except (ValueError, KeyError, TypeError):
         raise _broken(place, f"{THROUGH_IMAGES} holds no transfer") from None
+    return Transfer(replace(transfer.bias, untrained=untrained_spread().added))
 
 
 def save_critic(path: FilePath, critic: Critic, facts: dict[str, Any]) -> None:

@@ -126,7 +126,7 @@ class Bench:
         settings = Configs(BESIDE).cell()
         strip = Configs(BESIDE).strip("denim")
         context = FoldContext(settings.controller, strip, Triangular(), calibration=None)
-        touch = SimpleNamespace(tell=lambda measurement, gripper: None)
+        touch = SimpleNamespace(update=lambda measurement, gripper: None)
         here = StripReader(SimpleNamespace(look=sight_of), touch, latency=0.0)
         context.reader = self.reader or here
         devices = Devices(self.clock, self.arm, self.hand, self.camera, "none", None, None)

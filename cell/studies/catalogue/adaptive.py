@@ -11,7 +11,9 @@ from policies.adaptive.checkpoint import load_critic
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, plain
 from policies.adaptive.train.piece import truth
 from policies.fixed_paths import Shifted
-from policies.rollout import Rollout, roll_out
+from policies.policy import Policy
+from policies.prediction import Estimate, FoldPrediction
+from policies.rollout import Folds, Rollout, roll_out
 
 STRANGE = {"friction 20-60": rough(20.0, 60.0), "friction 90": rough(90.0, 90.1),
            "stretch 3 N": stretchy}  # fmt: skip
@@ -33,21 +35,26 @@ def draw(number: int, rng: np.random.Generator) -> Values:
 
 
 def measure(case: Values) -> Values:
-    """d [m] by `adaptive` and by the shifted triangle, the prediction and the belief."""
+    """d [m] by `adaptive` and by the shifted triangle, the prediction and the belief; and the
+    belief of a second fold, combined with that of the first.
+    """
     strip = StripFile.model_validate(case["strip"])
     rate = 30.0 if case["condition"] == "30 Hz" else 60.0
     sensing = sensing_of(case["condition"])
     settings = Rollout(rate=rate, sensing=sensing, substeps=round(180 / rate))
     rng, policy = np.random.default_rng([case["noise"], 1]), Kept(load_critic())
-    folds, before = (
-        roll_out(p, stepper(case["engine"]), strip, [describe(strip)], settings=settings, rng=rng)
-        for p in (policy, Shifted())
-    )
+
+    def fold(by: Policy) -> Folds:
+        engine, lying = stepper(case["engine"]), [describe(strip)]
+        return roll_out(by, engine, strip, lying, settings=settings, rng=rng)
+
+    folds = fold(policy)
+    known = _last(policy, folds)
+    before, again = fold(Shifted()), fold(policy)
     touch, d = folds.touch[0], float(folds.displacement[0])
-    end = np.inf if touch is None else touch.time
-    known = [said for seen, said in policy.seen if seen.time[0] < end][-1]
     length, time, _ = truth(strip)
     ratio = abs(d - known.displacement) / known.sigma
+    both, sigma = _product(known.retardation_time, _last(policy, again).retardation_time)
     return {
         "d": d,
         "shifted": float(before.displacement[0]),
@@ -56,7 +63,28 @@ def measure(case: Values) -> Values:
         "within_2": ratio < 1.96,
         "length_off": float(np.log(known.bending_length.value) - length),
         "time_off": float(np.log(known.retardation_time.value) - time),
+        "time_off_both": both - time,
+        "time_within": _within(known.retardation_time, time),
+        "time_within_both": abs(both - time) < sigma,
     }
+
+
+def _last(policy: Kept, folds: Folds) -> FoldPrediction:
+    """What was predicted last before the touch."""
+    touch = folds.touch[0]
+    end = np.inf if touch is None else touch.time
+    return [said for seen, said in policy.seen if seen.time[0] < end][-1]
+
+
+def _product(a: Estimate, b: Estimate) -> tuple[float, float]:
+    """Mean and sigma of the logarithm, as if the two were independent."""
+    means = np.log([a.value, b.value])
+    weights = np.log([a.high / a.low, b.high / b.low]) ** -2.0
+    return float(means @ weights / weights.sum()), 0.5 / float(np.sqrt(weights.sum()))
+
+
+def _within(estimate: Estimate, log: float) -> bool:
+    return estimate.low < float(np.exp(log)) < estimate.high
 
 
 STUDY = Study(
@@ -75,8 +103,11 @@ STUDY = Study(
         Quantity("within_2", Statistic.SHARE, "%", 100.0, label="within 1.96", digits=0),
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
+        Quantity("time_off_both", Statistic.RMS, "%", 100.0, label="by two folds", digits=0),
+        Quantity("time_within", Statistic.SHARE, "%", 100.0, label="time within sigma", digits=0),
+        Quantity("time_within_both", Statistic.SHARE, "%", 100.0, label="by two folds", digits=0),
     ),
     usual=20 * len(CONDITIONS),
     quick=1,
-    seconds=1.0,
+    seconds=1.5,
 )

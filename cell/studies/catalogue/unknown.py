@@ -15,11 +15,13 @@ from cell.campaign.study import Fit, Outcome, Study, Values
 from cell.record.run import read_run
 from cell.studies.kit.folds import fold_unknown
 from cell.studies.kit.poor_images import dropping
-from cell.studies.kit.predicted import QUANTITIES, compare
+from cell.studies.kit.predicted import CERTAIN, QUANTITIES, compare
 from drivers.strip.file import StripFile
 from drivers.types import Array
+from policies.adaptive.bias import untrained_spread
 from policies.adaptive.fabrics import EFFECTS, LENGTH, effect, friction, plain
 from policies.adaptive.train.piece import truth
+from policies.adaptive.train.transfer import WITHIN
 
 FRICTION = (20.0, 60.0)  # 1/m
 TOLERANCE = 1e-3  # m
@@ -52,7 +54,7 @@ def measure(case: Values) -> Values:
     with TemporaryDirectory() as place:
         opened = dropping(share, case["noise"])
         result = fold_unknown(strip, case["noise"], Path(place), measured=measured, opened=opened)
-        found = dict(compare(result))
+        found = dict(compare(result)) | {"untrained": untrained_spread().added}
         found |= _loop(Path(result.run), strip.length, result.edge_offset_true)
     length, time, _ = truth(strip)
     if "believed_length" in found:
@@ -89,6 +91,19 @@ def laid_weights(outcomes: Sequence[Outcome]) -> Values:
             "rms": rms, "folds": len(kept)}  # fmt: skip
 
 
+def untrained_sigma(outcomes: Sequence[Outcome]) -> Values:
+    """What is added to the critic's sigma [m] so that 68 % of all displacements are within one."""
+    known = [o.values for o in outcomes if "surprise" in o.values]
+    surprise = np.array([values["surprise"] for values in known])
+    used = [values.get("untrained", 0.0) for values in known]
+    trained = np.square([values["sigma"] for values in known]) - np.square(used)
+    added = float(np.quantile(np.sqrt(np.maximum(surprise**2 - trained, 0.0)), WITHIN))
+    ratio = np.abs(surprise) / np.sqrt(trained + added**2)
+    within = [float(np.mean(ratio < sigmas)) for sigmas in (1.0, CERTAIN)]
+    return {"schema": 1, "added": added, "within_1": within[0], "within_2": within[1],
+            "folds": len(known)}  # fmt: skip
+
+
 def _robust(terms: Array, values: Array) -> Array:
     """Least squares of `values` (n,) [m] by `terms` (n, k), with Cauchy's loss beyond TOLERANCE."""
     found = np.linalg.lstsq(terms, values, rcond=None)[0]
@@ -109,7 +124,10 @@ STUDY = Study(
         Quantity("length_off", Statistic.RMS, "%", 100.0, label="length off", digits=1),
         Quantity("time_off", Statistic.RMS, "%", 100.0, label="time off", digits=0),
     ),
-    fits=(Fit("cell/perception/laid.yaml", laid_weights),),
+    fits=(
+        Fit("cell/perception/laid.yaml", laid_weights),
+        Fit("policies/adaptive/untrained.yaml", untrained_sigma),
+    ),
     usual=10 * len(CONDITIONS),
     quick=1,
     seconds=10.0,

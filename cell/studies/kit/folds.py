@@ -13,9 +13,12 @@ from cell.config.places import find_configs
 from cell.config.unknown import name_of
 from cell.devices.devices import DeviceSelection
 from cell.devices.open import DeviceFactory
+from cell.folding.correct import with_correction
 from cell.folding.fold import Request, fold
 from cell.folding.result import FoldResult
 from drivers.strip.file import StripFile
+
+SPECIMEN = "studied"
 
 
 @cache
@@ -36,14 +39,40 @@ def fold_strip(
     arm: str | None = None,
     calibration: Calibration | None = None,
     opened: DeviceFactory | None = None,
+    memory: Path | None = None,
 ) -> FoldResult:
-    """The fold of `strip`, recorded in `folder` without images and page."""
+    """The fold of `strip`, recorded in `folder` without images and page.
+
+    With a `memory` the cell learns from it there, and all its folds are of one specimen.
+    """
     choice = DeviceSelection(arm=arm, plant=plant, seed=seed)
-    request = Request(
-        strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off"
-    )
+    request = _learning(strip, policy, folder, memory, choice, configs, checkpoint)
     known = calibration or cached_calibration(configs)
     return fold(request, calibration=known, opened=opened, page=False)
+
+
+def _learning(
+    strip: str,
+    policy: str,
+    folder: Path,
+    memory: Path | None,
+    choice: DeviceSelection,
+    configs: Path | None = None,
+    checkpoint: Path | None = None,
+) -> Request:
+    """The request of a fold, corrected by what is learned in `memory`, if any."""
+    request = Request(
+        strip, policy, checkpoint, choice, folder / "runs", configs, "none", truth=True, viz="off",
+        specimen=SPECIMEN, memory=memory,
+    )  # fmt: skip
+    return with_correction(request, "off" if memory is None else "on")
+
+
+def changed_since(strip: StripFile, memory: Path) -> str | None:
+    """The run since which a cell says that something moved, by its folds of `strip` in `memory`."""
+    name, choice = name_of(strip.length, strip.thickness), DeviceSelection()
+    learned = _learning(name, "adaptive", memory, memory, choice).correction.learned
+    return None if learned is None else learned.since
 
 
 def fold_unknown(
@@ -54,15 +83,21 @@ def fold_unknown(
     measured: bool = True,
     checkpoint: Path | None = None,
     opened: DeviceFactory | None = None,
+    memory: Path | None = None,
+    thicker: float = 0.0,
 ) -> FoldResult:
-    """The fold by `adaptive` of `strip`, whose length, and thickness if `measured`, it knows."""
+    """The fold by `adaptive` of `strip`, whose length, and thickness if `measured`, it knows.
+
+    The thickness is stated `thicker` [m] than it is; `memory` as in `fold_strip`.
+    """
     plant = folder / "plant.yaml"
     content = strip.model_dump(mode="json", by_alias=True)
     plant.write_text(yaml.safe_dump(content), encoding="utf-8")
-    name = name_of(strip.length, strip.thickness if measured else None)
+    name = name_of(strip.length, strip.thickness + thicker if measured else None)
     return fold_strip(
-        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened
-    )
+        name, "adaptive", seed, folder, plant=plant, checkpoint=checkpoint, opened=opened,
+        memory=memory,
+    )  # fmt: skip
 
 
 def facts(result: FoldResult) -> Mapping[str, Any]:

@@ -127,10 +127,24 @@ def test_folds_without_touch_or_blind_or_stopped_teach_nothing() -> None:
     assert experience_of("r", SUBJECT, replace(outcome(0.0), touch=None), nothing) is None
 
 
+def test_edges_are_learned_as_if_they_had_been_laid_without_a_correction() -> None:
+    taut = Correction(0.0, 0.0)
+    shifted = Correction(0.0, 0.0, None, -0.002)
+    plain = experience_of("r0", SUBJECT, outcome(0.0), taut)
+    again = experience_of("r0", SUBJECT, replace(outcome(0.0), edge_offset=0.0), shifted)
+    assert plain is not None
+    assert again is not None
+    assert plain.edges == pytest.approx(-0.002)
+    assert again.edges == pytest.approx(plain.edges)
+    sentence = shifted.sentence()
+    assert sentence is not None
+    assert sentence.startswith("laid the edge +2.0 mm")
+
+
 def test_a_record_states_the_correction_that_was_used() -> None:
-    used = Correction(0.001, -0.0005)
+    used = Correction(0.001, -0.0005, None, 0.002)
     again = correction_of(used.facts())
-    assert (again.seen, again.unseen) == (used.seen, used.unseen)
+    assert (again.seen, again.unseen, again.place) == (used.seen, used.unseen, used.place)
     assert correction_of(None).total == 0.0
 
 

@@ -1,0 +1,145 @@
+"""Folds of one specimen in a row by a cell that learns, in a right cell and in wrong ones.
+
+The controller does not know what is wrong. In a wrong cell a ruler measures the first fold, once.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from cell.campaign.statistic import Quantity, Statistic
+from cell.campaign.study import Study, Values
+from cell.config.places import find_configs
+from cell.folding.correct import learn_from_ruler
+from cell.folding.result import FoldResult
+from cell.record.run import read_run
+from cell.studies.kit.folds import changed_since, fold_unknown
+from cell.studies.kit.predicted import compare
+from drivers.strip.file import StripFile
+from policies.adaptive.fabrics import LENGTH, friction, plain
+from policies.adaptive.train.piece import truth
+
+RIGHT = "right"
+WRONG: Mapping[str, Mapping[str, Mapping[str, float]]] = {
+    "tool 3 mm off": {"tcp_offset": {"x": 0.003, "z": 0.0}},
+    "desk 1 mm low": {"desk_height": {"height": -0.001}},
+    "images 20 ms old": {"camera_latency": {"time": 0.02}},
+    "images shifted 2 mm": {"homography_shift": {"x": 0.002, "z": 0.0}},
+    "board 0.3 % off": {"homography_scale": {"scale": 0.003}},
+    "arm 10 ms late": {"control_delay": {"time": 0.01}},
+    "strip 2 mm longer": {"length_error": {"error": 0.002}},
+    "stated 0.5 mm thicker": {},
+}
+THICKER = {"stated 0.5 mm thicker": 5e-4}  # m
+SHORT, LONG, CHANGED = "two folds", "three folds", "wrong from fold 4 on"
+FOLDS = {SHORT: 2, LONG: 3, CHANGED: 5}
+CONDITIONS = (
+    (RIGHT, SHORT),
+    *((cell, LONG) for cell in (RIGHT, *WRONG)),
+    *((cell, CHANGED) for cell in ("tool 3 mm off", "images 20 ms old")),
+)
+BEFORE = 3  # folds of a right cell before it changes
+MARK = 5e-4  # m, to which a ruler is read
+FRICTION = (20.0, 60.0)  # 1/m, of every second strip
+
+
+def draw(number: int, rng: np.random.Generator) -> Values:
+    """A strip in the next cell; in every second round of cells its yarns rub."""
+    turn, which = divmod(number, len(CONDITIONS))
+    cell, series = CONDITIONS[which]
+    rubs = {"bending_hysteresis": friction(rng, *FRICTION)} if (turn + which) % 2 else {}
+    content = plain(rng, LENGTH, **rubs).model_dump(mode="json", by_alias=True)
+    return {"cell": cell, "series": series, "strip": content, "noise": number}
+
+
+def measure(case: Values) -> Values:
+    """The folds, what the cell knew of its bias in each, and what it noticed."""
+    cell, series = case["cell"], case["series"]
+    found: dict[str, object] = {}
+    with TemporaryDirectory() as name:
+        place, runs = Path(name), []
+        memory = place / "memory"
+        for number in range(FOLDS[series]):
+            result = _fold(case, number, place, memory)
+            runs.append(Path(result.run).name)
+            found |= {f"{key}_{number + 1}": value for key, value in _facts(case, result).items()}
+            if series == LONG and cell != RIGHT and number == 0:
+                _measure_by_ruler(result, memory)
+        since = changed_since(StripFile.model_validate(case["strip"]), memory)
+    noticed = since in runs[BEFORE:] if series == CHANGED else None
+    return {**found, "worse": _worse(found), "noticed": noticed,
+            "alarm": since is not None and not noticed}  # fmt: skip
+
+
+def _fold(case: Values, number: int, place: Path, memory: Path) -> FoldResult:
+    """Fold `number` of the series, by a cell that learns in `memory`."""
+    strip = StripFile.model_validate(case["strip"])
+    wrong = case["cell"] != RIGHT and not (case["series"] == CHANGED and number < BEFORE)
+    effects = {**strip.effects, **(WRONG[case["cell"]] if wrong else {})}
+    thicker = THICKER.get(case["cell"], 0.0) if wrong else 0.0
+    plant, seed = strip.model_copy(update={"effects": effects}), 10 * case["noise"] + number
+    return fold_unknown(plant, seed, place, memory=memory, thicker=thicker)
+
+
+def _facts(case: Values, result: FoldResult) -> Values:
+    """Of one fold: d by truth, the bias that is left in images, and errors of the belief [m]."""
+    known, learning = compare(result), read_run(Path(result.run)).header.learning or {}
+    facts = {k: known.get(k) for k in ("outcome", "true", "edges", "within_1", "within_2")}
+    facts |= {"corrected": learning["seen"], "place": learning["place"]}
+    facts |= {"seen": result.displacement, "edges_seen": result.edge_offset}
+    if "predicted" in known and result.displacement is not None:
+        facts["bias"] = result.displacement - known["predicted"] + learning["seen"]
+    if "believed_time" not in known:
+        return facts
+    length, time, rubbing = truth(StripFile.model_validate(case["strip"]))
+    return facts | {
+        "length_off": known["believed_length"] - length,
+        "time_off": known["believed_time"] - time,
+        "friction_off": known["believed_friction"] - rubbing,
+    }
+
+
+def _measure_by_ruler(result: FoldResult, memory: Path) -> None:
+    """Add the offset of the laid edges by a ruler, where the camera saw them too."""
+    if result.edge_offset is not None and result.edge_offset_true is not None:
+        edges = MARK * round(result.edge_offset_true / MARK)
+        learn_from_ruler(Path(result.run), edges, find_configs(None).cell().name, memory)
+
+
+def _worse(found: Mapping[str, object]) -> float | None:
+    """Mean |d| of the folds that learned beyond that of the first [m]; None without one."""
+    first, *others = (found.get(f"true_{number + 1}") for number in range(max(FOLDS.values())))
+    learned = [abs(one) for one in others if isinstance(one, float)]
+    return float(np.mean(learned)) - abs(first) if learned and isinstance(first, float) else None
+
+
+STUDY = Study(
+    name="series",
+    question="Does the second fold of a specimen profit from the first, even in a wrong cell?",
+    draw=draw,
+    measure=measure,
+    by=("cell", "series"),
+    quantities=(
+        Quantity("true_1", Statistic.MEAN_SIZE, label="|d| of fold 1"),
+        Quantity("true_2", Statistic.MEAN_SIZE, label="of fold 2"),
+        Quantity("true_2", Statistic.P95_SIZE, label="95 %"),
+        Quantity("true_2", Statistic.WORST_SIZE, label="worst"),
+        Quantity("true_3", Statistic.MEAN_SIZE, label="of fold 3"),
+        Quantity("seen_1", Statistic.MEAN_SIZE, label="seen, fold 1"),
+        Quantity("seen_2", Statistic.MEAN_SIZE, label="fold 2"),
+        Quantity("seen_3", Statistic.MEAN_SIZE, label="fold 3"),
+        Quantity("edges_1", Statistic.MEAN_SIZE, label="|edges| of fold 1"),
+        Quantity("edges_2", Statistic.MEAN_SIZE, label="of fold 2"),
+        Quantity("edges_3", Statistic.MEAN_SIZE, label="of fold 3"),
+        Quantity("worse", Statistic.MEAN, label="worse by learning"),
+        Quantity("time_off_1", Statistic.RMS, "%", 100.0, label="time off, fold 1", digits=0),
+        Quantity("time_off_2", Statistic.RMS, "%", 100.0, label="fold 2", digits=0),
+        Quantity("noticed", Statistic.SHARE, "%", 100.0, label="change noticed", digits=0),
+        Quantity("alarm", Statistic.SHARE, "%", 100.0, label="false alarm", digits=0),
+    ),
+    usual=12 * len(CONDITIONS),
+    quick=1,
+    seconds=30.0,
+)
