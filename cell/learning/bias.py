@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import expit, logit
 
 from cell.config.learning import LearningSettings
 from cell.learning.experience import Experience
@@ -66,6 +65,8 @@ def _unless_usual(
     """
     if not experiences:
         return found
+    from scipy.special import expit, logit
+
     y = np.array([e.displacement for e in experiences])
     strips = np.array([e.strip for e in experiences])
     pieces = np.array([f"{e.strip}/{e.specimen}" for e in experiences])
@@ -97,6 +98,8 @@ def laid_offset(experiences: Sequence[Experience], rig: float, settings: Learnin
     known = [e for e in experiences if e.edges is not None and abs(e.edges) < settings.limit]
     if not known:
         return 0.0
+    from scipy.special import expit, logit
+
     seen = np.array([e.edges for e in known], dtype=float) + rig
     names = np.array([f"{e.strip}/{e.specimen}" for e in known])
     covariance = settings.laid**2 * (names[:, None] == names) + settings.repeat**2 * np.eye(
