@@ -22,7 +22,6 @@ from tests.support.words import is_participle, ledger, participles, told_lines
 
 LONGEST_MODULE, LONGEST_FUNCTION = 400, 60  # lines
 ROOMS, LARGEST_ROOM, DOORS = 40, 5000, 240
-TREES = {name: tree(path) for name, path in modules()}
 
 
 def test_rooms_are_few_and_none_hides_behind_its_parent() -> None:
@@ -50,7 +49,7 @@ def test_no_modules_import_each_other_in_a_circle_not_even_inside_functions() ->
 
 def test_no_module_and_no_function_is_too_long() -> None:
     long = [n for n, path in modules() if len(path.read_text().splitlines()) > LONGEST_MODULE]
-    for name, whole in TREES.items():
+    for name, whole in ((name, tree(path)) for name, path in modules()):
         for node in ast.walk(whole):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1

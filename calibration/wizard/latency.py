@@ -6,7 +6,6 @@ from math import pi
 
 import numpy as np
 from pydantic import Field
-from scipy.optimize import least_squares, minimize_scalar
 
 from calibration.homography import Homography
 from calibration.lens import Lens
@@ -154,6 +153,8 @@ def _drift(
     arm: Array, stamps: Array, along: Array, latency: float, settings: LatencySettings
 ) -> tuple[str, ...]:
     """A latency that changes evenly over the steps: two clocks that do not run alike."""
+    from scipy.optimize import least_squares
+
     since = stamps - stamps.mean()
 
     def errors(unknown: Array) -> Array:
@@ -179,6 +180,8 @@ def _best(arm: Array, stamps: Array, along: Array, most: float) -> tuple[float, 
 
     A constant offset between both is a free parameter: it belongs to the map.
     """
+
+    from scipy.optimize import minimize_scalar
 
     def misfit(latency: float) -> float:
         off = along - np.interp(stamps - latency, arm[:, 0], arm[:, 1])

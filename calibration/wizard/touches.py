@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 from pydantic import Field
-from scipy.optimize import least_squares
 
 from calibration.homography import MINIMUM_POINTS, Homography, Rejected, fit_homography
 from calibration.lens import Lens
@@ -246,6 +245,8 @@ def _fit_move(
         return np.asarray((mapped[:, :2] / mapped[:, 2:] + later * unknown[8:] - pixels).ravel())
 
     begin = np.append(start, np.median((pixels - _project(plane, start))[moment:], axis=0))
+    from scipy.optimize import least_squares
+
     found = least_squares(errors, begin, loss="cauchy", f_scale=SCALE, x_scale="jac")
     left = errors(found.x)
     sigma = max(MAD * float(np.median(np.abs(left))), 1e-6) * np.sqrt(len(left) / (len(left) - 10))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Runs
+from cell.cli.options import Configs, Json, Runs, while_busy
 
 
 def doctor(
@@ -27,7 +27,7 @@ def doctor(
 
     red = False
     found = checks(find_configs(configs), DeviceSelection(), runs, seconds)
-    for number, check in enumerate(found, start=1):
+    for number, check in enumerate(while_busy("checking", found), start=1):
         red = red or check.state is State.FAIL
         line = json.dumps(check.line(number)) if as_json else check.text(number)
         sys.stdout.write(f"{line}\n")

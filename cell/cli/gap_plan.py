@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names, print_json
+from cell.cli.options import Configs, Json, Strip, check_names, print_json, while_busy
 
 if TYPE_CHECKING:
     from cell.folding.fold import Request
@@ -55,7 +55,8 @@ def plan(
         return
     code = 0
     with Interrupt() as interrupted:
-        for i, result in enumerate(fold_runs(wanted, jobs, interrupted)):
+        results = while_busy("folding", fold_runs(wanted, jobs, interrupted))
+        for i, result in enumerate(results):
             _tell(i, len(wanted), wanted[i], result, as_json=as_json)
             code = max(code, 0 if went_as_planned(result) else result.exit_code)
     if not as_json:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cell.cli.options import Json, print_json
+from cell.cli.options import Json, busy, print_json
 
 if TYPE_CHECKING:
     from cell.record.run import Run
@@ -40,7 +40,8 @@ def import_runs(
     from cell.record.exchange.import_runs import import_runs as convert
     from cell.record.run import read_run
 
-    made = convert(places, mapping, out)
+    with busy("reading the tables"):
+        made = convert(places, mapping, out)
     for folder in made if as_json else ():
         print_json({"run": folder})
     if not as_json:
@@ -79,7 +80,8 @@ def export_runs(
     """Write runs for other programs; stamps stay exact, and `cell import` reads all formats."""
     from cell.record.exchange.export_runs import export_runs as convert
 
-    made = convert(runs, kind.value, out)
+    with busy("writing the files"):
+        made = convert(runs, kind.value, out)
     for path in made if as_json else ():
         print_json({"file": path})
     if not as_json:

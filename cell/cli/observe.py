@@ -1,14 +1,12 @@
 """`cell observe`: a film of a fold as a run."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from cell.cli.options import Configs, Json, Strip, check_names, print_json
+from cell.cli.options import Configs, Json, Strip, busy, check_names, print_json
 
 
 def observe(
@@ -32,8 +30,11 @@ def observe(
     from cell.record.files import OVERLAY
 
     folder = out or Path("runs") / film.stem
-    with _progress(quiet=as_json) as shown:
-        found = read(film, calibration, strip, folder, configs, shown)
+    with busy("reading the film") as say:
+        found = read(
+            film, calibration, strip, folder, configs,
+            lambda time: say(f"reading the film: {time:.1f} s"),
+        )  # fmt: skip
     if as_json:
         line = {"run": str(folder), "images": found.images, "read": found.read}
         touch = found.touch
@@ -45,14 +46,3 @@ def observe(
         said = f"displacement {1e3 * found.touch.displacement:+.1f} mm"
     sys.stdout.write(f"{film}: {found.read} of {found.images} images read; {said}\n")
     sys.stdout.write(f"  {folder}\n  {folder / OVERLAY}\n")
-
-
-@contextmanager
-def _progress(*, quiet: bool) -> Iterator[Callable[[float], None]]:
-    from rich.console import Console
-
-    if quiet or not sys.stderr.isatty():
-        yield lambda _time: None
-        return
-    with Console(stderr=True).status("reading the film") as status:
-        yield lambda time: status.update(f"reading the film: {time:.1f} s")

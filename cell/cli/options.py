@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -14,10 +14,11 @@ from cell.config.drivers import arm_names, camera_names
 from drivers.plugins import plugin_names
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from cell.campaign.run import Engine
 
+T = TypeVar("T")
 INTERRUPTED = 130  # exit code
 
 
@@ -144,15 +145,29 @@ def resumable(folder: Path) -> "Iterator[None]":
 
 
 @contextmanager
-def busy(text: str) -> "Iterator[None]":
-    """Say on a terminal what a command is doing that prints nothing until it is done."""
+def busy(text: str) -> "Iterator[Callable[[str], None]]":
+    """Say on a terminal what a command is doing that prints nothing until it is done; a call of
+    what it yields says how far that is.
+    """
+    if not sys.stderr.isatty():
+        yield lambda _text: None
+        return
     from rich.console import Console
 
-    if not sys.stderr.isatty():
-        yield
-        return
-    with Console(stderr=True).status(text):
-        yield
+    with Console(stderr=True).status(text) as status:
+        yield status.update
+
+
+def while_busy(text: str, items: "Iterable[T]") -> "Iterator[T]":
+    """The `items`, with `text` on a terminal while the next one is waited for."""
+    source = iter(items)
+    while True:
+        with busy(text):
+            try:
+                item = next(source)
+            except StopIteration:
+                return
+        yield item
 
 
 def engine(jobs: int, address: str | None, limit: float | None) -> "Engine":

@@ -6,16 +6,17 @@ from typing import Annotated
 
 import typer
 
-from cell.cli.options import Json, print_json
+from cell.cli.options import Json, busy, print_json
 
 
 def replay(
     run: Annotated[Path, typer.Argument(help="A run folder of the cell.")], as_json: Json = False
 ) -> None:
     """Decide again from the stored images; the exit code is 1 when anything comes out otherwise."""
-    from cell.folding.replay import replay as decide_again
+    with busy("deciding again from the images"):
+        from cell.folding.replay import replay as decide_again
 
-    result = decide_again(run)
+        result = decide_again(run)
     if as_json:
         facts = {"run": run, "images": result.images, "decisions": result.decisions}
         print_json({**facts, "differences": result.differences})

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint
 from types import MappingProxyType
-from typing import Annotated, Any
-
-from pydantic import AfterValidator
+from typing import Any
 
 from drivers.plugins import plugin_names, plugins
 
@@ -69,13 +67,3 @@ def arm_names() -> tuple[str, ...]:
 def camera_names() -> tuple[str, ...]:
     """Names of the cameras; no plug-in is imported."""
     return (*CAMERAS, *plugin_names("cameras"))
-
-
-def _check(name: str, known: tuple[str, ...]) -> str:
-    if name not in known:
-        raise ValueError(f"must be one of {', '.join(known)}")
-    return name
-
-
-ArmName = Annotated[str, AfterValidator(lambda name: _check(name, arm_names()))]
-CameraName = Annotated[str, AfterValidator(lambda name: _check(name, camera_names()))]

@@ -1,14 +1,14 @@
 """Settings that the controller may use: drivers, installation, speeds, limits."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from calibration.board import BoardSettings
 from calibration.landmarks import LandmarkSettings
 from calibration.wizard.latency import LatencySettings
 from calibration.wizard.touches import TouchSettings
-from cell.config.drivers import ArmName, CameraName
+from cell.config.drivers import arm_names, camera_names
 from cell.config.fold import FoldSettings
 from cell.config.learning import LearningSettings
 from cell.config.monitor_limits import MonitorLimits
@@ -19,6 +19,16 @@ from drivers.arm.settings import FciSettings
 from drivers.camera.settings import V4l2Settings
 from drivers.installation import Installation
 from drivers.settings import Metres, Seconds, Settings
+
+
+def _check(name: str, known: tuple[str, ...]) -> str:
+    if name not in known:
+        raise ValueError(f"must be one of {', '.join(known)}")
+    return name
+
+
+ArmName = Annotated[str, AfterValidator(lambda name: _check(name, arm_names()))]
+CameraName = Annotated[str, AfterValidator(lambda name: _check(name, camera_names()))]
 
 
 class DriverChoice(Settings):

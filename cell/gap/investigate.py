@@ -135,11 +135,16 @@ def _judged_base(
 
 
 def _is_strained(subject: Subject, base: Estimate) -> bool:
-    """Whether the base fits by values that what is known of them all but rules out."""
-    known = [(v - p.start) / p.spread for p, v in zip(base.model.base, base.shared, strict=False)
-             if np.isfinite(p.spread)]  # fmt: skip
-    beyond = float(special.chdtrc(len(known), np.square(known).sum())) if known else 1.0
-    return subject.scope.believed and beyond < LEVEL
+    """Whether the base fits by values that what is known of them all but rules out: all of them
+    together, or any one of them.
+    """
+    known = np.square([(v - p.start) / p.spread
+                       for p, v in zip(base.model.base, base.shared, strict=False)
+                       if np.isfinite(p.spread)])  # fmt: skip
+    if not subject.scope.believed or not len(known):
+        return False
+    any_one = len(known) * float(special.chdtrc(1, known.max()))
+    return min(float(special.chdtrc(len(known), known.sum())), any_one) < LEVEL
 
 
 def _screen(subject: Subject, fitted: Fitted, simulate: Simulate) -> Screened:

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, TypeAdapter, ValidationError
 
 from cell.record.json_lines import json_line, read_json_lines
-from cell.record.run import read_run
 from drivers.errors import ConfigurationError
 from drivers.files import append_line, lock_folders, replace_file, sync_folder, writing
 
@@ -122,6 +121,8 @@ def ruler_experience(folder: Path, edges: float, memory: Memory) -> Experience:
     `memory` knows to which policy, fabric and specimen the run belongs. Raises ConfigurationError
     for a run that cannot be read, whose edges no camera saw, or that the cell did not learn from.
     """
+    from cell.record.run import read_run  # and the libraries of its tables
+
     run = read_run(folder)
     seen = None if run.result is None else run.result.edge_offset
     if seen is None:

@@ -6,7 +6,6 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from drivers.files import replace_file
@@ -21,7 +20,7 @@ def plain(value: object) -> Any:
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    if isinstance(value, np.generic | np.ndarray):
+    if hasattr(value, "tolist"):  # a number or an array of NumPy, whose import commands go without
         return plain(value.tolist())
     return _scalar(value)
 

@@ -36,7 +36,8 @@ def read_json_lines(path: Path, most: int = EVENTS) -> list[Line]:
             content = json.loads(line, parse_int=_integer)
         except (ValueError, RecursionError):
             continue
-        if isinstance(content, dict) and _is_flat(content, DEPTH):
+        shallow = line.count(b"{") + line.count(b"[") <= DEPTH  # as all lines of a run are
+        if isinstance(content, dict) and (shallow or _is_flat(content, DEPTH)):
             lines.append(content)
     return lines
 

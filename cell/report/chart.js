@@ -1,8 +1,10 @@
 // D3 takes over the figures of a page: a pointer reads values off the paths, a drag, a pinch or
-// Ctrl and the wheel move and zoom, a name in a legend hides its curves.
+// Ctrl and the wheel move and zoom, a name in a legend hides its curves. In a narrow window panels
+// stand below one another, each as wide as the window, with the text that they were drawn with.
 (() => {
   const AT = 5, NEAR = 16; // from the pointer to a point that is read [pt]: before a field, beside one
   const STEPS = 1000, MOST = 40; // steps of an axis; largest zoom
+  const NARROW = 560, TEXT = 1.125; // width of a narrow figure [px]; px a pt: 8 pt are 9 px
   const card = document.createElement("div");
   card.className = "reading";
   card.hidden = true;
@@ -28,6 +30,126 @@
     return path.split("M").slice(1).map((piece) => [...piece.matchAll(pairs)].map(([, x, y]) => [+x, +y]));
   };
 
+  // Areas come as marks at the drawing's corner: paths in their own place are read, zoomed, moved.
+  const inline = (svg) => {
+    const { height } = svg.viewBox.baseVal, taken = new Set();
+    for (const use of svg.querySelectorAll("[id^=axes-] use")) {
+      const [x, y] = [+use.getAttribute("x"), +use.getAttribute("y")];
+      const drawn = svg.querySelector(`[id="${use.getAttribute("xlink:href").slice(1)}"]`);
+      if (x || Math.abs(y - height) > 0.01 || !drawn) continue;
+      const path = drawn.cloneNode();
+      path.removeAttribute("id");
+      path.setAttribute("d", drawn.getAttribute("d").replace(pairs, (_, a, b) => `${a} ${(+b + y).toFixed(3)}`));
+      for (const name of ["style", "clip-path"]) set(path, name, use.getAttribute(name));
+      use.replaceWith(path);
+      taken.add(drawn);
+    }
+    const left = new Set([...svg.querySelectorAll("use")].map((use) => use.getAttribute("xlink:href").slice(1)));
+    for (const drawn of taken) if (!left.has(drawn.id)) drawn.remove();
+  };
+
+  // Boxes of `panels` one below the other in a drawing `wide`, and its height; null where names
+  // beside the panels leave too little of it.
+  const stacked = (panels, wide, { width, height }) => {
+    const tops = d3.groups(d3.sort(panels, ({ box }) => box[1]), ({ box }) => Math.round(box[1]));
+    const rows = tops.map(([, row]) => d3.sort(row, ({ box }) => box[0]));
+    const bottom = (row) => d3.max(row, ({ box }) => box[3]);
+    const left = d3.max(rows.flat(), (p, _, all) => {
+      const row = rows.find((r) => r.includes(p)), before = row[row.indexOf(p) - 1];
+      return p.box[0] - (before ? before.box[2] : 0);
+    });
+    const right = width - d3.max(panels, ({ box }) => box[2]);
+    const span = wide - left - right, found = new Map();
+    if (span < 0.45 * wide) return null;
+    let y = 0;
+    rows.forEach((row, i) => {
+      const above = row[0].box[1] - (i ? bottom(rows[i - 1]) : 0);
+      const below = (i + 1 < rows.length ? rows[i + 1][0].box[1] : height) - bottom(row);
+      row.forEach(({ box, equal }, j) => {
+        y += j ? below + (i + 1 < rows.length ? 0 : rows[0][0].box[1]) : above;
+        const high = (box[3] - box[1]) * (equal ? span / (box[2] - box[0]) : 1);
+        found.set(row[j], [left, y, left + span, y + high]);
+        y += high;
+      });
+    });
+    return { boxes: found, high: y + height - bottom(rows.at(-1)) };
+  };
+
+  // From a box to another one; what lies beyond an edge keeps its distance from it.
+  const carry = (from, to, a, b) => (v) =>
+    v <= from ? v - from + a : v >= to ? v - to + b : a + ((v - from) * (b - a)) / (to - from);
+
+  const narrow = (svg, panels) => {
+    const room = svg.parentElement.clientWidth, wide = room / TEXT, view = svg.viewBox.baseVal;
+    const known = svg.querySelectorAll("[id^=axes-]").length === panels.length;
+    const place = known && room < NARROW && wide < view.width && stacked(panels, wide, view);
+    if (!place) return;
+    const all = [...svg.querySelectorAll("clipPath rect")];
+    for (const [panel, to] of place.boxes) {
+      const from = panel.box, X = carry(from[0], from[2], to[0], to[2]), Y = carry(from[1], from[3], to[1], to[3]);
+      const group = svg.querySelector(`[id="${panel.id}"]`), legends = [...group.querySelectorAll("[id^=legend_]")];
+      const places = new Map(panel.texts.map(([id, x, y]) => [id, [x, y]]));
+      for (const e of group.querySelectorAll("path, use, text, image")) {
+        if (e.closest("defs, [id^=legend_]")) continue;
+        const [x, y] = [+e.getAttribute("x"), +e.getAttribute("y")];
+        if (e.tagName === "path") {
+          e.setAttribute("d", e.getAttribute("d").replace(pairs, (_, a, b) => `${X(+a).toFixed(3)} ${Y(+b).toFixed(3)}`));
+        } else if (e.tagName === "use") {
+          e.setAttribute("x", X(x));
+          e.setAttribute("y", Y(y));
+        } else if (e.tagName === "text") {
+          const [a, b] = places.get(e.parentElement.id) ?? [x, y];
+          move(e, X(a) - a, Y(b) - b);
+        } else { // stored upside down
+          const [w, h] = [+e.getAttribute("width"), +e.getAttribute("height")];
+          const high = Y(h - y) - Y(-y);
+          for (const [name, value] of Object.entries({ x: X(x), y: -Y(-y), width: X(x + w) - X(x), height: high }))
+            e.setAttribute(name, value);
+          e.setAttribute("transform", `scale(1 -1) translate(0 ${-high})`);
+          e.setAttribute("preserveAspectRatio", "none");
+        }
+      }
+      for (const legend of legends) {
+        const { x, y, width, height } = legend.getBBox(), late = (v, [a, b]) => v > (a + b) / 2;
+        const across = late(x + width / 2, [from[0], from[2]]) ? to[2] - from[2] : to[0] - from[0];
+        const down = late(y + height / 2, [from[1], from[3]]) ? to[3] - from[3] : to[1] - from[1];
+        move(legend, Math.max(across, -x), down);
+      }
+      for (const rect of all.filter((r) => Math.abs(r.getAttribute("x") - from[0]) + Math.abs(r.getAttribute("y") - from[1]) < 0.1)) {
+        const [left, top, right, bottom] = to;
+        for (const [name, value] of Object.entries({ x: left, y: top, width: right - left, height: bottom - top }))
+          rect.setAttribute(name, value);
+      }
+      panel.box = to;
+      panel.cells = panel.cells.map(([l, t, r, b, said]) => [X(l), Y(t), X(r), Y(b), said]);
+      panel.texts = panel.texts.map(([id, x, y]) => [id, X(x), Y(y)]);
+      thin(group, panel);
+    }
+    svg.setAttribute("viewBox", `0 0 ${wide} ${place.high}`);
+    Object.assign(svg.style, { width: "100%", minWidth: 0 });
+    const [left, , right] = panels.at(-1).box;
+    if (svg.dataset.left) Object.assign(svg.dataset, { left: left / wide, right: right / wide });
+  };
+
+  const move = (e, x, y) => e.setAttribute("transform", `translate(${x} ${y}) ${e.getAttribute("transform") ?? ""}`);
+
+  // Every other number of an axis goes where they would touch, one under a name in the drawing, and
+  // a name that its bar does not hold.
+  const thin = (group, panel) => {
+    const numbers = [...group.querySelectorAll("[id^=xtick_] text")], at = (e) => e.getBoundingClientRect();
+    for (let step = 2; step < 9 && numbers.length > 1; step *= 2) {
+      const shown = d3.sort(numbers.filter((e) => !e.style.display), (e) => at(e).x);
+      if (d3.pairs(shown).every(([a, b]) => at(a).right + 2 < at(b).x)) break;
+      shown.filter((_, i) => i % 2).forEach((e) => { e.style.display = "none"; });
+    }
+    for (const name of group.querySelectorAll("[id^=item-] text")) {
+      const on = at(name), under = (b) => b.x < on.right && b.right > on.x && b.y < on.bottom && b.bottom > on.y;
+      for (const e of numbers) if (under(at(e))) e.style.display = "none";
+      for (const [l, , r, , said] of panel.cells)
+        if (name.textContent === said && name.getBBox().width > r - l) name.style.display = "none";
+    }
+  };
+
   class Panel {
     constructor(svg, facts) {
       Object.assign(this, facts, { svg, zoomed: d3.zoomIdentity, dots: [] });
@@ -39,7 +161,8 @@
         curve.pieces = curve.read ? pieces(curve.group) : [];
       }
       this.curves = this.curves.filter((curve) => curve.group);
-      this.readable = this.curves.filter((curve) => curve.pieces.flat().length);
+      const read = this.curves.filter((curve) => curve.pieces.flat().length);
+      [this.bands, this.readable] = [read.filter(({ band }) => band), read.filter(({ band }) => !band)];
       const ahead = ({ pieces }) => pieces.flat().every(([x], i, points) => !i || x >= points[i - 1][0] - 0.01);
       this.along = !this.equal && !this.x.words.length && !this.y.words.length && this.readable.every(ahead);
       this.movable = [...this.group.querySelectorAll("[id^=item-] :is(path, use)")].filter((e) => !e.closest("defs"))
@@ -185,6 +308,12 @@
           mate.dots.push([mate.zoomed.applyX(x), y, colour(curve)]);
           rows.push([{ text: curve.name, colour: colour(curve) }, spoken(mate.y, mate.scales[1].invert(y))]);
         }
+        for (const band of mate.bands) {
+          const ends = (!band.hidden && endsAt(band.pieces, place)) || [];
+          const [low, high] = ends.map((y) => spoken(mate.y, mate.scales[1].invert(y)));
+          const bare = low?.slice(0, mate.y.unit ? -mate.y.unit.length : undefined).trim();
+          if (low) rows.push([{ text: band.name, colour: colour(band) }, `${bare} to ${high}`]);
+        }
         for (const [left, , right, , said] of mate.cells) if (place >= left && place < right) rows.unshift(said);
       }
       const axis = this.mates.map((mate) => mate.x).find(({ name }) => name) ?? this.x;
@@ -239,6 +368,14 @@
     return next && Math.abs(next[0] - place) < 3 ? next : null;
   }
 
+  // Where an area between two curves begins and ends at `place`, from below.
+  function endsAt(found, place) {
+    const crossed = found.flatMap((piece) => d3.pairs([...piece, piece[0]]))
+      .filter(([[a], [b]]) => a !== b && (a - place) * (b - place) <= 0)
+      .map(([[x0, y0], [x1, y1]]) => y0 + ((y1 - y0) * (place - x0)) / (x1 - x0));
+    return crossed.length ? d3.extent(crossed).reverse() : null;
+  }
+
   function colour(curve) {
     const style = getComputedStyle(curve.group.querySelector("use, path"));
     return style.stroke === "none" ? style.fill : style.stroke;
@@ -263,7 +400,10 @@
   addEventListener("scroll", () => { card.hidden = true; }, true);
   addEventListener("pointerdown", ({ target }) => { card.hidden ||= !target.matches(".pad"); });
   for (const svg of document.querySelectorAll("svg[data-chart]")) {
-    const panels = JSON.parse(svg.dataset.chart).map((facts) => new Panel(svg, facts));
+    const facts = JSON.parse(svg.dataset.chart);
+    inline(svg);
+    narrow(svg, facts);
+    const panels = facts.map((each) => new Panel(svg, each));
     for (const panel of panels) {
       panel.panels = panels;
       if (panel.zooms) panel.zoomable();

@@ -43,8 +43,8 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    with canvas(8.4, 4.5) as figure:
-        axes = figure.add_subplot(aspect="equal", anchor="W")
+    with canvas(8.4, 4.5, layout=None) as figure:
+        axes = figure.add_axes((0.066, 0.1, 0.85, 0.885), aspect="equal", anchor="W")
         curves = _spread(run.profile.curves(), CURVES)
         first, last = _span(run)
         colours = LinearSegmentedColormap.from_list("time", TIME)
@@ -62,7 +62,7 @@ def strip_figure(run: Run, outlines: Sequence[Silhouette] = ()) -> str:
         axes.spines["bottom"].set_visible(False)
         if curves:
             scale = ScalarMappable(Normalize(first, last), colours)
-            bar = figure.colorbar(scale, ax=axes, shrink=0.55, pad=0.01, aspect=26)
+            bar = figure.colorbar(scale, cax=axes.inset_axes((1.01, 0.2, 0.014, 0.6)))
             bar.outline.set_visible(False)
             bar.set_label("t  [s]")
         return as_svg(figure)
@@ -128,8 +128,8 @@ def _path(axes: Any, ticks: Ticks) -> None:
     axes.plot(measured, 1e3 * ticks.z, color=INK, lw=1.5, gid="gripper")
     if ticks.t.size:
         axes.plot(1e3 * ticks.x[-1], 1e3 * ticks.z[-1], "o", mfc=PAPER, mec=INK, ms=5)
-        middle = ticks.t.size // 3
-        place = (1e3 * ticks.x[middle], 1e3 * ticks.z[middle])
+        early = ticks.t.size // 5
+        place = (1e3 * ticks.x[early], 1e3 * ticks.z[early])
         axes.annotate("gripper", place, (6, 6), textcoords="offset points", fontsize=8.5)
 
 

@@ -60,7 +60,7 @@ def outlook_figure(run: Run, outlook: Outlook) -> str:
 
 def _band(axes: Any, outlook: Outlook, name: str, scale: float, colour: str) -> None:
     value, low, high = (scale * outlook.column(name + end) for end in ("", "_low", "_high"))
-    axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0)
+    axes.fill_between(outlook.t, low, high, color=colour, alpha=0.22, lw=0, gid="one sigma")
     axes.plot(outlook.t, value, color=colour, lw=1.2, gid=PANELS[name][0].partition("  [")[0])
     if name == "displacement":
         axes.axhline(0, color=MUTED, lw=0.6)

@@ -62,7 +62,7 @@ def _axes(axes: Any, figure: Any) -> Facts:
         "curves": list(_curves(axes)),
         "cells": [
             cell
-            for fields in (_bars, _pixels, _meshes)
+            for fields in (_bars, _steps, _pixels, _meshes)
             for cell in fields(axes, figure, x, y)
             if all(map(isfinite, cell[:4]))
         ],
@@ -96,15 +96,19 @@ def _place(figure: Any, x: float, y: float) -> list[float]:
 
 
 def _curves(axes: Any) -> Iterator[Facts]:
-    """Lines and areas with a name; areas can be hidden, not read."""
+    """Lines and areas with a name; of areas between two curves (bands) both are read."""
+    from matplotlib.collections import FillBetweenPolyCollection
+
     bars = {patch for container in axes.containers for patch in getattr(container, "patches", ())}
+    bands = {a for a in axes.collections if isinstance(a, FillBetweenPolyCollection)}
     for artist in [*axes.lines, *axes.collections, *axes.patches]:
         if not artist.reading.startswith("_") and artist not in bars:
             yield {
                 "id": artist.get_gid(),
                 "name": artist.reading,
                 "label": str(artist.get_label()),
-                "read": artist in list(axes.lines),
+                "read": artist in list(axes.lines) or (artist in bands),
+                "band": artist in bands,
             }
 
 
@@ -125,6 +129,19 @@ def _bars(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
                 span, reach = _span(y, patch.get_y(), high), _reach(x, patch.get_x(), wide)
             places = (value for end in ends for value in _place(figure, *end))
             yield [*places, patch.reading if named else f"{span}: {name}{reach}"]
+
+
+def _steps(axes: Any, figure: Any, x: Facts, y: Facts) -> Iterator[list[Any]]:
+    """Steps of a histogram drawn as one outline."""
+    from matplotlib.patches import StepPatch
+
+    for steps in (patch for patch in axes.patches if isinstance(patch, StepPatch)):
+        values, edges, _ = steps.get_data()
+        places = axes.transData.transform(np.column_stack([edges, np.ones_like(edges)]))[:, 0]
+        for k, value in enumerate(values):
+            ends = ((places[k], axes.bbox.y1), (places[k + 1], axes.bbox.y0))
+            said = f"{_span(x, edges[k], edges[k + 1] - edges[k])}: {_number(value)} {y['unit']}"
+            yield [*(v for end in ends for v in _place(figure, *end)), said.strip()]
 
 
 def _reach(axis: Facts, start: float, size: float) -> str:

@@ -61,9 +61,12 @@ def _histogram(axes: Any, values: Array, label: str, colour: str) -> None:
         return
     middle = float(np.median(values))
     edges, wide = _edges(values)
-    axes.hist(np.clip(values, edges[0], edges[-1]), edges, color=colour, alpha=0.75, lw=0)
+    counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
+    axes.stairs(counts, edges, color=colour, fill=True, alpha=0.75, lw=0)
+    axes.set_ylim(0, None)
     if wide:
         axes.set_xscale("log")
+        axes.minorticks_off()
         axes.xaxis.set_major_formatter("{x:g}")
     else:
         axes.ticklabel_format(useOffset=False)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from scipy import special
 
 from drivers.errors import ConfigurationError
 from drivers.strip.file import GRAVITY
@@ -144,6 +143,8 @@ class Mechanics:
                 f"position: {position:g} is not on the strip; allowed: 0 to {self.length:g} m"
             )
         if softness > 0:
+            from scipy import special
+
             ahead, behind = (self.cells - position + side * width / 2 for side in (1.0, -1.0))
             spread = softness * width
             return np.asarray(special.ndtr(ahead / spread) - special.ndtr(behind / spread))

@@ -75,7 +75,7 @@ def spoiled_fold(monkeypatch, runs: Path, change) -> tuple:
     ],
 )
 def test_bad_images_stop_the_arm(monkeypatch, tmp_path, spoil, fault, within, still) -> None:
-    begin = 6.0
+    begin = 5.0  # in FOLD for a second
 
     def change(devices: Devices) -> Devices:
         camera = SpoiledCamera(devices.camera, devices.clock, spoil, begin)

@@ -109,7 +109,7 @@ def residual_traces(
         axis.set_xlim(float(times.min()), float(times.max()))
         quantity = quantities[str(s.quantity[mine][0])]
         band = 2.0 * quantity.factor * s.reading[mine]
-        axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0)
+        axis.fill_between(s.t[mine], -band, band, color=RULE, lw=0, gid="2 sigma of the noise")
         zones = set(s.zone[mine])
         name = f"{s.channel[mine][0]}{f' {zones.pop()}' if len(zones) == 1 else ''}"
         pair = ((before, BEFORE, "before"), (after, AFTER, "after"))

@@ -39,13 +39,13 @@ class Fits:
         """The model that predicts best, whatever its size."""
         return by_loss(self.models, self.scale)[0]
 
-    def worth(self, size: int) -> list[Validated]:
-        """Models of `size` effects that gain at least WORTH of what the best of them does."""
+    def worth(self, size: int, share: float = WORTH) -> list[Validated]:
+        """Models of `size` effects that gain at least the `share` of what the best of them does."""
         if not size:
             return []
         by, models = self.scale, self.of_size(size)
         gains = [margin(m, self.base, by).gain for m in models]
-        return [m for m, gain in zip(models, gains, strict=True) if gain > WORTH * gains[0]]
+        return [m for m, gain in zip(models, gains, strict=True) if gain > share * gains[0]]
 
     def merge(self, more: Sequence[Validated]) -> "Fits":
         """These and `more`; of two fits of the same effects the better one is kept."""

@@ -21,8 +21,14 @@ class Alternative:
     distance: float
 
 
-def rivals(accepted: Validated, fits: Fits, by: LikelihoodScale) -> list[Alternative]:
-    """Models of equal size that lie within three sigma of the accepted one, or are not refuted."""
+def rivals(
+    accepted: Validated, fits: Fits, by: LikelihoodScale, believed: Posterior | None = None
+) -> list[Alternative]:
+    """Models of equal size that lie within three sigma of the accepted one, or are not refuted.
+
+    Where priors are `believed`, what the runs show to differ is refuted, too, by values that are
+    far less probable than the accepted ones.
+    """
     base, found = fits.base, []
     needed = by.ahead(margin(accepted, base, by).gain)
     for other in fits.models:
@@ -31,6 +37,9 @@ def rivals(accepted: Validated, fits: Fits, by: LikelihoodScale) -> list[Alterna
             continue
         ahead = margin(accepted, other, by)
         refuted = ahead.gain > needed and ahead.p < LEVEL
+        if believed is not None:
+            lead = believed.lead(accepted.model.names) - believed.lead(other.model.names)
+            refuted |= lead > needed
         worth = margin(other, base, by).gain > MARGIN
         if worth and (ahead.distance < NEAR or not refuted):
             found.append(Alternative(other, ahead.gain, ahead.distance))

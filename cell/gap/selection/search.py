@@ -29,7 +29,8 @@ class Budget:
     set by hand.
 
     So many `singles` and `pairs` are refitted, and so many models with one effect `further`, beside
-    so many of the best (`beam`), from so many effects `looked` at there. Of `sifted` pairs those
+    so many of the best (`beam`) that gain the share `worth` of what the best one does, from so many
+    effects `looked` at there, those that promise most (`extended`). Of `sifted` pairs those
     few are chosen by a fit of `sifting` steps; starts with less than `hope` of the best one's gain
     then are given up, the others go on to `begun` steps, and to the end with `finished` of it. A
     shape parameter begins also at the share `guess` of what is believed of it, and has to gain the
@@ -40,8 +41,10 @@ class Budget:
     singles: int = 5
     pairs: int = 3
     further: int = 4
-    beam: int = 3
+    beam: int = 6
+    worth: float = 0.3
     looked: int = 12
+    extended: int = 12
     sifted: int = 8
     sifting: int = 2
     begun: int = 4
@@ -246,16 +249,21 @@ def extensions(
     best model is extended where a larger one leaves nothing: its alternatives are beside that.
     """
     beam = 1 if is_exhausted(fits) else BUDGET.beam
-    found: dict[tuple[str, ...], Score] = {}
-    for fit in [m.estimate for m in fits.worth(size)[:beam]]:
+    scale = fits.scale.scale
+    found: dict[tuple[str, ...], tuple[float, Score]] = {}
+    for fit in [m.estimate for m in fits.worth(size, BUDGET.worth)[:beam]]:
         about = projection(fit)
         others = [p for p in probed if p.candidate.name not in fit.model.names]
         looked = {s.names[0] for s in ranking(table(about, others))[: BUDGET.looked]}
         again = run_all(simulate, [probe(fit, c) for c in candidates if c.name in looked])
+        before, worth = judged(fit, scale), (fit.scale / scale) ** 2
         for s in ranking(table(about, again))[: BUDGET.further]:
             beside = s.beside(fit)
-            found.setdefault(beside.names, beside)
-    scores, base = list(found.values()), fits.base.estimate
+            after = before - worth * s.gain
+            if beside.names not in found or after < found[beside.names][0]:
+                found[beside.names] = after, beside
+    order = sorted(found.values(), key=lambda each: each[0])[: BUDGET.extended]
+    scores, base = [score for _, score in order], fits.base.estimate
     return scores if beam == 1 else shortlist(simulate, base, scores, candidates, BUDGET.further)
 
 

@@ -70,7 +70,8 @@ def judge(
     misfit = lack_of_fit.lack_of_fit(best, noise, strict)
     kind[lack_of_fit.unshown(best)] = np.inf
     leftover, outlying_run = _leftover(best, noise, kind)
-    close = _rivals(choice, sets) if best.model.effects else []
+    believed = subject.scope.believed
+    close = _rivals(choice, sets, believed=believed) if best.model.effects else []
     groups = tuple(map(tuple, classes(choice.accepted, close)))
     scatter = estimate_spreads(simulate, best, whole)
     return Judged(
@@ -89,14 +90,15 @@ def judge(
     )
 
 
-def _rivals(choice: Choice, sets: Posterior) -> list[Alternative]:
+def _rivals(choice: Choice, sets: Posterior, *, believed: bool) -> list[Alternative]:
     """What explains the runs about as well as the accepted model, by what accepted it, and what is
-    more probable.
+    more probable; where priors are `believed`, they refute, too.
     """
     known = (choice.accepted, choice.fits, choice.by)
     if choice.sets is not None:
         return probable_rivals(*known, choice.sets)
-    return [*rivals(*known), *more_probable(*known, sets)]
+    close = rivals(*known, sets if believed else None)
+    return [*close, *more_probable(*known, sets)]
 
 
 def fit_rest_law(

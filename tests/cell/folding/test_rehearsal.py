@@ -23,12 +23,17 @@ SETTINGS = CONFIGS.cell()
 FCI = SETTINGS.model_copy(update={"installation": SETTINGS.fci.limit(SETTINGS.installation)})
 STRIP = CONFIGS.strip("denim")
 LIMITS = FCI.installation.limits
-ELBOW = home_joints(SETTINGS, STRIP)[2]
 PATH, SPEEDS = whole_path(0.6, 0.15, FCI.fold, LIMITS, triangle(0.6))
 
 
-def test_path_of_a_rehearsal_is_the_fold_s_raised() -> None:
-    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, ELBOW)
+@pytest.fixture(scope="module")
+def elbow() -> float:
+    """The elbow [rad] over the strip, which takes a search."""
+    return float(home_joints(SETTINGS, STRIP)[2])
+
+
+def test_path_of_a_rehearsal_is_the_fold_s_raised(elbow) -> None:
+    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, elbow)
     fold = PATH[2:-1]  # without what only avoids a strip that lies there
     assert planned.path - fold == pytest.approx(np.tile([0, HEIGHT, 0], (len(fold), 1)))
     assert np.array_equal(planned.speeds, SPEEDS[2:-1])
@@ -40,16 +45,18 @@ def test_fold_that_does_not_fit_in_the_air_is_refused() -> None:
         rehearsal(FCI, STRIP, higher, SPEEDS)
 
 
-def test_arm_that_cannot_follow_in_the_air_is_refused() -> None:
+def test_arm_that_cannot_follow_in_the_air_is_refused(elbow) -> None:
     away = np.add(PATH, (0.25, 0.0, 0.0))
     rehearsal(FCI, STRIP, away, SPEEDS)  # by an arm that has no joints
     with pytest.raises(ConfigurationError, match="cannot follow the fold in the air"):
-        rehearsal(FCI, STRIP, away, SPEEDS, ELBOW)
+        rehearsal(FCI, STRIP, away, SPEEDS, elbow)
 
 
 @pytest.mark.parametrize("arm", ["twin", pytest.param("fci", marks=pytest.mark.slow)])
-def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(arm: str) -> None:
-    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, ELBOW)
+def test_rehearsal_stays_on_its_raised_path_and_closes_and_opens_the_hand(
+    arm: str, elbow: float
+) -> None:
+    planned = rehearsal(FCI, STRIP, PATH, SPEEDS, elbow)
     seen: list[tuple[Pose, float]] = []
 
     def watched(snapshot):

@@ -26,7 +26,7 @@ from tests.cell.conftest import HEADER
 from tests.cell.gap.test_gap_engine import Curves, bump, hidden, judged
 from tests.cell.studies.benchmark.test_benchmark import measured
 from tests.cell.studies.test_studies import filled
-from tests.support.browser import FOUND, LOOKS, Browser, browser
+from tests.support.browser import FOUND, LOOKS, Browser, Look, browser
 from tests.support.listed_runs import list_runs
 
 pytestmark = [
@@ -108,8 +108,10 @@ def test_every_figure_is_read_and_zoomed_without_an_error(
 class Chart:
     """The figure called `says` of a page that a reader looks at; `panel` of those it can read."""
 
-    def __init__(self, reader: Browser, page: Path, says: str, panel: int) -> None:
-        reader.problems(page, LOOKS[2])
+    def __init__(
+        self, reader: Browser, page: Path, says: str, panel: int, look: Look = LOOKS[2]
+    ) -> None:
+        reader.problems(page, look)
         self.reader, self.svg = reader, f"document.querySelector('[aria-label*=\"{says}\"] svg')"
         self.pad = f"{self.svg}.querySelectorAll('.pad')[{panel}]"
         reader.evaluate(f"{self.pad}.scrollIntoView({{block: 'center'}})")
@@ -211,6 +213,26 @@ def test_click_on_the_curves_leads_the_film_also_when_zoomed(reader: Browser, fi
         pad = reader.evaluate(f"{chart.pad}.getBoundingClientRect().toJSON()")
         assert line == pytest.approx(pad["x"] + across * pad["width"], abs=3.0)
         reader.evaluate(f"{chart.svg}.querySelector('.whole').dispatchEvent(new Event('click'))")
+
+
+def test_figures_of_a_fold_fit_a_phone_without_scrolling(reader: Browser, finished: Path) -> None:
+    assert not reader.problems(write_report(finished), LOOKS[0])
+    figures = "[...document.querySelectorAll('figure[role=img]')]"
+    assert reader.evaluate(f"{figures}.every(f => f.scrollWidth <= f.clientWidth)")
+    chart = Chart(reader, finished / "report.html", "signals over time", 1, LOOKS[0])
+    first, last = limits(finished / "report.html", 1)[1]["x"]["limits"]
+    said = chart.at(0.3, 0.5, "mouseMoved")
+    t, ticks = first + 0.3 * (last - first), read_run(finished).ticks
+    wanted = 1e3 * float(np.interp(t, ticks.t, ticks.x))
+    assert float(re.search(r"gripper x (\S+) mm", said)[1]) == pytest.approx(wanted, abs=4.0)
+
+
+def test_both_ends_of_a_band_are_read(reader: Browser, pages: list[Path]) -> None:
+    gap = next(page for page in pages if page.name == "gap.html")
+    said = Chart(reader, gap, "measured minus simulated", 0).at(0.5, 0.5, "mouseMoved")
+    low, high = re.search(r"2 sigma of the noise (\S+) to (\S+)", said).groups()
+    assert float(low.replace("−", "-")) == pytest.approx(-float(high), rel=0.05)
+    assert float(high) > 0
 
 
 def test_what_is_wrong_is_found(tmp_path: Path, reader: Browser) -> None:

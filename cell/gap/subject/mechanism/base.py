@@ -1,7 +1,7 @@
 """Numbers of a model that are uncertain: the base parameters of the fit."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +42,15 @@ def base_of(file: MechanismFile, mechanism: Mechanism, origin: str) -> tuple[Bas
     if twice is not None:
         raise ConfigurationError(f"{origin}: uncertain: {twice} is listed twice; keep one")
     return tuple(found)
+
+
+def stated_fields(base: Sequence[Base], mechanism: Mechanism) -> Collection[str]:
+    """Fields that the `base` holds of all joints, of all actuators, or of the last body."""
+    last = mechanism.model.body(int(np.max(mechanism.model.jnt_bodyid))).name
+    owners = {"com": {last}, "armature": {j.name for j in mechanism.joints},
+              "gain": set(mechanism.actuators)}  # fmt: skip
+    return {field for field, names in owners.items()
+            if names <= {b.owner for b in base if b.field == field}}  # fmt: skip
 
 
 def _each(spec: UncertainSpec, mechanism: Mechanism, origin: str) -> Iterator[Base]:

@@ -46,7 +46,9 @@ class Effect:
     values from `p[at]` on, `keys` of them, on a joint that smooths signs over `p[3]`; `edit`
     changes fields of the model, and stands for the law in a simulation where it is `native`;
     `path` is a torque (m, joints) that depends on the motion so far; `read` changes what lies
-    between world and record. An MJCF can say what `edit` does.
+    between world and record. An MJCF can say what `edit` does. `holds` is the largest torque by
+    which a law holds a joint that stands, of the law's arguments. `error_of` is a field of the base
+    that it is an error of: where the file says how well that is known, it is no effect.
     """
 
     name: str
@@ -64,6 +66,8 @@ class Effect:
     native: Callable[[Mechanism], bool] = lambda _: True
     modes: Sequence[str] = ("forward", "prescribed")
     probes: Sequence[float] = (0.03, 0.3, 3.0)
+    error_of: str = ""
+    holds: Callable[..., Array] | None = None
 
     def applies(self, mechanism: Mechanism) -> bool:
         """Whether this mechanism, simulated this way, can have it."""

@@ -30,6 +30,8 @@ class Commands:
 
     def at_steps(self, step: float, steps: int, delay: float) -> Array:
         """Mean commands (steps, actuators) within each step, `delay` [s] late."""
+        if not self.u.shape[1]:
+            return np.zeros((steps, 0))
         edges = np.arange(steps + 1) * step - delay
         ends = np.append(self.t[1:], max(self.t[-1], edges[-1]) + 1.0)
         whole = np.concatenate([np.zeros((1, self.u.shape[1])),

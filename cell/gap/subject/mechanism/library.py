@@ -1,6 +1,6 @@
 """What a mechanism may lack: candidates, terms, and the check of effects that its file accepts."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,15 @@ from drivers.types import Array
 Accepted = Mapping[str, Mapping[str, float]]
 
 
-def candidates(mechanism: Mechanism, accepted: Accepted) -> tuple[Candidate, ...]:
-    """Effects that this mechanism can have and its file does not accept yet."""
+def candidates(
+    mechanism: Mechanism, accepted: Accepted, stated: Collection[str] = ()
+) -> tuple[Candidate, ...]:
+    """Effects that this mechanism can have and its file does not accept yet; errors of the fields
+    `stated` to be uncertain are the base's.
+    """
     return tuple(e.candidate(mechanism) for name, e in registry().items()
-                 if name not in accepted and e.applies(mechanism))  # fmt: skip
+                 if name not in accepted and e.error_of not in stated
+                 and e.applies(mechanism))  # fmt: skip
 
 
 def describing_terms(mechanism: Mechanism) -> tuple[Candidate, ...]:

@@ -18,6 +18,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, filtfilt, welch
 
 from cell.gap.subject.mechanism.case import Case, ModelFields
+from cell.gap.subject.mechanism.effect import Effect
+from cell.gap.subject.mechanism.effects import registry
 from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.mechanism.passive import Torques
 from cell.gap.subject.mechanism.runs import Recording
@@ -30,6 +32,7 @@ SLOWEST, FASTEST = 5.0, 25.0  # bounds of the cutoff, by the pace of the motion
 SETTLED = 10.0  # 1/cutoff from an end or a gap, where the filter has forgotten it
 GRID = 4000  # places of a run at most at which torques are computed
 KEPT = 2048  # inverse dynamics that are remembered
+STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,13 +192,41 @@ class Prescribed:
 
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         motion: Motion = case.content.motion
-        given = self._torques.along(q, v, inverse, np.array(model.jnt_user))
+        user = np.array(model.jnt_user)
+        given = self._torques.along(q, v, inverse, user)
         for effect, values in case.paths:
             if effect.path is not None:
                 given = given + effect.path(self._mechanism, values, q, v)
+        self._hold(given, model, motion, q, v, inverse, user)
         if given.any():  # a jump of friction passed the filter with the torques that it is part of
             given = _low_pass(given.T, motion.t[1] - motion.t[0], motion.cutoff).T
         return self._sensor_readings(inverse - given, model, motion, case.content.cut.t)
+
+    def _hold(self, given: Array, model: Any, motion: Motion, q: Array, v: Array, inverse: Array,
+              user: Array) -> None:  # fmt: skip
+        """Put what friction holds where a joint stands into the torques `given` (m, joints).
+
+        There it balances whatever the motor gives, up to its limit, and no law of the rate says
+        how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
+        """
+        for (_, j), row in zip(self._mechanism.torques, motion.torques, strict=False):
+            known, p = np.isfinite(row), user[j]
+            along = q[known, j], v[known, j], inverse[known, j]
+            stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
+            for effect in _holding():
+                at = self._torques.at[effect.name]
+                if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
+                    continue
+                slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))
+                others = inverse[known, j] - given[known, j] + slides
+                held = np.clip(others - self._scale(model, j) * row[known], -most, most)
+                given[known, j] += stands * (held - slides)
+
+    def _scale(self, model: Any, joint: int) -> float:
+        """Torque of a joint [N m] for what its motor's sensor reads."""
+        number, base = self._mechanism.joints[joint].actuator, self._mechanism.model
+        gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
+        return float(model.actuator_gear[number, 0] * gain)
 
     def _tracking(self, motion: Motion, case: Case, turns: Array) -> Array:
         """Measured minus commanded positions of joints whose links stand `turns` (m, joints) behind
@@ -211,13 +242,7 @@ class Prescribed:
 
     def _sensor_readings(self, needed: Array, model: Any, motion: Motion, t: Array) -> Array:
         """What sensors of torque read at t (k,) of the torques (m, joints) that are needed."""
-        rows = []
-        base = self._mechanism.model
-        for _, joint in self._mechanism.torques:
-            number = self._mechanism.joints[joint].actuator
-            gain = model.actuator_gainprm[number, 0] / base.actuator_gainprm[number, 0]
-            gear = model.actuator_gear[number, 0]
-            rows.append(needed[:, joint] / (gear * gain))
+        rows = [needed[:, j] / self._scale(model, j) for _, j in self._mechanism.torques]
         return np.array([np.interp(t, motion.t, row) for row in rows])
 
     def _inverse(self, motion: Motion, model: Any, q: Array, v: Array, a: Array,
@@ -277,6 +302,12 @@ def _turn(torque: Array, values: Array, kind: str) -> Array:
     if kind == "elastic":
         return np.asarray(values * torque)
     return np.asarray(0.5 * values * np.tanh(torque / (0.05 * torque.std(axis=0) + 1e-12)))
+
+
+@cache
+def _holding() -> tuple[Effect, ...]:
+    """Effects that hold a joint that stands."""
+    return tuple(e for e in registry().values() if e.holds is not None)
 
 
 @cache

@@ -9,6 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from cell.gap.subject.mechanism.base import stated_fields
 from cell.gap.subject.mechanism.bodies import add_point
 from cell.gap.subject.mechanism.case import Case, Content
 from cell.gap.subject.mechanism.effect import Effect, Fields, Readings
@@ -111,7 +112,8 @@ class MechanismSubject:
                      quantities, describing_terms(m), tuple(scatter), believed=True)  # fmt: skip
 
     def _candidates(self) -> tuple[Candidate, ...]:
-        return candidates(self._mechanism, self.opened.file.effects)
+        stated = stated_fields(self.opened.base, self._mechanism)
+        return candidates(self._mechanism, self.opened.file.effects, stated)
 
     def _quantity(self, channel: str, kind: str) -> Quantity:
         key, factor = KEYS[kind]

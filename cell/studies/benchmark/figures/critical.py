@@ -40,7 +40,10 @@ def _panel(axes: Any, points: CriticalPoints) -> None:
     for i, height in enumerate(points.heights):
         shade = scale(i / max(len(points.heights) - 1, 1))
         here = np.ma.masked_invalid(x[i])
-        axes.fill_between(h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0)
+        axes.fill_between(
+            h, here.min(axis=1), here.max(axis=1), color=shade, alpha=0.22, lw=0,
+            gid=f"all of z = {1e3 * height:.0f} mm",
+        )  # fmt: skip
         axes.plot(h, x[i, :, 0], color=shade, lw=1.3, gid=f"gripper x, z = {1e3 * height:.0f} mm")
         axes.annotate(
             f"z = {1e3 * height:.0f}",

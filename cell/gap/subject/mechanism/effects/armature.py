@@ -19,4 +19,5 @@ EFFECT = Effect(
     parameters=lambda m: per_joint(m, "inertia", "kg m^2", 0.01 * m.inertia, signed=False),
     edit=_edit,
     revealed_by="fast starts and stops",
+    error_of="armature",
 )

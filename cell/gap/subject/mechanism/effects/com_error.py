@@ -28,4 +28,5 @@ EFFECT = Effect(
     parameters=_parameters,
     edit=_edit,
     revealed_by="slow motion through many poses",
+    error_of="com",
 )

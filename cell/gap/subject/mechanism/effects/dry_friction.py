@@ -55,6 +55,10 @@ def law(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
     return -size * (sign + p[at + 2] * abs(sign))
 
 
+def _largest(q: Array, v: Array, load: Array, p: Array, at: int) -> Any:
+    return p[at] + p[at + 1] * abs(load) + p[at + 3] * np.exp(-((v / p[at + 4]) ** 2))
+
+
 def _edit(mechanism: Mechanism, values: Array, fields: Fields) -> None:
     for joint, torque in zip(mechanism.joints, values, strict=False):  # loads: not in MJCF
         if torque != 0.0:
@@ -71,6 +75,7 @@ EFFECT = Effect(
     keys=5,
     law=law,
     edit=_edit,
+    holds=_largest,
     native=lambda m: m.native,
     revealed_by="slow motion there and back: the torque jumps with the sign of the rate",
 )

@@ -8,6 +8,11 @@ from cell.gap.subject.mechanism.model import Mechanism
 from cell.gap.subject.subject import Parameter
 from drivers.types import Array
 
+# rad or m within which it yields whatever its stiffness: beyond, it is a spring and no friction.
+# Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30: motions of microns at the
+# teeth of a gear, of millimetres at the tip of an arm
+YIELD = 0.02
+
 
 def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
     return tuple(
@@ -19,7 +24,7 @@ def _shape(mechanism: Mechanism) -> tuple[Parameter, ...]:
 
 def _path(mechanism: Mechanism, values: Array, q: Array, v: Array) -> Array:
     stiffness, torque = EFFECT.table(mechanism, values)
-    return np.asarray(_yielding(q, stiffness, torque))
+    return np.asarray(_yielding(q, stiffness, np.minimum(torque, YIELD * stiffness)))
 
 
 @numba.njit  # type: ignore[untyped-decorator]

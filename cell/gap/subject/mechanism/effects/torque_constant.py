@@ -27,4 +27,5 @@ EFFECT = Effect(
     parameters=_parameters,
     edit=_edit,
     revealed_by="a known weight on the tip",
+    error_of="gain",
 )

@@ -4,9 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
+import yaml
 
 from cell.gap.fit import fit
 from cell.gap.subject.mechanism import prescribed, synthetic
+from cell.gap.subject.mechanism.importer import write_run
 from cell.gap.subject.mechanism.library import effect_of, ordered_values
 from cell.gap.subject.mechanism.prescribed import cutoff_of, motion_of
 from cell.gap.subject.mechanism.runs import Recording, average
@@ -111,3 +113,52 @@ def test_a_payload_is_named_where_links_far_from_what_is_stated_would_do_as_well
     assert [e.name for e in verdict.effects] == ["payload"]
     mass = verdict.effects[0].parameters["mass"]
     assert mass.low < synthetic.amounts("payload", 2, 1.05)["mass"] < mass.high
+
+
+STANDING = """<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body name="b">
+<inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/><joint name="j" axis="0 1 0"/></body>
+</worldbody><actuator><motor name="m" joint="j"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def standing(tmp_path) -> MechanismSubject:
+    """A joint with friction of 0.5 N m that turns, stops, and stands under 0.3, 0 and 0.7 N m."""
+    t = np.arange(0.0, 9.0, 0.004)
+    phase = np.clip(t / 3.0, 0.0, 1.0)
+    q = 1.5 * phase**4 * (35 - 84 * phase + 70 * phase**2 - 20 * phase**3)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    moving = 0.1 * a + 0.5 * np.tanh(v / 0.01)
+    given = np.select([t < 3.0, t < 5.0, t < 7.0], [moving, 0.3, 0.0], 0.7)
+    for k in range(2):
+        head = {"mechanism": "one", "index": k}
+        write_run(tmp_path / "runs" / f"{k}", {"t": t, "j": q, "tau": given}, head)
+    (tmp_path / "one.xml").write_text(STANDING)
+    content = {"schema": 1, "kind": "mechanism", "name": "one", "model": "one.xml",
+               "mode": "prescribed", "inputs": {"j": "position"},
+               "signals": {"tau": {"actuator": "m", "is": "torque", "sigma": 0.01}},
+               "uncertain": [{"actuator": "m", "field": "gain", "spread": "5%"}]}  # fmt: skip
+    (tmp_path / "one.yaml").write_text(yaml.safe_dump(content))
+    return open_mechanism(tmp_path / "one.yaml", find_runs([tmp_path / "runs"]))
+
+
+def test_friction_holds_a_joint_that_stands_up_to_its_limit(standing):
+    run = standing.runs[0]
+    (found,) = standing.simulate([Request(run, np.ones(1), {"dry_friction": np.array([0.5, 0.0])},
+                                          np.zeros(0))])  # fmt: skip
+    t = run.samples.t
+    assert np.abs(found.mean[(t > 3.5) & (t < 6.5)]).max() < 0.01
+    assert found.mean[t > 7.5] == pytest.approx(0.2, abs=0.01)
+    assert np.abs(found.mean[(t > 1.0) & (t < 2.0)]).max() < 0.02
+
+
+def test_friction_yields_like_a_spring_within_a_degree_alone(standing):
+    law = effect_of("presliding")
+    q = np.linspace(0.0, 1.0, 500)[:, None]
+    torque = law.path(standing.opened.mechanism, np.array([2.0, 0.3]), q, np.ones_like(q))
+    assert torque[-1] == pytest.approx(-2.0 * 0.02)
+
+
+def test_an_error_of_a_number_that_is_stated_as_uncertain_is_no_effect(standing):
+    names = {c.name for c in standing.scope.candidates}
+    assert "torque_constant" not in names
+    assert {"armature", "com_error"} <= names
