@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cell.gap.diagnosis.drift import drift
+from cell.gap.diagnosis.held_out_gap import run_squares
 from cell.gap.diagnosis.lack_of_fit import unshown
 from cell.gap.fitting import gauss_newton, robust
 from cell.gap.fitting.crossvalidation import Validated, validate
@@ -20,6 +21,7 @@ from cell.gap.selection.likelihood import likelihood_scale
 from cell.gap.selection.search import better_base
 from cell.gap.subject.subject import Request, Residuals, Run
 from cell.gap.verdict.decide import kind, unexplained_part, unseen_remains
+from cell.gap.verdict.findings import Findings
 from drivers.types import Array
 from tests.cell.gap.test_gap_engine import Curves, T, fitted, hidden, judged, nothing, wave
 from tests.support.swings import Counter
@@ -143,6 +145,25 @@ def test_a_model_that_does_not_halve_the_gap_of_unseen_runs_is_not_named() -> No
     assert unseen_remains(replace(found, shown=worse))
     assert kind(replace(found, shown=worse)) == "unexplained"
     assert "not even halved" in unexplained_part(replace(found, shown=worse))
+
+
+def test_a_law_may_leave_as_much_as_noise_of_a_gap_that_it_does_not_halve() -> None:
+    found, _ = judged(Curves(hidden(wave, 0.3)))
+
+    def left_of(before: float, after: float) -> Findings:
+        def scaled(excess: float) -> Estimate:
+            r = found.shown.before.residuals
+            now = run_squares(found.shown.before).mean()
+            factor = np.sqrt((1.0 + excess**2) / now)
+            return replace(found.shown.before, residuals=tuple(factor * each for each in r))
+
+        return replace(
+            found, shown=replace(found.shown, before=scaled(before), after=scaled(after))
+        )
+
+    assert not unseen_remains(left_of(1.5, 0.9))
+    assert unseen_remains(left_of(1.5, 1.1))
+    assert not unseen_remains(left_of(3.0, 1.1))
 
 
 class Walled(Curves):
