@@ -1,5 +1,6 @@
 """layer_touch from a sequence of images: the visible gap closes and the falling fold stops."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,8 +82,8 @@ class LayerTouch:
         apart = abs(_knee(t, gap, time, speed) - time) / self._settings.touch_agreement
         if apart > DISAGREE:
             return None
-        x = np.array([f.x for f in self._falls])
-        l1 = np.array([f.to_grasped for f in self._falls])
+        x = _without_spikes([f.x for f in self._falls])
+        l1 = _without_spikes([f.to_grasped for f in self._falls])
         seen = SeenTouch(
             time=time,
             x=_at(time, t, x),
@@ -143,6 +144,14 @@ def _knee(t: Array, gap: Array, time: float, speed: float) -> float:
     moving = gap > rest + 0.25 * speed * float(np.median(np.diff(t)))
     j = int(np.argmin(moving)) - 1  # noise at rest may rise again: the first stop counts
     return float(t[j]) + (float(gap[j]) - rest) / speed
+
+
+def _without_spikes(values: Sequence[float]) -> Array:
+    """Running medians of three of `values` (n,): a single wild image at the touch moves nothing,
+    and what only rises or falls stays as it is.
+    """
+    threes = np.lib.stride_tricks.sliding_window_view(np.pad(values, 1, mode="edge"), 3)
+    return np.asarray(np.median(threes, axis=1))
 
 
 def _at(time: float, t: Array, values: Array) -> float:

@@ -53,6 +53,21 @@ def _closing(speed: float, at: float, rest: float = 0.0009) -> Callable[[float],
     return lambda t: max(0.001 + speed * (at - t), rest)
 
 
+def test_one_image_that_is_misread_at_the_touch_moves_no_length() -> None:
+    lengths = []
+    for stray in (0.0, 0.005):
+        detector, touch = LayerTouch(PerceptionSettings(), DENIM), None
+        for k in range(60):
+            gap = _closing(0.3, 0.5)(k / 60)
+            profile = _profile(gap)
+            profile[60:140:2, 1] += stray * (k == 30)
+            sight = StripMeasurement(k / 60, k, 0.3, 1.0, profile, 1.0, (TIP, 0.008), gap, PLACE)
+            touch = touch or detector.update(sight, GRIPPER)
+        assert touch is not None
+        lengths.append(touch.to_grasped)
+    assert lengths[1] == pytest.approx(lengths[0], abs=2e-4)
+
+
 @pytest.mark.parametrize("speed", [0.01, 0.05, 0.3])
 def test_touch_is_told_at_its_time_with_its_lengths(speed: float) -> None:
     touch, told = _watch(_closing(speed, 0.6))
