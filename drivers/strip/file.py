@@ -33,11 +33,11 @@ class StripFile(Settings):
     kind: Literal["strip"] = "strip"
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$")
     length: Metres = Field(ge=0.1, le=2.0)  # fixed edge to grasped edge
-    width: Metres = Field(gt=0, le=1.0)
-    areal_density: ArealDensity = Field(gt=0, le=50.0)  # the paper's spheres make 33
+    width: Metres = Field(ge=0.001, le=1.0)
+    areal_density: ArealDensity = Field(ge=0.001, le=50.0)  # the paper's spheres make 33
     bending_length: Metres = Field(ge=0.002, le=0.2)  # (B / areal weight)^(1/3)
     retardation_time: Seconds = Field(ge=0, le=10.0)  # Kelvin-Voigt
-    thickness: Metres = Field(0.001, gt=0, le=0.02)
+    thickness: Metres = Field(0.001, ge=1e-6, le=0.02)
     colour: tuple[Channel, Channel, Channel] = (128, 128, 128)  # sRGB
     effects: dict[str, dict[str, float]] = Field(default_factory=dict)
     law: dict[str, float] = Field(default_factory=dict, exclude_if=lambda law: not law)
