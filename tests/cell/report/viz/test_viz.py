@@ -3,6 +3,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -247,7 +248,7 @@ def test_file_that_cannot_be_written_ends_the_view_and_not_the_fold(tmp_path):
 
 def test_process_that_is_killed_leaves_a_recording(tmp_path):
     script = f"""
-import os, signal, time
+import time
 from pathlib import Path
 import rerun as rr
 from cell.report.viz.recording import open_recording
@@ -256,12 +257,28 @@ with open_recording(Path({str(tmp_path)!r})) as recording:
         recording.set_time("t", duration=0.01 * k)
         recording.log("signal", rr.Scalars(float(k)))
     recording.flush()
-    os.kill(os.getpid(), signal.SIGKILL)
+    print("logged", flush=True)
+    time.sleep(600)
 """
-    subprocess.run([sys.executable, "-c", script], check=False)
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == b"logged\n"
+            await_end_of_writing(tmp_path / "run.rrd")
+        finally:
+            process.kill()
     with pytest.warns(RerunWarning, match="no footer"):
         rows = entities(tmp_path / "run.rrd")
     assert rows["/signal"] == 200
+
+
+def await_end_of_writing(path: Path, still: float = 1.0, poll: float = 0.05) -> None:
+    """Return once `path` has kept its size for `still` seconds: a thread writes what was logged."""
+    size, since = -1, time.monotonic()
+    while time.monotonic() - since < still:
+        if path.stat().st_size != size:
+            size, since = path.stat().st_size, time.monotonic()
+        time.sleep(poll)
 
 
 def test_watching_imports_rerun_only_in_its_thread():
