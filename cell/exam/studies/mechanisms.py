@@ -16,9 +16,6 @@ from cell.gap.verdict.schema import Verdict
 
 TURN = ("nothing", "dry_friction", "outside", "quadratic_damping", "cable_spring", "nothing",
         "tracked", "payload", "torque_constant", "outside", "armature", "read")  # fmt: skip
-CHAINS = ("bent_link", "encoder_bias")  # that a slide would not feel
-# what feels alike whatever is done: a steady force along a horizontal slide, and gravity that leans
-ON_CARTS = {"torque_bias": "base_tilt"}
 OTHERS = {"outside": OUTSIDE, "tracked": TRACKED, "read": ("torque_bias", "encoder_bias")}
 
 
@@ -32,9 +29,8 @@ def draw(number: int, rng: np.random.Generator) -> Values:
     kind = "tracked" if name in TRACKED else "outside" if name in OUTSIDE else name
     if kind not in ("tracked", "outside", "nothing"):
         kind = "effect"
-    cart = bool(rng.random() < 0.2) and kind != "tracked" and name not in CHAINS
-    least = 3 if name == "encoder_bias" else 2
-    joints = 2 if cart else int(rng.integers(least, 5 if kind == "tracked" else 8))
+    cart = bool(rng.random() < 0.2) and kind != "tracked" and name != "bent_link"
+    joints = 2 if cart else int(rng.integers(2, 5 if kind == "tracked" else 8))
     return {"kind": kind, "hidden": name, "joints": joints, "cart": cart,
             "size": float(rng.uniform(0.7, 1.5)), "seed": int(rng.integers(2**31))}  # fmt: skip
 
@@ -51,18 +47,17 @@ def measure(case: Values) -> Values:
         verdict = fit([folder / "runs"], file, folder / "out")
         cpu = time.process_time() - began
     truth = amounts(hidden, joints, size, cart=cart)
-    return {**score(hidden, verdict, cart=cart),
-            "covered": coverage(hidden, truth, verdict), "cpu": cpu,
+    return {**score(hidden, verdict), "covered": coverage(hidden, truth, verdict), "cpu": cpu,
             "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "verdict": verdict.verdict, "named": [e.name for e in verdict.effects],
             "ambiguous": verdict.ambiguous}  # fmt: skip
 
 
-def score(hidden: str, verdict: Verdict, *, cart: bool = False) -> dict[str, bool]:
+def score(hidden: str, verdict: Verdict) -> dict[str, bool]:
     """Whether a verdict on what was `hidden` is right, right by class, or names what is not there.
 
     Where nothing is hidden, `no_gap` is right; causes outside the library are to be left open, and
-    a class of effects claims one of them. On a `cart` the class of what feels alike there is right.
+    a class of effects claims one of them.
     """
     named = [e.name for e in verdict.effects]
     if hidden == "nothing":
@@ -77,9 +72,7 @@ def score(hidden: str, verdict: Verdict, *, cart: bool = False) -> dict[str, boo
         }
     others = [name for name in named if name != hidden]
     among = hidden in named or any(hidden in group for group in verdict.ambiguous)
-    alike = sorted({hidden, ON_CARTS.get(hidden, hidden)}) if cart else [hidden]
-    right = named == [hidden] and not verdict.ambiguous
-    return {"right": right or (not named and verdict.ambiguous == [alike]),
+    return {"right": named == [hidden] and not verdict.ambiguous,
             "by_class": among and not others, "wrong": bool(others)}  # fmt: skip
 
 

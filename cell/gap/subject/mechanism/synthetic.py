@@ -138,12 +138,7 @@ def _bias(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
 
 
 def _encoder(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
-    """Zeros of all encoders, as homing by hand leaves them.
-
-    That of the last alone is an error of its link's centre of mass by a few times its spread.
-    """
-    for i in range(c.joints):
-        columns[f"j{i + 1}"] += (-1) ** i * 0.05 * s
+    columns[f"j{c.joints}"] += 0.05 * s
 
 
 def _bolt(columns: Columns, c: Chain, s: float, _: np.random.Generator) -> None:
@@ -188,12 +183,12 @@ def amounts(hidden: str, joints: int, size: float, *, cart: bool = False) -> dic
             "cable_spring": ("stiffness", 0.15 * weight),
             "joint_elasticity": ("compliance", 0.02 / weight),
             "torque_bias": ("torque", -0.06 * (-1.0) ** np.arange(joints) * weight),
-            "encoder_bias": ("bias", 0.05 * (-1.0) ** np.arange(joints)),
             "torque_constant": ("error", 0.15 * np.ones(joints))}  # fmt: skip
     if hidden in each:
         key, values = each[hidden]
         return {f"{key}_{n}": size * float(v) for n, v in zip(names, values, strict=True)}
-    single = {"payload": ("mass", 0.15 * 0.7 ** (joints - 1)), "control_delay": ("time", 0.006)}
+    single = {"payload": ("mass", 0.15 * 0.7 ** (joints - 1)), "control_delay": ("time", 0.006),
+              "encoder_bias": (f"bias_{names[-1]}", 0.05)}  # fmt: skip
     return {key: size * value for name, (key, value) in single.items() if name == hidden}
 
 
