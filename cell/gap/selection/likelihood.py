@@ -94,11 +94,11 @@ def removed(
     model: Validated, other: Validated, by: LikelihoodScale, without: str | None = None
 ) -> float:
     """Share of the other's excess gap that the model removes, of all runs but one."""
-    before, after = (left(m, by, without) for m in (other, model))
+    before, after = (remaining_gap(m, by, without) for m in (other, model))
     return 1.0 - after / before if before > 0.0 else 0.0
 
 
-def left(model: Validated, by: LikelihoodScale, without: str | None = None) -> float:
+def remaining_gap(model: Validated, by: LikelihoodScale, without: str | None = None) -> float:
     """Excess gap that the model leaves on runs left out, of all but one, wild samples bounded."""
     runs = zip(model.estimate.evidence.runs, model.left_out, strict=True)
     kept = [residuals for run, residuals in runs if run.name != without]

@@ -65,7 +65,10 @@ def _beside(
 def more_probable(
     accepted: Validated, fits: Fits, by: LikelihoodScale, sets: Posterior
 ) -> list[Alternative]:
-    """For each accepted effect that is rather absent than there, the best model without it."""
+    """The most probable fitted model without each accepted effect of inclusion under `EVEN`.
+
+    The model of no effect does not count: whether there is a gap at all is decided elsewhere.
+    """
     found = []
     for effect in sorted(e for e in accepted.model.names if sets.inclusion[e] < EVEN):
         names = next(m.names for m in sets.models if effect not in m.names)
