@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cell.cli.options import Json, Runs, print_json
+from cell.report.words import plural
 from drivers.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -65,14 +66,14 @@ def runs(
     if html is not None:
         from cell.report.runs_page import write_runs_page
 
-        sys.stdout.write(f"{len(rows)} runs\n  {write_runs_page(rows, html)}\n")
+        sys.stdout.write(f"{plural(len(rows), 'run')}\n  {write_runs_page(rows, html)}\n")
         return
     _show(rows, as_csv=as_csv, as_json=as_json)
     if pruning and delete:
         freed = remove(rows)
-        sys.stderr.write(f"deleted {len(rows)} runs, {freed / MEGABYTE:.1f} MB\n")
+        sys.stderr.write(f"deleted {plural(len(rows), 'run')}, {freed / MEGABYTE:.1f} MB\n")
     elif pruning:
-        sys.stderr.write(f"{len(rows)} runs may go; nothing was deleted, add --delete\n")
+        sys.stderr.write(f"{plural(len(rows), 'run')} may go; nothing was deleted, add --delete\n")
 
 
 @contextmanager

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.calibration import Calibration
+from cell.perception.region import Region
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
@@ -33,20 +34,6 @@ class KeyPicture:
     whole: str
 
 
-@dataclass(frozen=True, slots=True)
-class Window:
-    """Part of an image that contains the motion: rows and columns [px]."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    def cut(self, image: Image) -> Image:
-        """That part of `image` (h, w, 3)."""
-        return image[self.top : self.bottom, self.left : self.right]
-
-
 def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPicture, ...]:
     """Up to six kept images, spread over the run, with profile, contact, fold tip and `outlines`.
 
@@ -64,7 +51,7 @@ def key_pictures(run: Run, outlines: Sequence[Silhouette] = ()) -> tuple[KeyPict
         if calibration is not None and _fits(image, calibration):
             window = window_on(run.ticks, calibration)
             image = _with_sight(image, note, calibration, sights, tips, curves)
-            image = window.cut(_with_outline(image, note.sequence, outlines))
+            image = window.of(_with_outline(image, note.sequence, outlines))
         whole = frame_file(Path(), note.sequence).as_posix()
         pictures.append(KeyPicture(jpeg_text(image), _caption(note, run, sights), whole))
     return tuple(pictures)
@@ -102,20 +89,20 @@ def _fits(image: Image, calibration: Calibration) -> bool:
     return image.shape[:2] == (calibration.lens.height, calibration.lens.width)
 
 
-def window_on(ticks: Ticks, calibration: Calibration) -> Window:
+def window_on(ticks: Ticks, calibration: Calibration) -> Region:
     """The smallest window of the image's own proportions that holds the whole motion."""
     width, height = calibration.lens.width, calibration.lens.height
     x = (-MARGIN, float(np.max(ticks.x, initial=0.0)) + MARGIN)
     z = (-MARGIN, float(np.max(ticks.z, initial=0.0)) + MARGIN)
     corners = calibration.to_image(np.array([(a, b) for a in x for b in z]))
     if not np.isfinite(corners).all():
-        return Window(0, height, 0, width)
+        return Region(0, 0, width, height)
     low, high = corners.min(axis=0), corners.max(axis=0)
     share = float(np.clip(np.max((high - low) / (width, height)), 0.25, 1.0))
     size = np.round(np.array([width, height]) * share)
     start = np.clip((low + high - size) / 2, 0, np.array([width, height]) - size).astype(int)
     left, top = (int(value) for value in start)
-    return Window(top, top + int(size[1]), left, left + int(size[0]))
+    return Region(left, top, left + int(size[0]), top + int(size[1]))
 
 
 def fold_tips(sights: Sights, ticks: Ticks) -> Array:

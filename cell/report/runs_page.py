@@ -9,6 +9,7 @@ from cell.record.files import REPORT
 from cell.record.frames import decode, read_index
 from cell.record.listing import RunRow
 from cell.report.kit import Link, page
+from cell.report.words import plural
 from drivers.errors import ConfigurationError
 from drivers.files import write_file
 
@@ -31,8 +32,8 @@ def runs_page(rows: Sequence[RunRow], place: Path) -> str:
     pictured = {row.name for row in rows[-PICTURED:]}
     return page(
         "report/templates/runs.html",
-        f"{len(rows)} runs",
-        title=f"{len(rows)} runs",
+        plural(len(rows), "run"),
+        title=plural(len(rows), "run"),
         head=HEAD,
         wide=WIDE,
         rows=[

@@ -40,7 +40,7 @@ def _draw(run: Run) -> str:
         raise ConfigurationError(f"{run.folder}: keeps no images that could be shown")
     note = min(notes, key=lambda n: abs(n.stamp - PART * float(run.ticks.t[-1])))
     image = _mark(_image(note), run, note, calibration)
-    return _jpeg(window_on(run.ticks, calibration).cut(image))
+    return _jpeg(window_on(run.ticks, calibration).of(image))
 
 
 def _mark(image: Image, run: Run, note: FrameNote, calibration: Calibration) -> Image:
