@@ -11,7 +11,7 @@ from cell.record.run import Event, Run
 from cell.report.timing import image_ages
 from cell.report.words import MINUS, NO_VALUE, millimetres, milliseconds, seconds
 
-FREQUENT = 40  # more of one kind are plural, not listed
+FREQUENT = 40  # more of one kind are counted, not listed
 LISTED = 400
 PREFLIGHT = "preflight"
 LEFT_OUT = frozenset({"config", "preflight", "schema", "provenance", "spread"})
@@ -48,7 +48,7 @@ def _duration(run: Run) -> float | None:
 
 
 def facts(run: Run) -> Rows:
-    """Settings of the run: the header, nested keys joined by dots; long lists are plural."""
+    """Settings of the run: the header, nested keys joined by dots; long lists are counted."""
     content = run.header.model_dump(by_alias=True, exclude_none=True)
     rows = [(key, _text(key, value)) for key, value in _flat(content)]
     return [(key, text) for key, text in rows if text]
@@ -67,7 +67,7 @@ def checks(run: Run) -> list[tuple[str, str, str]]:
 
 
 def listed_events(run: Run) -> list[tuple[str, str, str]]:
-    """Events: time, kind, facts. Kinds that come with every frame are only plural."""
+    """Events: time, kind, facts. Kinds that come with every frame are only counted."""
     events = [event for event in run.events() if event.kind not in SHOWN_ELSEWHERE]
     counts = Counter(event.kind for event in events)
     rare = [event for event in events if counts[event.kind] <= FREQUENT]

@@ -1,4 +1,4 @@
-"""Copies of a run: equal measurements under another name say nothing new, and are plural once."""
+"""Copies of a run: equal measurements under another name say nothing new, and are counted once."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
