@@ -1,6 +1,5 @@
 """Key frames with the measurements drawn into them."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +12,13 @@ from cell.perception.region import Region
 from cell.record.columns import FARTHEST_HAND, Sights, Ticks
 from cell.record.frames import FrameNote, decode, frame_file
 from cell.record.run import Run
+from cell.report.kit import jpeg_text
 from cell.report.silhouettes import Silhouette, state_at
 from cell.report.words import seconds
 from drivers.errors import ConfigurationError
 from drivers.types import Array, Image
 
-WIDTH, SHOWN = 640, 6
+SHOWN = 6
 MARGIN = 0.06  # m around the motion
 FOLDED = 0.005  # m by which a fold stands out beyond the gripper; before, the gripper is in front
 LYING = (-0.05, 0.7, -0.03, 0.06)  # m from x, share of the reach to x, m from and to z: a laid fold
@@ -185,13 +185,3 @@ def _caption(note: FrameNote, run: Run, sights: Sights) -> str:
     if contact.size and np.isfinite(contact[0]):
         words.append(f"contact {1e3 * contact[0]:.0f} mm")
     return "  ·  ".join(words)
-
-
-def jpeg_text(image: Image) -> str:
-    """`image` (h, w, 3) as a JPEG `WIDTH` wide, base64."""
-    import cv2
-
-    height = max(1, round(image.shape[0] * WIDTH / image.shape[1]))
-    small = cv2.resize(image, (WIDTH, height), interpolation=cv2.INTER_AREA)
-    _, content = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 82])
-    return base64.b64encode(bytes(content)).decode()

@@ -149,11 +149,11 @@ def _later(here: Course) -> Course:
 
 
 def _trail(here: Course) -> list[Array]:
-    """Poses (4, 4) of the hand on a course: now, a tick ago, two ticks ago."""
+    """Poses (4, 4) of the hand now, one tick ago and two ticks ago."""
     place, rate, change = (np.array(part) for part in here)
     before = place - TICK * rate
     ways = (place, before, before - TICK * (rate - TICK * change))
-    return list(forward(np.array(ways)))  # at the price of one: the next answer waits for it
+    return list(forward(np.array(ways)))  # in one call: the robot awaits its answer
 
 
 def _twist(now: Array, before: Array) -> Array:
