@@ -199,7 +199,7 @@ def _folded_until(wanted: "Sequence[Request]", until: str, *, as_json: bool) -> 
     from cell.config.length import metres
     from cell.folding.correct import with_correction
 
-    close = metres("--until", until, largest=LARGEST_OFFSET)
+    close = metres("--until", until, LARGEST_OFFSET)
     code = 1
     for request in wanted:
         made: list[FoldResult] = []

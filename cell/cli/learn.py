@@ -54,7 +54,7 @@ def _learn_from_ruler(cell: str, folder: Path, edges: str) -> None:
     from cell.config.length import metres
     from cell.folding.correct import learn_from_ruler
 
-    experience = learn_from_ruler(folder, metres("--edges", edges, largest=0.1), cell)
+    experience = learn_from_ruler(folder, metres("--edges", edges, 0.1), cell)
     sys.stdout.write(
         f"{folder.name}: the ruler shows {1e3 * experience.rig:+.1f} mm more than the camera\n"
     )

@@ -28,7 +28,7 @@ def length_parser(option: str, bare: str = "m", least: float = -inf) -> "Callabl
     def parse(text: str) -> float:
         from cell.config.length import metres
 
-        return metres(option, str(text), bare, least)
+        return metres(option, str(text), bare=bare, least=least)
 
     return parse
 

@@ -18,7 +18,7 @@ def length(text: str, bare: str = "m") -> float:
 
 
 def metres(
-    option: str, text: str, bare: str = "m", least: float = -inf, largest: float = inf
+    option: str, text: str, largest: float = inf, *, bare: str = "m", least: float = -inf
 ) -> float:
     """The length [m] that `text` states: `600mm`, `60cm`, `0.6m`, or a number in `bare`.
 
@@ -31,5 +31,5 @@ def metres(
     bounds = "" if least == -inf else f" of {1e3 * least:g} mm or more"
     bounds += "" if largest == inf else f" of at most {1e3 * largest:g} mm"
     raise ConfigurationError(
-        f"{option}: {text!r} is no length{bounds}; write one as 600mm, 3.5mm or 0.6m"
+        f"{option}: {text!r} is no length{bounds}; write one as 3.5mm, 600mm or 0.6m"
     )

@@ -22,7 +22,7 @@ def with_correction(request: Request, learning: str | None) -> Request:
     """
     settings, strip = request.read_files()
     if learning is not None and learning not in WORDS:
-        bias = metres("--learning", learning, largest=settings.learning.limit)
+        bias = metres("--learning", learning, settings.learning.limit)
         return replace(request, correction=Correction(bias, 0.0), learns=False)
     memory = Memory(settings.name, request.memory)
     if not _learns(settings, request, learning, memory):
