@@ -131,8 +131,9 @@ class MechanismSubject:
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
             motion = motion_of(recording, joints, names, self._cutoff, width)
-            filtered = np.array([np.interp(made.t, motion.t, x) for x in motion.torques])
-            good = np.isfinite(filtered).all(axis=0)
+            filtered = motion.compared(motion.torques, made.t)
+            known = [np.interp(made.t, motion.t, k) == 1.0 for k in motion.known]
+            good = np.all(known, axis=0)
             made = _only(replace(made, values=filtered), good)
             speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))
             content = Content(made, motion=motion)
