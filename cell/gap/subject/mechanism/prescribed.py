@@ -220,19 +220,17 @@ class Prescribed:
         There it balances whatever the motor gives, up to its limit, and no law of the rate says
         how much that is (Karnopp 1985, J. Dyn. Sys. Meas. Control 107).
         """
-        rows = zip(self._mechanism.torques, motion.torques, motion.known, strict=False)
-        for (_, j), row, known in rows:
-            p = user[j]
-            along = q[known, j], v[known, j], inverse[known, j]
+        for (_, j), row in zip(self._mechanism.torques, motion.torques, strict=False):
+            p, along = user[j], (q[:, j], v[:, j], inverse[:, j])
             stands = np.exp(-((along[1] / (STANDS * self._mechanism.joints[j].rate)) ** 2))
             for effect in _holding():
                 at = self._torques.at[effect.name]
                 if effect.law is None or effect.holds is None or not p[at : at + effect.keys].any():
                     continue
                 slides, most = (f(*along, p, at) for f in (effect.law, effect.holds))
-                others = inverse[known, j] - given[known, j] + slides
-                held = np.clip(others - self._scale(model, j) * row[known], -most, most)
-                given[known, j] += stands * (held - slides)
+                others = inverse[:, j] - given[:, j] + slides
+                held = np.clip(others - self._scale(model, j) * row, -most, most)
+                given[:, j] += stands * (held - slides)
 
     def _scale(self, model: Any, joint: int) -> float:
         """Torque of a joint [N m] for what its motor's sensor reads."""
@@ -248,8 +246,7 @@ class Prescribed:
         soon = motion.q + ahead * motion.v + 0.5 * ahead**2 * motion.a  # as motors stood already
         for _, joint in self._mechanism.trackings:
             behind = np.interp(motion.t + ahead, motion.t, turns[:, joint])
-            row = motion.q[:, joint] - soon[:, joint] - behind
-            rows.append(row)
+            rows.append(motion.q[:, joint] - soon[:, joint] - behind)
         return np.array(rows)
 
     def _sensor_readings(self, needed: Array, model: Any) -> Array:
