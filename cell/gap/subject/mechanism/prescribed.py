@@ -120,8 +120,8 @@ def motion_of(recording: Recording, joints: Sequence[str], torques: Sequence[str
     shake = np.outer(_noise_gain(dt, cutoff, width), white)
     every = max(1, int(1.0 / wide / dt))
     q, v, a = (frozen(x[::every]) for x in _derivatives(grid, filtered.T))
-    torques = frozen(_low_pass(measured, dt, wide)[:, ::every])
-    return Motion(recording.name, frozen(grid[::every]), q, v, a, torques, known[:, ::every],
+    slow = frozen(_low_pass(measured, dt, wide)[:, ::every])
+    return Motion(recording.name, frozen(grid[::every]), q, v, a, slow, known[:, ::every],
                   cutoff, frozen(shake))  # fmt: skip
 
 
