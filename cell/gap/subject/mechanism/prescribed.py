@@ -40,7 +40,7 @@ STANDS = 0.05  # of its usual rate, below which a joint may be held by friction
 class Motion:
     """A measured motion on an even grid: `t` (m,) [s]; `q`, `v`, `a` (m, joints) and the measured
     `torques` (signals, m), all smoothed alike, by far less than below `cutoff` [rad/s], where
-    they are compared; `known` (signals, m) tells where they can be.
+    they are compared; `known` (signals, m) is where they can be.
 
     `shake` (2, joints) is one sigma of the errors of v and a that noise of the encoders makes in
     the means of samples.
@@ -56,7 +56,7 @@ class Motion:
     cutoff: float
     shake: Array
 
-    def compared(self, rows: Array, t: Array) -> Array:
+    def below_cutoff(self, rows: Array, t: Array) -> Array:
         """Signals (n, m) along the motion, below the cutoff, at times t (k,) [s]."""
         slow = _low_pass(rows, self.t[1] - self.t[0], self.cutoff)
         return np.array([np.interp(t, self.t, row) for row in slow])
@@ -196,12 +196,12 @@ class Prescribed:
             turns = sum((_turn(inverse, v, kind) for kind, v in turned), np.zeros_like(q))
             rows = [self._joint_torques(model, case, q, v, inverse),
                     self._tracking(motion, case, turns)]  # fmt: skip
-            return motion.compared(np.vstack(rows), case.content.cut.t)
+            return motion.below_cutoff(np.vstack(rows), case.content.cut.t)
         for kind, values in turned:
             q, v, a = _behind(motion, inverse, (q, v, a), values, kind)
             inverse = self._inverse(motion, model, q, v, a, None)
         torques = self._joint_torques(model, case, q, v, inverse)
-        return motion.compared(torques, case.content.cut.t)
+        return motion.below_cutoff(torques, case.content.cut.t)
 
     def _joint_torques(self, model: Any, case: Case, q: Array, v: Array, inverse: Array) -> Array:
         motion: Motion = case.content.motion

@@ -131,7 +131,7 @@ class MechanismSubject:
         if m.mode == "prescribed":
             joints = [j.name for j in m.joints]
             motion = motion_of(recording, joints, names, self._cutoff, width)
-            filtered = motion.compared(motion.torques, made.t)
+            filtered = motion.below_cutoff(motion.torques, made.t)
             good = np.all([np.interp(made.t, motion.t, k) == 1.0 for k in motion.known], axis=0)
             made = _only(replace(made, values=filtered), good)
             speed = np.interp(made.t, motion.t, motion.v @ (1.0 / m.rate))

@@ -49,7 +49,7 @@ def test_errors_of_rates_are_what_noise_of_the_encoder_makes_in_samples():
     block = np.floor(motion.t[inside] / WIDTH).astype(int)
     edges = np.append(np.flatnonzero(np.diff(block, prepend=-1)), len(block))
     for found, stated in zip((motion.v, motion.a), motion.shake[:, 0], strict=True):
-        means, _ = average(motion.compared(found.T, motion.t[inside]), edges)
+        means, _ = average(motion.below_cutoff(found.T, motion.t[inside]), edges)
         assert stated == pytest.approx(means.std(), rel=0.3)
 
 
